@@ -1,0 +1,42 @@
+"""rcdn: robust and precise checkerboard corners. Finds X-corners, recovers the boards, needs no board size."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rcdn.config import DetectorConfig as DetectorConfig
+    from rcdn.detector import Detection as Detection
+    from rcdn.detector import Detector as Detector
+    from rcdn.detector import find_chessboard_corners as find_chessboard_corners
+    from rcdn.errors import RcdnError as RcdnError
+    from rcdn.io import read_image as read_image
+    from rcdn.types import Board as Board
+    from rcdn.types import Corners as Corners
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Board": "types",
+    "Corners": "types",
+    "Detection": "detector",
+    "Detector": "detector",
+    "DetectorConfig": "config",
+    "RcdnError": "errors",
+    "find_chessboard_corners": "detector",
+    "read_image": "io",
+}
+
+__all__ = [*_HOMES, "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    """Names are loaded at their first use, so that `import rcdn` stays light."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rcdn' has no attribute {name!r}")
+    return getattr(import_module(f"rcdn.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

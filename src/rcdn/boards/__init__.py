@@ -1,0 +1,60 @@
+"""From corners to boards: link graph, flood fill, completion, validation, ordering. No board size is needed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.boards.graph import Field, cells, label, links
+from rcdn.boards.grow import board_sign, grow
+from rcdn.boards.local import Grid
+from rcdn.boards.order import ordered, orientation
+from rcdn.boards.validate import cell_count, prune
+from rcdn.corners import Candidates
+from rcdn.types import Array, Board, Status
+
+__all__ = ["find_boards"]
+
+
+def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Board]:
+    """Boards among corners, the one with most corners first.
+
+    `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells. No board gives [].
+    """
+    field = _field(grey, candidates)
+    grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
+    free, boards = np.ones(len(field.xy), bool), []
+    for at in grids:
+        grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
+        prune(grid)
+        if len(grid) < 4:
+            continue
+        free[list(grid.at.values())] = False
+        grow(field, grid, free)
+        prune(grid)
+        if len(grid) >= least and cell_count(grid) >= 4:
+            free[[c for c in at.values()]] = True
+            free[list(grid.at.values())] = False
+            boards.append(_board(field, candidates, grid))
+        else:
+            free[list(at.values())] = True
+            free[list(grid.at.values())] = True
+    return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _field(grey: Array, candidates: Candidates) -> Field:
+    found, seen = candidates.all, candidates.orientation
+    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.strong)
+
+
+def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
+    ij = np.array(list(grid.at))
+    index = np.array(list(grid.at.values()))
+    # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
+    new = ordered(ij, field.xy[index], board_sign(field, grid))
+    order = np.lexsort((new[:, 0], new[:, 1]))
+    index, new = index[order], new[order]
+    cols, rows = new.max(axis=0) + 1
+    found = candidates.all.take(index)
+    status = np.where(candidates.strong[index], found.status, np.where(found.status == Status.REFINED, Status.COMPLETED, found.status))
+    height, width = field.grey.shape
+    return Board(found.xy, new, (width, height), found.response, status, orientation(int(cols), int(rows)), found.sigma)

@@ -1,0 +1,177 @@
+"""The validated link graph: which corner neighbours which, and the cells that four of them make.
+
+Purely local: no line, no homography, no size; so distorted, bent, cut and several boards come for free.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rcdn.boards.edges import edge_contrast
+from rcdn.types import Array
+
+NEIGHBOURS = 14
+TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
+"""how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
+LEAST_CONTRAST = 0.3
+"""every third of a link shows this share of the weaker corner's contrast"""
+SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
+"""(axis, sign) of the four links of a corner, by rising angle"""
+
+Label = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Corners as the recovery sees them: N corners, `strong` ones seed boards, the others can only complete them.
+
+    `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong` (N,) bool.
+    """
+
+    grey: Array
+    xy: Array
+    axes: Array
+    polarity: Array
+    contrast: Array
+    fit: Array
+    response: Array
+    strong: Array
+
+    def side_colour(self, index: Array, direction: Array) -> tuple[Array, Array]:
+        """Colour (±1, bright or dark) at rising angle from `direction` at corners `index`, and the turn from the nearest axis, radians."""
+        turn = np.abs((self.axes[index] - direction[..., None] + np.pi / 2) % np.pi - np.pi / 2)
+        turn = np.where(np.isfinite(turn), turn, np.pi)
+        axis = turn.argmin(axis=-1)
+        return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
+
+
+def links(field: Field) -> Array:
+    """Mutual links (N, 4): the neighbour in each slot (SLOTS), −1 for none.
+
+    A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: an X-corner's neighbours are its negatives), and
+    the edge between them is seen in the picture over its whole length. Each slot takes its shortest link; both ends must choose each other.
+    """
+    count = len(field.xy)
+    out = np.full((count, 4), -1)
+    usable = np.flatnonzero(field.strong & (field.polarity != 0))
+    if len(usable) < 4:
+        return out
+    xy = field.xy[usable]
+    distance, near = cKDTree(xy).query(xy, k=min(NEIGHBOURS + 1, len(usable)))
+    i, j = np.repeat(usable, near.shape[1] - 1), usable[near[:, 1:].ravel()]
+    length = distance[:, 1:].ravel()
+    step = field.xy[j] - field.xy[i]
+    angle = np.arctan2(step[:, 1], step[:, 0])
+    (colour_i, turn_i), (colour_j, turn_j) = field.side_colour(i, angle), field.side_colour(j, angle)
+    limit = np.where(length < SMALL, TOLERANCE_SMALL, TOLERANCE)
+    fine = (turn_i < limit) & (turn_j < limit) & (colour_i == -colour_j)
+    i, j, length, angle, colour = i[fine], j[fine], length[fine], angle[fine], colour_i[fine]
+    shown = edge_contrast(field.grey, field.xy[i], field.xy[j]) * colour[:, None]
+    fine = shown.min(axis=1) > LEAST_CONTRAST * np.minimum(field.contrast[i], field.contrast[j])
+    i, j, length, angle = i[fine], j[fine], length[fine], angle[fine]
+    return _mutual(out, i, j, length, _slot(field, i, angle))
+
+
+def _slot(field: Field, i: Array, angle: Array) -> Array:
+    """Which of SLOTS a direction from corner i is."""
+    turn = np.cos(angle[:, None] - field.axes[i])
+    axis = np.abs(turn).argmax(axis=1)
+    return np.asarray(axis + 2 * (turn[np.arange(len(i)), axis] < 0))
+
+
+def _mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
+    order = np.lexsort((j, -length))  # the shortest is written last, and stays
+    out[i[order], slot[order]] = j[order]
+    back = np.zeros_like(out, bool)
+    for k in range(4):
+        has = np.flatnonzero(out[:, k] >= 0)
+        back[has, k] = (out[out[has, k]] == has[:, None]).any(axis=1)
+    return np.where(back, out, -1)
+
+
+def cells(field: Field, neighbour: Array) -> list[tuple[int, int, int, int]]:
+    """Quadrilaterals (a, b, c, d) of links, turning clockwise on the screen, each once, convex and not absurdly skewed."""
+    found: dict[frozenset[int], tuple[int, int, int, int]] = {}
+    sets = [set(row[row >= 0].tolist()) for row in neighbour]
+    for a, row in enumerate(neighbour.tolist()):
+        for k in range(4):
+            b, d = row[k], row[(k + 1) % 4]
+            if b < 0 or d < 0:
+                continue
+            for c in (sets[b] & sets[d]) - {a}:
+                quad = (a, b, c, d)
+                if frozenset(quad) not in found and _regular(field.xy[list(quad)]):
+                    found[frozenset(quad)] = quad
+    return list(found.values())
+
+
+def _regular(quad: Array) -> bool:
+    edge = np.roll(quad, -1, axis=0) - quad
+    turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
+    length = np.linalg.norm(edge, axis=1)
+    ratio = np.maximum(length[:2], length[2:]) / np.maximum(np.minimum(length[:2], length[2:]), 1e-9)
+    return bool((turn > 0).all() and (ratio < 2.5).all())
+
+
+def label(field: Field, quads: list[tuple[int, int, int, int]]) -> list[dict[Label, int]]:
+    """Grids by flood fill over cells, each {(u, v): corner}; the surest cell first; a cell that contradicts its grid is left out."""
+    score = [float(field.response[list(q)].min()) for q in quads]
+    at_edge: dict[frozenset[int], list[int]] = {}
+    for index, quad in enumerate(quads):
+        for k in range(4):
+            at_edge.setdefault(frozenset((quad[k], quad[(k + 1) % 4])), []).append(index)
+    used, grids = [False] * len(quads), []
+    for seed in sorted(range(len(quads)), key=lambda q: (-score[q], q)):
+        if used[seed]:
+            continue
+        grid: dict[Label, int] = {}
+        where: dict[int, Label] = {}
+        heap: list[tuple[float, int]] = []
+        _place(grid, where, quads[seed], ((0, 0), (1, 0), (1, 1), (0, 1)))
+        used[seed] = True
+        _push(heap, at_edge, used, quads[seed], score)
+        while heap:
+            index = heapq.heappop(heap)[1]
+            if used[index]:
+                continue
+            used[index] = True
+            spots = _spots(where, quads[index])
+            if spots and _agrees(grid, where, quads[index], spots):
+                _place(grid, where, quads[index], spots)
+                _push(heap, at_edge, used, quads[index], score)
+        grids.append(grid)
+    return grids
+
+
+def _push(heap: list[tuple[float, int]], at_edge: dict[frozenset[int], list[int]], used: list[bool], quad: tuple[int, ...], score: list[float]) -> None:
+    for k in range(4):
+        for other in at_edge[frozenset((quad[k], quad[(k + 1) % 4]))]:
+            if not used[other]:
+                heapq.heappush(heap, (-score[other], other))
+
+
+def _spots(where: dict[int, Label], quad: tuple[int, ...]) -> tuple[Label, ...] | None:
+    """Labels of a cell's corners from two of them that are known; all cells turn the same way, so that two are enough."""
+    for k in range(4):
+        a, b = quad[k], quad[(k + 1) % 4]
+        if a in where and b in where:
+            (u, v), (p, q) = where[a], where[b]
+            du, dv = p - u, q - v
+            if abs(du) + abs(dv) != 1:
+                return None
+            out = [(u, v), (p, q), (p - dv, q + du), (u - dv, v + du)]
+            return tuple(out[(n - k) % 4] for n in range(4))
+    return None
+
+
+def _agrees(grid: dict[Label, int], where: dict[int, Label], quad: tuple[int, ...], spots: tuple[Label, ...]) -> bool:
+    return all(grid.get(s, c) == c and where.get(c, s) == s for c, s in zip(quad, spots, strict=True))
+
+
+def _place(grid: dict[Label, int], where: dict[int, Label], quad: tuple[int, ...], spots: tuple[Label, ...]) -> None:
+    for corner, spot in zip(quad, spots, strict=True):
+        grid[spot], where[corner] = corner, spot

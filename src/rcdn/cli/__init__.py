@@ -1,0 +1,55 @@
+"""The command line: one file per verb.
+
+To add a verb: write `cli/<verb>.py` with a function `<verb>` whose parameters are the options and whose docstring is
+the help, import what is heavy inside that function, and add the module to the two places below. A verb with verbs of
+its own has a Typer `app` instead of a function. Verbs raise RcdnError (exit 1) or ConfigError (exit 2); `_group` makes
+a line of it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from rcdn.cli import board, detect
+from rcdn.cli._group import Group
+
+app = typer.Typer(
+    name="rcdn",
+    cls=Group,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,  # plain text: errors stay on one line, in a pipe and on a terminal
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from rcdn import __version__
+
+        typer.echo(f"rcdn {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def rcdn(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Find the corners of checkerboards in photographs, and the boards they belong to.
+
+    Nobody has to say how big the board is; parts of boards and several boards in a picture are found, too.
+    """
+
+
+app.command("detect")(detect.detect)
+app.command("board")(board.board)
+
+
+def main() -> None:
+    """The entry point of the `rcdn` command."""
+    app(prog_name="rcdn")

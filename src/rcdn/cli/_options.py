@@ -1,0 +1,26 @@
+"""Option values that several verbs read."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import typer
+
+
+class GridSize(NamedTuple):
+    """(columns, rows) of inner corners. Not a bare tuple: Typer would read two words for that."""
+
+    cols: int
+    rows: int
+
+
+def parse_size(text: str) -> GridSize:
+    """`9x6` (also `9X6`, `9×6`) as columns and rows, both at least 3. Raises typer.BadParameter."""
+    match = re.fullmatch(r"\s*(\d{1,4})\s*[xX×]\s*(\d{1,4})\s*", text)
+    if match is None:
+        raise typer.BadParameter(f"{text!r} is not a size; give columns x rows of inner corners, such as 9x6")
+    cols, rows = int(match[1]), int(match[2])
+    if min(cols, rows) < 3:
+        raise typer.BadParameter(f"{text!r} is too small; a board has at least 3x3 inner corners")
+    return GridSize(cols, rows)

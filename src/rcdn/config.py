@@ -1,0 +1,156 @@
+"""Settings: frozen dataclasses, one payload type per stage, and the two presets. To and from JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+from rcdn.errors import ConfigError
+
+RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
+
+
+def _require(ok: bool, message: str) -> None:
+    if not ok:
+        raise ConfigError(message)
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """Mean of the responses above `level` (paper section 3.3)."""
+
+    level: float = 0.5
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A constant (MATE's rule; Table 2)."""
+
+    value: float = 0.5
+
+
+@dataclass(frozen=True)
+class Std:
+    """Mean plus `factor` standard deviations of the whole map (paper Eq. 3)."""
+
+    factor: float = 0.8
+
+
+@dataclass(frozen=True)
+class MaxFraction:
+    """`fraction` of the largest response (Table 2: 0.41 for Eq. 1, 0.57 for the squared loss)."""
+
+    fraction: float = 0.41
+
+
+Threshold = Adaptive | Fixed | Std | MaxFraction
+
+
+@dataclass(frozen=True)
+class Nms:
+    """Greedy suppression of equal boxes. `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes."""
+
+    box: int = 9
+    overlap: float = 0.5
+
+    def __post_init__(self) -> None:
+        _require(self.box >= 1 and self.box % 2 == 1, f"Nms.box must be odd and at least 1, not {self.box}")
+        _require(0 < self.overlap < 1, f"Nms.overlap must lie in (0, 1), not {self.overlap}")
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """k-means++ on the positions; clusters of at most `drop` corners go; skipped below `least` corners (paper section 3.3)."""
+
+    k: int = 10
+    drop: int = 2
+    least: int = 30
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Refine:
+    """Sub-pixel refinement. `half`: half window of the intensity methods, px; None: from the local square size."""
+
+    method: RefineMethod = "saddle"
+    half: int | None = None
+
+    def __post_init__(self) -> None:
+        _require(self.method in get_args(RefineMethod), f"Refine.method must be one of {get_args(RefineMethod)}, not {self.method!r}")
+        _require(self.half is None or self.half >= 1, f"Refine.half must be at least 1 or None, not {self.half}")
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
+
+    `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
+    `weak`: share of the threshold above which a peak may still complete a board that predicts it (1: none may).
+    `border`: corners closer than this to the image border are dropped, px.
+    `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
+    """
+
+    model: str = "auto"
+    threshold: Threshold = field(default_factory=lambda: Fixed(0.3))
+    nms: Nms = field(default_factory=lambda: Nms(box=5))
+    cluster: Cluster | None = None
+    refine: Refine = field(default_factory=Refine)
+    border: float = 3.0
+    weak: float = 0.25
+    min_corners: int = 9
+    threads: int = 0
+
+    @classmethod
+    def auto(cls, **changes: Any) -> DetectorConfig:
+        """The best that rcdn can do (the default)."""
+        return cls(**changes)
+
+    @classmethod
+    def paper(cls, **changes: Any) -> DetectorConfig:
+        """What the paper says, literally: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
+        base: dict[str, Any] = {
+            "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
+            "refine": Refine("mixed", half=2), "border": 7.0, "weak": 1.0,
+        }  # fmt: skip
+        return cls(**(base | changes))
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> DetectorConfig:
+        """The preset called `name` (`auto` or `paper`)."""
+        _require(name in ("auto", "paper"), f"preset must be 'auto' or 'paper', not {name!r}")
+        return cls.auto(**changes) if name == "auto" else cls.paper(**changes)
+
+    def to_json(self) -> str:
+        """JSON text that `from_json` reads back to an equal value."""
+        return json.dumps(_to_plain(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> DetectorConfig:
+        """Read what `to_json` wrote. Unknown keys raise ConfigError."""
+        value = _from_plain(json.loads(text))
+        _require(isinstance(value, cls), f"expected a DetectorConfig, not {type(value).__name__}")
+        return value
+
+
+_PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Cluster, Refine, DetectorConfig)}
+
+
+def _to_plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {"type": type(value).__name__, **fields}
+    return value
+
+
+def _from_plain(value: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    name = value.get("type")
+    _require(name in _PAYLOADS, f"config: unknown type {name!r}; known: {sorted(_PAYLOADS)}")
+    cls = _PAYLOADS[str(name)]
+    known = {f.name for f in dataclasses.fields(cls)}
+    unknown = sorted(set(value) - known - {"type"})
+    _require(not unknown, f"config: {name} has no setting {unknown}; known: {sorted(known)}")
+    return cls(**{k: _from_plain(v) for k, v in value.items() if k != "type"})

@@ -1,0 +1,110 @@
+"""Edge directions of corners from the grey levels on rings around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from rcdn.corners.blurred_axes import blurred_axes
+from rcdn.types import Array
+
+HALF_TURN = 48
+"""Directions in [0, π) at which the rings are sampled."""
+RINGS = (0.8, 1.0, 1.2)
+"""Radii of the rings, shares of the radius that is asked for. Smaller ones see more blur than direction."""
+MIN_FIT = 0.2
+"""Below this `fit` there are no axes; an ideal L-junction has 1/3, T-junctions and edges less."""
+MIN_CONTRAST = 1.0
+"""Smallest difference of the sectors, grey levels."""
+BATCH = 2048
+"""Corners at a time: bounds the memory, and OpenCV's remap takes fewer than 32767 rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation:
+    """What the rings around N corners show.
+
+    `axes` (N, 2) the two edge directions a < b, radians in [0, π), x right and y down; NaN where there aren't two.
+    `contrast` (N,) difference of the sectors' means, grey levels, ≥ 0. `polarity` (N,) int8: +1 where the sector from
+    a to b (rising angle) is the brighter one, −1 where it is the darker one, 0 without axes. `fit` (N,) in [0, 1]:
+    share of the rings' variance that an X-corner explains.
+    """
+
+    axes: Array
+    contrast: Array
+    polarity: Array
+    fit: Array
+
+
+def axes(grey: Array, xy: Array, radius: Array) -> Orientation:
+    """Edge directions, contrast and polarity of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
+
+    `radius` (N,) px, or one number, about a third of the pitch: rings at 0.8, 1 and 1.2 times that should stay within
+    the adjacent squares. On a ring an X-corner has s(φ + π) = s(φ) and two levels. Opposite directions are averaged,
+    which cancels a small error of `xy`; the pair of directions with the largest variance between its two sectors is the
+    start of a fit that knows of blur (`blurred_axes`). What isn't symmetric lowers `fit`, so that edges and L- and
+    T-junctions score low. Outside the image the border pixels are repeated.
+    """
+    xy = np.asarray(xy, np.float64).reshape(-1, 2)
+    radius = np.broadcast_to(np.asarray(radius, np.float64), len(xy))
+    image = np.ascontiguousarray(grey, np.float32)
+    starts = range(0, len(xy), BATCH)
+    parts = [_orient(image, xy[i : i + BATCH], radius[i : i + BATCH, None] * np.array(RINGS)) for i in starts]
+    if not parts:
+        return Orientation(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int8), np.zeros(0))
+    found, contrast, polarity, fit = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Orientation(found, contrast, polarity, fit)
+
+
+def _orient(image: Array, xy: Array, radius: Array) -> tuple[Array, Array, Array, Array]:
+    """Axes, contrast, polarity and fit of corners at `xy` (N, 2) from rings of `radius` (N, R) px."""
+    rings = _sample(image, xy, radius)
+    ok, start, contrast, fit = _sectors(rings.mean(axis=1))
+    folded = (rings[..., :HALF_TURN] + rings[..., HALF_TURN:]) / 2
+    start[ok] = blurred_axes(folded[ok], radius[ok], start[ok])
+    found = start % np.pi
+    swapped = found[:, 0] > found[:, 1]
+    polarity = np.where(ok, np.sign(contrast) * np.where(swapped, -1, 1), 0).astype(np.int8)
+    return np.where(ok[:, None], np.sort(found, axis=1), np.nan), np.abs(contrast), polarity, fit
+
+
+def _sample(image: Array, xy: Array, radius: Array) -> Array:
+    """Grey levels (N, R, 2 HALF_TURN) on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
+    angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
+    x = xy[:, 0, None, None] + radius[:, :, None] * np.cos(angle)
+    y = xy[:, 1, None, None] + radius[:, :, None] * np.sin(angle)
+    flat = [np.nan_to_num(v, nan=-1).reshape(len(xy), -1).astype(np.float32) for v in (x, y)]
+    sampled = cv2.remap(image, flat[0], flat[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(sampled, np.float64).reshape(*radius.shape, -1)
+
+
+@lru_cache(maxsize=1)
+def _pairs() -> tuple[Array, Array, Array]:
+    """All pairs a < b of bin boundaries and 1 / (n (M − n)) for the n = b − a bins between them."""
+    a, b = np.triu_indices(HALF_TURN, k=1)
+    return a, b, 1 / ((b - a) * (HALF_TURN - (b - a)))
+
+
+def _sectors(signal: Array) -> tuple[Array, Array, Array, Array]:
+    """The two sectors that explain most of the mean ring signals (N, 2 HALF_TURN).
+
+    Returns whether there are two; their boundaries (N, 2), radians, a < b < a + π; the signed contrast (positive: the
+    sector from a to b is brighter); and the fit.
+    """
+    first, second = signal[:, :HALF_TURN], signal[:, HALF_TURN:]
+    folded = (first + second) / 2
+    folded = folded - folded.mean(axis=1, keepdims=True)
+    energy = (folded**2).sum(axis=1) + ((first - second) ** 2).sum(axis=1) / 4
+    a, b, share = _pairs()
+    sums = np.concatenate((np.zeros((len(folded), 1)), folded.cumsum(axis=1)), axis=1)
+    between = (sums[:, b] - sums[:, a]) ** 2 * share
+    best = between.argmax(axis=1)
+    row = np.arange(len(folded))
+    fit = np.divide(between[row, best] * HALF_TURN, energy, out=np.zeros(len(row)), where=energy > 0)
+    contrast = (sums[row, b[best]] - sums[row, a[best]]) * HALF_TURN * share[best]
+    ok = (fit >= MIN_FIT) & (np.abs(contrast) >= MIN_CONTRAST)
+    start = (np.stack((a[best], b[best]), axis=1) - 0.5) * (np.pi / HALF_TURN)
+    return ok, start, contrast, np.minimum(fit, 1)

@@ -1,0 +1,30 @@
+"""Files in and out: pictures and videos, detections as JSON, corners.vnl. Everything public is here."""
+
+from rcdn.io.files import check_writable, expand, is_video, write_bytes, write_text
+from rcdn.io.formats import (
+    FormatError,
+    ImageResult,
+    read_detections,
+    read_vnl,
+    write_detections,
+    write_vnl,
+)
+from rcdn.io.images import as_grey, frames, read_image, write_image
+
+__all__ = [
+    "FormatError",
+    "ImageResult",
+    "as_grey",
+    "check_writable",
+    "expand",
+    "frames",
+    "is_video",
+    "read_detections",
+    "read_image",
+    "read_vnl",
+    "write_bytes",
+    "write_detections",
+    "write_image",
+    "write_text",
+    "write_vnl",
+]

@@ -1,0 +1,243 @@
+"""Pictures and videos as grey arrays: one policy, for files and for arrays (docs/conventions.md, "Grey")."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rcdn.errors import ImageError, OutputError
+from rcdn.io.files import is_video, write_bytes
+from rcdn.types import Array
+
+# One or three channels (no alpha), every depth, and pixels as stored: not turned by an EXIF orientation.
+_DECODE = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_STRETCH = (0.1, 99.9)
+_STRETCH_SAMPLES = 1 << 22
+_LARGEST = 1e30  # sums and differences of larger floats could overflow
+_TIFF_ORIENTATION = 0x0112
+# A JPEG marker that isn't a stuffed byte (FF00), a restart (FFD0..FFD7) or padding (FFFF).
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+
+
+def read_image(path: str | Path) -> Array:
+    """Read a picture file as grey (H, W): uint8 from 8-bit files, else float32 in 0..255.
+
+    Pixels as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not composited; of
+    several pages the first. Deeper files are treated as `as_grey` treats their array: 16 bits are stretched.
+    Raises ImageError, naming the path and the fix: not there, a folder, may not be read, empty, truncated, not a
+    picture. (A JPEG without its end marker, or a PNG without its last chunk, counts as truncated.)
+    """
+    data = _read_bytes(path)
+    _refuse_truncated(data, path)
+    try:
+        image = cv2.imdecode(np.frombuffer(_without_tiff_orientation(data), np.uint8), _DECODE)
+    except cv2.error as error:
+        raise ImageError(f"{path}: OpenCV can't decode it ({error.err}); convert it to an 8-bit PNG") from error
+    if image is None:
+        raise ImageError(f"{path}: not a picture that can be read, or a damaged one; convert it to PNG or JPEG")
+    return as_grey(image, str(path))
+
+
+def as_grey(image: Any, name: str = "image") -> Array:
+    """An image array as grey (H, W): uint8, or float32 in 0..255. `name` is what errors call it.
+
+    `image`: (H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA, as cv2.imread gives it; colour → Rec. 601 luma, alpha
+    dropped. By dtype: uint8 stays (without a copy where that's possible); bool → 0 and 255; uint16 is stretched;
+    floats within [0, 1] are scaled by 255, within [0, 255] taken as they are, else stretched; other integers within
+    0..255 become uint8, else are stretched. Stretched: the 0.1 % and 99.9 % percentiles go to 0 and 255, linearly,
+    clipped; a constant image becomes zeros. Above 4 million pixels the percentiles come from a regular subset.
+    Raises ImageError for None, what isn't an array, wrong shapes and dtypes, empty arrays, NaN and infinities.
+    """
+    grey = _luma(_plain_dtype(_channels(image, name), name))
+    if grey.dtype == np.uint8:
+        return grey
+    if grey.dtype == np.float32:
+        low, high = float(grey.min()), float(grey.max())
+        if low >= 0 and high <= 1:
+            return grey * np.float32(255)
+        if low >= 0 and high <= 255:
+            return grey
+    return _stretch(grey)
+
+
+def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
+    """The pictures in a file, as (name, grey): a picture itself, or every frame of a video (`clip.mp4#000012`).
+
+    Frames are numbered from 0, and given as stored (not turned by the video's orientation). Raises ImageError as
+    `read_image` does, and if a video can't be opened or holds no frame. A video that is cut short ends early.
+    """
+    if not is_video(path):
+        yield str(path), read_image(path)
+        return
+    _open_check(path)
+    video = cv2.VideoCapture(str(path))
+    try:
+        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        index = 0
+        while video.isOpened():
+            there, frame = video.read()
+            if not there:
+                break
+            yield f"{path}#{index:06d}", as_grey(frame, f"{path}#{index:06d}")
+            index += 1
+    finally:
+        video.release()
+    if index == 0:
+        raise ImageError(
+            f"{path}: the video can't be opened or holds no frame; convert it to MP4 (H.264) or AVI (MJPEG)"
+        )
+
+
+def write_image(path: str | Path, image: Array) -> None:
+    """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16, in the format of the path's ending; whole or not at all.
+
+    Raises OutputError if the ending is no picture's, the array can't be encoded, or the file can't be written.
+    """
+    if image.dtype not in (np.uint8, np.uint16) or image.size == 0:
+        raise OutputError(f"{path}: image must be uint8 or uint16 and not empty, not {image.dtype} {image.shape}")
+    try:
+        done, data = cv2.imencode(Path(path).suffix, image)
+    except cv2.error as error:
+        raise OutputError(f"{path}: can't be encoded ({error.err}); use the ending .png or .jpg") from error
+    if not done:
+        raise OutputError(f"{path}: can't be encoded; use the ending .png")
+    write_bytes(path, data.tobytes())
+
+
+def _read_bytes(path: str | Path) -> bytes:
+    _open_check(path)
+    try:
+        data = Path(path).read_bytes()
+    except PermissionError as error:
+        raise ImageError(f"{path}: may not be read; check its permissions") from error
+    except OSError as error:
+        raise ImageError(f"{path}: can't be read ({error.strerror or error}); check the file and its disk") from error
+    if not data:
+        raise ImageError(f"{path}: the file is empty; copy or record it again")
+    return data
+
+
+def _open_check(path: str | Path) -> None:
+    try:
+        there, folder = Path(path).exists(), Path(path).is_dir()
+    except (OSError, ValueError) as error:  # a folder that may not be entered, a name with a zero byte
+        raise ImageError(f"{path}: can't be read ({error}); check the path and its permissions") from error
+    if not there:
+        raise ImageError(f"{path}: no such file; check the path")
+    if folder:
+        raise ImageError(f"{path}: is a folder; name a picture in it")
+
+
+def _refuse_truncated(data: bytes, path: str | Path) -> None:
+    """Decoders fill the missing part of a JPEG with grey and only warn: that would look like a picture."""
+    whole = True
+    if data.startswith(b"\xff\xd8\xff"):
+        whole = _jpeg_is_whole(data)
+    elif data.startswith(b"\x89PNG\r\n\x1a\n"):
+        whole = _png_is_whole(data)
+    if not whole:
+        raise ImageError(f"{path}: the file is truncated (its end is missing); copy or export it again")
+
+
+def _jpeg_is_whole(data: bytes) -> bool:
+    """True if the end marker is there. Segments are skipped by length: an embedded thumbnail has its own end."""
+    pos = 2
+    while marker := _JPEG_MARKER.search(data, pos):
+        pos, code = marker.end(), data[marker.end() - 1]
+        if code == 0xD9:
+            return True
+        if code != 0x01:  # every other marker here is followed by its segment's length
+            pos += int.from_bytes(data[pos : pos + 2], "big")
+    return False
+
+
+def _png_is_whole(data: bytes) -> bool:
+    pos = 8
+    while pos + 8 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, pos)
+        if kind == b"IEND":
+            return True
+        pos += 12 + length
+    return False
+
+
+def _without_tiff_orientation(data: bytes) -> bytes:
+    """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no switch to ignore it."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None or len(data) < 8:
+        return data
+    start = struct.unpack_from(f"{order}I", data, 4)[0]
+    if start + 2 > len(data):
+        return data
+    count = struct.unpack_from(f"{order}H", data, start)[0]
+    for entry in range(start + 2, min(start + 2 + 12 * count, len(data) - 11), 12):
+        if struct.unpack_from(f"{order}H", data, entry)[0] == _TIFF_ORIENTATION:
+            return data[: entry + 8] + struct.pack(f"{order}H", 1) + data[entry + 10 :]
+    return data
+
+
+def _channels(image: Any, name: str) -> Array:
+    """`image` as (H, W) or (H, W, 3), or ImageError."""
+    if image is None:
+        raise ImageError(f"{name} is None: cv2.imread returns None when it cannot read the file; check the path")
+    if isinstance(image, str | Path):
+        raise ImageError(f"{name} is a path; read it first, with rcdn.read_image")
+    if not isinstance(image, np.ndarray):
+        raise ImageError(f"{name} must be a numpy array, not {type(image).__name__}; convert it, e.g. with np.asarray")
+    if image.ndim == 3 and image.shape[2] == 1:
+        image = image[:, :, 0]
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        wanted = "(H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA"
+        raise ImageError(f"{name} has shape {image.shape}; it must be {wanted}")
+    if image.size == 0:
+        raise ImageError(f"{name} is empty: its shape is {image.shape}; it needs at least one pixel")
+    return image[:, :, :3] if image.ndim == 3 else image
+
+
+def _plain_dtype(image: Array, name: str) -> Array:
+    """`image` as uint8, uint16 or finite float32, contiguous, values unchanged (but True → 255)."""
+    kind = image.dtype.kind
+    if kind not in "buif":
+        raise ImageError(f"{name} has dtype {image.dtype}; it must be uint8, uint16, another integer, float or bool")
+    if kind == "b":
+        return image.astype(np.uint8) * np.uint8(255)
+    if kind == "f":
+        with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite, and is reported as that
+            image = np.ascontiguousarray(image, dtype=np.float32)
+        if bad := int(image.size - (np.abs(image) <= _LARGEST).sum()):
+            raise ImageError(
+                f"{name} holds {bad} values that are NaN, infinite or beyond {_LARGEST:g}; "
+                "replace them, e.g. with np.nan_to_num(image, posinf=0, neginf=0)"
+            )
+        return image
+    if image.dtype.itemsize <= 2 and kind == "u":
+        return np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("="))
+    small = image.min() >= 0 and image.max() <= 255
+    return np.ascontiguousarray(image, dtype=np.uint8 if small else np.float32)
+
+
+def _luma(image: Array) -> Array:
+    """Grey (H, W) by Rec. 601: 0.299 R + 0.587 G + 0.114 B, of the same dtype."""
+    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+def _stretch(grey: Array) -> Array:
+    step = max(1, int(np.ceil(np.sqrt(grey.size / _STRETCH_SAMPLES))))
+    low, high = (float(v) for v in np.percentile(grey[::step, ::step], _STRETCH))
+    if high <= low:  # nearly all pixels are equal: keep what differs
+        low, high = float(grey.min()), float(grey.max())
+    span = np.float32(high - low)
+    if span <= 0:
+        return np.zeros(grey.shape, np.float32)
+    out = grey.astype(np.float32)
+    with np.errstate(over="ignore"):  # a tiny span: what overflows is clipped
+        out -= np.float32(low)
+        out /= span
+        out *= np.float32(255)
+    return np.clip(out, 0, 255, out=out)

@@ -1,0 +1,106 @@
+"""Light, optics and sensor: from reflectance to the grey levels of a picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from rcdn.synthetic.scene import Cover, Light, Sensor
+from rcdn.types import Array
+
+F32 = np.float32
+
+
+def signed_distance(cover: Cover, x: Array, y: Array) -> Array:
+    """Distance in px from a cover's rim, negative inside. `x`, `y`: any shape."""
+    dx, dy = cover.x1 - cover.x0, cover.y1 - cover.y0
+    length = float(np.hypot(dx, dy))
+    c, s = (dx / length, dy / length) if length > 1e-9 else (1.0, 0.0)
+    along, across = (x - cover.x0) * c + (y - cover.y0) * s, (y - cover.y0) * c - (x - cover.x0) * s
+    if cover.square:
+        return np.maximum(np.abs(along - length / 2) - length / 2, np.abs(across) - cover.radius)
+    return np.hypot(along - np.clip(along, 0, length), across) - cover.radius
+
+
+def coverage(cover: Cover, x: Array, y: Array) -> Array:
+    """Share of each pixel under the cover, with a rim of `soft` px."""
+    return np.clip(0.5 - signed_distance(cover, x, y) / cover.soft, 0, 1)
+
+
+def illuminate(image: Array, light: Light, x: Array, y: Array, size: tuple[int, int]) -> Array:
+    """Reflectance times light. `x`, `y` broadcast to the picture's pixels; `size` is the whole frame's."""
+    width, height = size
+    X, Y = (x / width - 0.5).astype(F32), (y / height - 0.5).astype(F32)
+    exponent = F32(light.gx) * X + F32(light.gy) * Y
+    if light.wave:
+        fx, fy, px, py = np.random.default_rng(light.wave_seed).uniform([2, 2, 0, 0], [8, 8, 6.3, 6.3])
+        exponent = exponent + F32(light.wave) * np.cos(fx * X + px) * np.cos(fy * Y + py)
+    image = image * np.exp(exponent)
+    for shadow in light.shadows:
+        image = image * (1 - (1 - F32(shadow.value)) * coverage(shadow, x, y))
+    for gx, gy, sigma, strength in light.glares:
+        image = image + F32(strength) * np.exp(-((x - gx) ** 2 + (y - gy) ** 2) / (2 * sigma * sigma))
+    return np.asarray(image, F32)
+
+
+def disk_kernel(radius: float) -> Array:
+    """Normalised disk of a defocused lens, its rim anti-aliased."""
+    n = int(np.ceil(radius))
+    y, x = np.mgrid[-n : n + 1, -n : n + 1]
+    k = np.clip(radius + 0.5 - np.hypot(x, y), 0, 1).astype(F32)
+    return np.asarray(k / k.sum())
+
+
+def motion_kernel(length: float, angle: float) -> Array:
+    """Normalised straight stroke of `length` px, centred."""
+    n = int(np.ceil(length / 2)) + 1
+    y, x = np.mgrid[-n : n + 1, -n : n + 1]
+    stroke = Cover(-np.cos(angle) * length / 2, -np.sin(angle) * length / 2, np.cos(angle) * length / 2, np.sin(angle) * length / 2, 0.5)
+    k = np.clip(0.5 - signed_distance(stroke, x, y), 0, 1).astype(F32)
+    return np.asarray(k / k.sum())
+
+
+def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array) -> Array:
+    """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told at all once optics and noise have had their way, (N,) bool.
+
+    The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure: σ·sqrt(√π·blur / L) / C ≤ 0.6 px,
+    with L the edge that a corner has to itself (`pitch` (N,), at most 15 px), and C at least 6 grey levels.
+    """
+    clean = expose(image, replace(sensor, noise=0.0, shot=0.0, jpeg=0), np.random.default_rng(0))
+    box = np.ones((11, 11), np.uint8)
+    span = cv2.dilate(clean, box).astype(F32) - cv2.erode(clean, box)
+    x, y = (np.clip(np.rint(xy[:, k]), 0, image.shape[1 - k] - 1).astype(int) for k in (0, 1))
+    contrast = np.maximum(span[y, x], 1e-3)
+    noise = np.hypot(sensor.noise, sensor.shot * 0.7)
+    blur = np.hypot(sensor.blur, 0.5 * sensor.disk) + 0.3 + 0.3 * sensor.motion
+    bound = noise * np.sqrt(np.sqrt(np.pi) * blur / np.clip(pitch, 3, 15)) / contrast
+    return np.asarray((contrast >= 6) & (bound <= 0.6))
+
+
+def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
+    """Irradiance (H, W) float32 to grey levels (H, W) uint8."""
+    if sensor.blur > 0:
+        image = cv2.GaussianBlur(image, (0, 0), sensor.blur, borderType=cv2.BORDER_REFLECT_101)
+    if sensor.disk > 0:
+        image = cv2.filter2D(image, -1, disk_kernel(sensor.disk), borderType=cv2.BORDER_REFLECT_101)
+    if sensor.motion > 0:
+        image = cv2.filter2D(image, -1, motion_kernel(sensor.motion, sensor.motion_angle), borderType=cv2.BORDER_REFLECT_101)
+    image = np.clip(F32(sensor.offset) + F32(sensor.gain) * image, 0, 1)
+    if sensor.gamma != 1:
+        image = image ** F32(sensor.gamma)
+    grey = image * F32(255)
+    if sensor.noise or sensor.shot:
+        sigma = np.sqrt(F32(sensor.noise) ** 2 + F32(sensor.shot) ** 2 * grey / 255) if sensor.shot else F32(sensor.noise)
+        grey = grey + sigma * rng.standard_normal(grey.shape, dtype=F32)
+    if sensor.smooth > 0:
+        grey = cv2.GaussianBlur(grey, (0, 0), sensor.smooth)
+    if sensor.sharpen > 0:
+        grey = grey + F32(sensor.sharpen) * (grey - cv2.GaussianBlur(grey, (0, 0), 1.2))
+    if sensor.invert:
+        grey = F32(255) - grey
+    out = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+    if sensor.jpeg:
+        out = cv2.imdecode(cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg])[1], cv2.IMREAD_GRAYSCALE)
+    return np.asarray(out)

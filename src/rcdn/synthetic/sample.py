@@ -1,0 +1,241 @@
+"""Random scenes. `Ranges` says how hard; the generator that draws a scene is seeded, so that a scene is a number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from rcdn.geometry import unproject
+from rcdn.synthetic.background import KINDS
+from rcdn.synthetic.scene import Background, Bend, BoardSpec, Cover, Light, Scene, Sensor
+from rcdn.synthetic.surface import board_to_pixels
+
+Rng = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees."""
+
+    pitch: tuple[float, float] = (14.0, 60.0)
+    cells: tuple[int, int] = (4, 13)
+    tilt: float = 50.0
+    noise: float = 8.0
+    noise_tail_p: float = 0.0
+    blur: tuple[float, float] = (0.4, 1.2)
+    wide_blur_p: float = 0.0
+    motion_p: float = 0.0
+    contrast: tuple[float, float] = (0.4, 0.9)
+    fisheye_p: float = 0.1
+    distortion: float = 0.15
+    bend_p: float = 0.0
+    cover_p: float = 0.0
+    shadow_p: float = 0.1
+    glare_p: float = 0.05
+    bleed_p: float = 0.1
+    paint_p: float = 0.0
+    coded_p: float = 0.0
+    jpeg_p: float = 0.3
+    process_p: float = 0.1
+    light: float = 0.8
+    invert_p: float = 0.0
+    none_p: float = 0.0
+    several_p: float = 0.0
+    whole: bool = True
+    images_p: float = 0.0
+
+
+ORDINARY = Ranges()
+"""Calibration pictures as people take them, like the sets of the paper."""
+
+HARD = Ranges(
+    pitch=(6, 60), cells=(3, 14), tilt=75, noise=25, noise_tail_p=0.25, blur=(0.4, 2.0), wide_blur_p=0.25, motion_p=0.15,
+    contrast=(0.12, 0.9), fisheye_p=0.3, distortion=0.4, bend_p=0.1, cover_p=0.2, shadow_p=0.3, glare_p=0.2, bleed_p=0.2,
+    paint_p=0.1, coded_p=0.05, jpeg_p=0.3, process_p=0.2, light=1.5, invert_p=0.5, none_p=0.12, several_p=0.2, whole=False,
+)  # fmt: skip
+"""The fixed hard validation set: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75°."""
+
+TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78)
+"""What networks learn from: HARD, with photographs behind the boards where the caller has some."""
+
+PRESETS = {"ordinary": ORDINARY, "hard": HARD, "training": TRAINING}
+
+
+def random_scene(rng: Rng, ranges: Ranges = ORDINARY, size: tuple[int, int] = (640, 480), image_count: int = 0) -> Scene:
+    """A scene of `size` (width, height) with no, one or several boards. `image_count`: pictures at hand for backgrounds."""
+    width, height = size
+    scene = _empty(rng, ranges, width, height, image_count)
+    if rng.random() < ranges.none_p:
+        return scene
+    count = int(rng.integers(2, 4)) if rng.random() < ranges.several_p else 1
+    for _ in range(count):
+        spec = _board_in(rng, ranges, scene)
+        scene = replace(scene, boards=(*scene.boards, spec))
+    return _with_covers(rng, ranges, scene)
+
+
+def _chance(rng: Rng, p: float) -> bool:
+    return bool(rng.random() < p)
+
+
+def _log(rng: Rng, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _empty(rng: Rng, r: Ranges, width: int, height: int, image_count: int) -> Scene:
+    centre = (width / 2 + float(rng.normal(0, 10)), height / 2 + float(rng.normal(0, 10)))
+    lens: dict[str, Any] = {"focal": _log(rng, 0.6, 2.0) * width}
+    if _chance(rng, r.fisheye_p):
+        lens = {"focal": width / float(np.deg2rad(rng.uniform(90, 185))), "model": "fisheye"}
+        lens["distortion"] = tuple(float(v) for v in rng.uniform(-1, 1, 4) * [0.04, 0.01, 0.003, 0.001])
+    elif _chance(rng, 0.8):
+        d = r.distortion
+        k = rng.uniform([-d, -d / 4, -0.005, -0.005, 0], [d * 0.6, d / 4, 0.005, 0.005, 0])
+        lens |= {"model": "brown", "distortion": tuple(float(v) for v in k)}
+        lens["focal"] = max(lens["focal"], 0.9 * width)  # shorter, and the polynomial folds inside the frame
+    kind = "image" if image_count and _chance(rng, r.images_p) else str(rng.choice(list(KINDS)))
+    background = Background(kind, int(rng.integers(2**31)), int(rng.integers(max(1, image_count))))
+    return Scene(
+        width, height, centre=centre, light=_light(rng, r, width, height), sensor=_sensor(rng, r),
+        background=background, seed=int(rng.integers(2**31)), **lens,
+    )  # fmt: skip
+
+
+def _light(rng: Rng, r: Ranges, width: int, height: int) -> Light:
+    gx, gy = rng.normal(0, r.light / 2, 2)
+    shadows, glares = [], []
+    for _ in range(int(rng.integers(1, 3)) if _chance(rng, r.shadow_p) else 0):
+        a, far = rng.uniform(0, 2 * np.pi), 2.0 * width
+        x, y = rng.uniform(0.2, 0.8) * width, rng.uniform(0.2, 0.8) * height
+        half = far if _chance(rng, 0.6) else _log(rng, 8, 150)
+        # a box whose long rim passes through (x, y): a half plane, or a bar
+        cx, cy = x - np.sin(a) * half, y + np.cos(a) * half
+        ends = (cx - np.cos(a) * far, cy - np.sin(a) * far, cx + np.cos(a) * far, cy + np.sin(a) * far)
+        shadows.append(Cover(*map(float, ends), half, float(rng.uniform(0.15, 0.7)), True, _log(rng, 1, 25)))
+    for _ in range(int(rng.integers(1, 3)) if _chance(rng, r.glare_p) else 0):
+        glares.append((float(rng.uniform(0, width)), float(rng.uniform(0, height)), _log(rng, 8, 90), float(rng.uniform(0.2, 1.2))))
+    wave = float(rng.normal(0, r.light / 4)) if _chance(rng, 0.4) else 0.0
+    return Light(float(gx), float(gy), wave, int(rng.integers(2**31)), tuple(shadows), tuple(glares))
+
+
+def _sensor(rng: Rng, r: Ranges) -> Sensor:
+    blur = float(rng.uniform(*r.blur))
+    disk = 0.0
+    if _chance(rng, r.wide_blur_p):
+        blur, disk = (float(rng.uniform(1.5, 4)), 0.0) if _chance(rng, 0.6) else (0.5, float(rng.uniform(1.5, 6)))
+    noise = abs(float(rng.normal(0, r.noise / 2))) + 0.3
+    if _chance(rng, r.noise_tail_p):
+        noise = float(rng.uniform(r.noise, 60))
+    contrast = _log(rng, *r.contrast) if _chance(rng, 0.5) else float(rng.uniform(*r.contrast))
+    noise = min(noise, 110 * contrast)  # beyond it nothing is left to see
+    process = _chance(rng, r.process_p)
+    return Sensor(
+        blur=blur, disk=disk, noise=noise, shot=float(rng.uniform(0, 6)) if _chance(rng, 0.3) else 0.0,
+        motion=float(rng.uniform(2, 9)) if _chance(rng, r.motion_p) else 0.0, motion_angle=float(rng.uniform(0, np.pi)),
+        gain=contrast, offset=float(rng.uniform(0, max(0.0, 0.95 - contrast))), gamma=float(rng.uniform(0.6, 1.7)),
+        smooth=float(rng.uniform(0.4, 1.0)) if process and _chance(rng, 0.5) else 0.0,
+        sharpen=float(rng.uniform(0.3, 1.5)) if process and _chance(rng, 0.6) else 0.0,
+        jpeg=int(rng.integers(25, 95)) if _chance(rng, r.jpeg_p) else 0, invert=_chance(rng, r.invert_p),
+    )  # fmt: skip
+
+
+def _print(rng: Rng, r: Ranges) -> BoardSpec:
+    """A board without its pose."""
+    low, high = r.cells
+    cols, rows = int(rng.integers(low, high + 1)), int(rng.integers(low, high + 1))
+    black = float(rng.uniform(0, 0.3))
+    white = float(rng.uniform(black + 0.35, 1.0))
+    margin = 0.0 if _chance(rng, 0.15) else float(rng.uniform(0.1, 1.5))
+    margin_value = white if _chance(rng, 0.7) else float(rng.uniform(0, 1))
+    painted = tuple(
+        (int(rng.integers(0, cols + 1)), int(rng.integers(0, rows + 1)), float(rng.uniform(0, 1)))
+        for _ in range(int(rng.integers(1, 4)) if _chance(rng, r.paint_p) else 0)
+    )
+    return BoardSpec(
+        cols, rows, (0, 0, 0), (0, 0, 1), aspect=float(rng.uniform(0.8, 1.25)) if _chance(rng, 0.15) and not r.whole else 1.0,
+        margin=margin, margin_value=margin_value, black=black, white=white, swap=_chance(rng, 0.5),
+        bleed=float(rng.uniform(-0.06, 0.06)) if _chance(rng, r.bleed_p) else 0.0,
+        bend=_bend(rng, max(cols, rows)) if _chance(rng, r.bend_p) else None, painted=painted,
+        coded=int(rng.integers(4, 7)) if _chance(rng, r.coded_p) else 0,
+    )  # fmt: skip
+
+
+def _bend(rng: Rng, size: int) -> Bend:
+    angle = float(rng.uniform(0, np.pi))
+    if _chance(rng, 0.5):
+        return Bend(curvature=float(rng.choice([-1, 1])) / (size * float(rng.uniform(1, 5))), angle=angle)
+    period = size * float(rng.uniform(0.6, 2))
+    return Bend(amplitude=period * float(rng.uniform(0.01, 0.06)), period=period, phase=float(rng.uniform(0, 6.3)), angle=angle)
+
+
+def _rotation(rng: Rng, max_tilt: float) -> tuple[float, float, float]:
+    """Roll about the normal, then a tilt about an axis in the plane; a third of the tilts come from the steep end."""
+    tilt = rng.uniform(0, max_tilt) if _chance(rng, 0.67) else rng.uniform(0.6 * max_tilt, max_tilt)
+    a, roll = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
+    lean = cv2.Rodrigues(np.deg2rad(tilt) * np.array([np.cos(a), np.sin(a), 0]))[0]
+    turn = cv2.Rodrigues(np.array([0, 0, roll]))[0]
+    x, y, z = cv2.Rodrigues(lean @ turn)[0].ravel()
+    return float(x), float(y), float(z)
+
+
+def _placed(spec: BoardSpec, scene: Scene, rvec: tuple[float, float, float], at: tuple[float, float], pitch: float) -> BoardSpec:
+    """The board turned by `rvec` about its middle, which projects to pixel `at`; one square there is about `pitch` px face on."""
+    ray = unproject(scene.camera, np.array(at))
+    if not np.isfinite(ray).all():
+        ray = np.array([0.0, 0.0, 1.0])
+    ray = ray / np.linalg.norm(ray)
+    face = _facing(ray) if scene.model == "fisheye" else np.eye(3)
+    R = face @ cv2.Rodrigues(np.array(rvec))[0]
+    middle = np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect, 0])
+    t = ray * (scene.focal / pitch) / (ray[2] if scene.model != "fisheye" else 1.0) - R @ middle
+    r = cv2.Rodrigues(R)[0].ravel()
+    return replace(spec, rvec=tuple(float(v) for v in r), tvec=tuple(float(v) for v in t))
+
+
+def _facing(ray: np.ndarray) -> np.ndarray:
+    """Rotation that takes the optical axis to a ray, so that boards at a fisheye's rim still face the camera."""
+    axis = np.cross([0, 0, 1], ray)
+    s = float(np.linalg.norm(axis))
+    return cv2.Rodrigues(axis / s * np.arctan2(s, ray[2]))[0] if s > 1e-9 else np.eye(3)
+
+
+def _board_in(rng: Rng, r: Ranges, scene: Scene) -> BoardSpec:
+    """A board with a random pose; with `whole`, tried again until every corner is inside the frame."""
+    w, h = scene.width, scene.height
+    for attempt in range(200):
+        spec = _print(rng, r)
+        at = (float(rng.uniform(0.2, 0.8) * w), float(rng.uniform(0.2, 0.8) * h))
+        low, high = r.pitch
+        if r.whole:
+            high = min(high, 0.9 * max(w, h) / max(spec.cols, spec.rows))
+        spec = _placed(spec, scene, _rotation(rng, r.tilt), at, _log(rng, low, max(high, low + 1)))
+        if not r.whole or _whole(spec, scene, least=0.5 * low):
+            return spec
+    raise RuntimeError("no board of these ranges fits the frame")  # pragma: no cover
+
+
+def _whole(spec: BoardSpec, scene: Scene, least: float) -> bool:
+    grid = np.stack(np.meshgrid(np.arange(spec.cols), np.arange(spec.rows)), axis=-1)
+    xy = board_to_pixels(spec, scene.camera, grid.reshape(-1, 2)).reshape(*grid.shape)
+    if not np.isfinite(xy).all() or (xy < 10).any() or (xy > [scene.width - 11, scene.height - 11]).any():
+        return False
+    steps = [np.linalg.norm(np.diff(xy, axis=a), axis=-1).min() for a in (0, 1)]
+    return bool(min(steps) > least)
+
+
+def _with_covers(rng: Rng, r: Ranges, scene: Scene) -> Scene:
+    if not _chance(rng, r.cover_p):
+        return scene
+    covers = []
+    spec = scene.boards[0]
+    for _ in range(int(rng.integers(1, 4))):
+        uv = rng.uniform([-1, -1], [spec.cols, spec.rows], (2, 2))
+        ends = np.nan_to_num(board_to_pixels(spec, scene.camera, uv))
+        if _chance(rng, 0.5):
+            ends[1] = ends[0] + (ends[1] - ends[0]) * rng.uniform(0, 0.5)
+        value, soft = float(rng.uniform(0, 1)), float(rng.choice([1.0, 1.0, 3.0]))
+        covers.append(Cover(*map(float, ends.ravel()), _log(rng, 4, 60), value, _chance(rng, 0.5), soft))
+    return replace(scene, covers=tuple(covers))

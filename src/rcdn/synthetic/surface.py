@@ -1,0 +1,82 @@
+"""From pixels to board coordinates and back: the inverse map that the renderer samples and the forward map that gives the truth."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from rcdn.geometry import project, transform
+from rcdn.synthetic.scene import Bend, BoardSpec
+from rcdn.types import Array, Camera, Pose
+
+
+def board_pose(spec: BoardSpec) -> Pose:
+    """T_cam_board of a board, in squares."""
+    T = np.eye(4)
+    T[:3, :3] = cv2.Rodrigues(np.array(spec.rvec, float))[0]
+    T[:3, 3] = spec.tvec
+    return Pose(T)
+
+
+def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array]:
+    """Height of the sheet and its slope along the bending direction."""
+    c, s = np.cos(bend.angle), np.sin(bend.angle)
+    t = (x - centre[0]) * c + (y - centre[1]) * s
+    w = 2 * np.pi / bend.period
+    arg = w * t + bend.phase
+    return 0.5 * bend.curvature * t * t + bend.amplitude * np.sin(arg), bend.curvature * t + bend.amplitude * w * np.cos(arg)
+
+
+def _middle(spec: BoardSpec) -> Array:
+    return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])
+
+
+def board_points(spec: BoardSpec, uv: Array) -> Array:
+    """Points (N, 3) of the sheet, in the board's frame, at board coordinates `uv` (N, 2)."""
+    x, y = uv[:, 0].astype(float), uv[:, 1] * spec.aspect
+    z = np.zeros(len(uv)) if spec.bend is None else _height(spec.bend, x, y, _middle(spec))[0]
+    return np.stack([x, y, z], axis=1)
+
+
+def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Array:
+    """Pixels (N, 2) of board coordinates (N, 2): the exact truth. NaN behind a pinhole."""
+    return project(camera, transform(board_pose(spec), board_points(spec, uv)))
+
+
+def viewing_cosine(spec: BoardSpec, uv: Array) -> Array:
+    """|cos| of the angle between the sheet's normal and the line of sight, (N,); negative where the sheet shows its back."""
+    pose, points = board_pose(spec), board_points(spec, uv)
+    normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))
+    if spec.bend is not None:
+        slope = _height(spec.bend, points[:, 0], points[:, 1], _middle(spec))[1]
+        normal[:, 0], normal[:, 1] = -slope * np.cos(spec.bend.angle), -slope * np.sin(spec.bend.angle)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    seen = transform(pose, points)
+    return np.asarray(((normal @ pose.R.T) * seen).sum(axis=1) / np.linalg.norm(seen, axis=1))
+
+
+def rays_to_board(spec: BoardSpec, rays: Array) -> tuple[Array, Array]:
+    """Where viewing rays (..., 3) meet the sheet: u, v (...), NaN where they miss it or see its back."""
+    pose = board_pose(spec)
+    origin = -pose.R.T @ pose.t
+    e = rays @ pose.R
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = -origin[2] / e[..., 2]
+        if spec.bend is not None:
+            depth = _meet_sheet(spec, spec.bend, origin, e, depth)
+        depth = np.where((e[..., 2] > 0.02) & (depth > 0), depth, np.nan)
+    return origin[0] + depth * e[..., 0], (origin[1] + depth * e[..., 1]) / spec.aspect
+
+
+def _meet_sheet(spec: BoardSpec, bend: Bend, origin: Array, e: Array, depth: Array) -> Array:
+    """Newton along each ray, from its hit on the plane."""
+    centre, c, s = _middle(spec), np.cos(bend.angle), np.sin(bend.angle)
+    reach = float(np.hypot(spec.cols, spec.rows)) + 4
+    for _ in range(8):
+        x, y = origin[0] + depth * e[..., 0], origin[1] + depth * e[..., 1]
+        far = np.hypot(x - centre[0], y - centre[1]) > 3 * reach  # the sheet ends long before; parabolas don't
+        h, slope = _height(bend, x, y, centre)
+        f = origin[2] + depth * e[..., 2] - h
+        df = e[..., 2] - slope * (c * e[..., 0] + s * e[..., 1])
+        depth = np.where(far | (np.abs(df) < 1e-3), np.nan, depth - f / df)
+    return depth

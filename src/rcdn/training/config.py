@@ -1,0 +1,67 @@
+"""Settings of a training run, read from TOML."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rcdn.errors import ConfigError
+from rcdn.training.samples import PoolConfig
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run.
+
+    `architecture`: a name of `net.ARCHITECTURES`; `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
+    `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
+    adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay; `clip`: largest gradient norm, 0 = none;
+    `side`: px of a training window, context included; `ring`: the 8 neighbours of a corner carry no loss;
+    `start`: weights of another run to begin from, or ''.
+    """
+
+    name: str
+    architecture: str = "F"
+    loss: str = "safe"
+    normalisation: str = "minmax"
+    optimiser: str = "sgd"
+    rate: float = 0.01
+    decay: float = 1e-4
+    clip: float = 5.0
+    batch: int = 20
+    side: int = 80
+    steps: int = 20_000
+    ring: bool = True
+    ema: float = 0.999
+    seed: int = 1
+    validate_every: int = 1000
+    start: str = ""
+    pool: PoolConfig = field(default_factory=PoolConfig)
+
+
+def read_config(path: Path) -> TrainConfig:
+    """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file."""
+    try:
+        values = tomllib.loads(path.read_text())
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"config: {path} can't be read: {error}") from error
+    values.setdefault("name", path.stem)
+    values["pool"] = _checked(PoolConfig, values.get("pool", {}), "pool.")
+    return _checked(TrainConfig, values, "")
+
+
+def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:
+    types = {f.name: type(f.default) for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING}
+    known = {f.name for f in dataclasses.fields(cls)}
+    for key, value in values.items():
+        if key not in known:
+            raise ConfigError(f"config: unknown key {prefix + key!r}; known: {sorted(known)}")
+        wanted = types.get(key)
+        if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+            values[key] = float(value)
+        elif wanted in (int, str, bool, float) and type(value) is not wanted:
+            raise ConfigError(f"config: {prefix + key} must be of type {wanted.__name__}, not {value!r}")
+    return cls(**values)

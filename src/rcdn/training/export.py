@@ -1,0 +1,117 @@
+"""Trained weights → ONNX, with their provenance beside them. The graph is written node by node: what is in it can be read here."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+
+from rcdn.errors import RcdnError
+from rcdn.io import write_bytes, write_text
+from rcdn.training.loss import ACTIVATION
+from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, parameter_count
+
+OPSET = 17
+
+
+def folded(block: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Weight and bias of a convolution with the batch norm behind it, if any, multiplied in."""
+    conv = block[0]
+    weight, bias = conv.weight.detach().double(), conv.bias.detach().double()
+    if len(block) > 1 and isinstance(block[1], nn.BatchNorm2d):
+        norm = block[1]
+        scale = norm.weight.detach().double() / torch.sqrt(norm.running_var.double() + norm.eps)
+        weight = weight * scale[:, None, None, None]
+        bias = (bias - norm.running_mean.double()) * scale + norm.bias.detach().double()
+    return weight.float().cpu().numpy(), bias.float().cpu().numpy()
+
+
+def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
+    """ONNX graph: `image` (1, 1, H, W) normalised and padded → `response` (1, 1, h, w), final activation included."""
+    nodes, constants, last = [], [], "image"
+    arch = net.architecture
+    for index, (block, (_, _, stride)) in enumerate(zip(net.blocks, arch.layers, strict=True)):
+        for name, value in zip((f"w{index}", f"b{index}"), folded(block), strict=True):
+            constants.append(numpy_helper.from_array(value, name))
+        nodes.append(helper.make_node("Conv", [last, f"w{index}", f"b{index}"], [f"c{index}"], strides=[stride, stride]))
+        last = f"c{index}"
+        if index < len(arch.layers) - 1:
+            nodes.append(helper.make_node("Relu", [last], [f"r{index}"]))
+            last = f"r{index}"
+    final = {"relu": "Relu", "sigmoid": "Sigmoid"}[activation]
+    nodes.append(helper.make_node(final, [last], ["a"]))
+    if arch.cell > 1:  # mode CRD is torch's pixel_shuffle
+        nodes.append(helper.make_node("DepthToSpace", ["a"], ["response"], blocksize=arch.cell, mode="CRD"))
+    else:
+        nodes.append(helper.make_node("Identity", ["a"], ["response"]))
+    graph = helper.make_graph(
+        nodes, "rcdn",
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 1, "H", "W"])],
+        [helper.make_tensor_value_info("response", TensorProto.FLOAT, [1, 1, "h", "w"])],
+        constants,
+    )  # fmt: skip
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="rcdn")
+    model.ir_version = 8
+    onnx.checker.check_model(model)
+    return model
+
+
+def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
+    """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
+    try:
+        report = json.loads((folder / "run.json").read_text())
+        state = torch.load(folder / "last.pt", map_location="cpu", weights_only=False)
+    except OSError as error:
+        raise RcdnError(f"export: {folder} is not the folder of a finished `rcdn train`: {error}") from error
+    net = build(report["config"]["architecture"])
+    net.load_state_dict(state["ema"])
+    return net.eval(), report
+
+
+def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str, Any]:
+    """What stands beside the weights: architecture, recipe, commit, seed, metrics, sha256, and what inference must know."""
+    config = report["config"]
+    arch: Architecture = ARCHITECTURES[config["architecture"]]
+    return {
+        "architecture": config["architecture"],
+        "layers": [f"{k}-{c}" + (f"/{s}" if s > 1 else "") for k, c, s in arch.layers],
+        "parameters": parameter_count(net),
+        "mac_per_pixel": round(arch.macs),
+        "normalisation": config["normalisation"],
+        "margins": list(arch.margins),
+        "cell": arch.cell,
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "training": config,
+        "metrics": report["metrics"],
+        "commit": _commit(),
+        "date": datetime.date.today().isoformat(),
+        "machine": f"{platform.machine()} {platform.system()}, torch {torch.__version__}",
+    }
+
+
+def _commit() -> str:
+    try:
+        done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return done.stdout.strip()
+
+
+def export(run: Path, target: Path) -> dict[str, Any]:
+    """Write `target` (.onnx) and its .json; returns the provenance. Raises RcdnError if `run` holds no trained network."""
+    net, report = load_run(run)
+    data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
+    facts = provenance(report, net, data)
+    write_bytes(target, data)
+    write_text(target.with_suffix(".json"), json.dumps(facts, indent=1) + "\n")
+    return facts

@@ -1,0 +1,77 @@
+"""The loss of Eq. 1–2 in two forms, the one-sided squared loss of MATE, and the heat-map loss of `auto`.
+
+Every loss takes the pre-activation z (B, h, w) of the last layer and `Targets`, and gives a scalar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+EPS = 1e-6
+KNEE = 0.05
+"""below it (above 1 − it, for negatives) the `safe` form goes on as a straight line"""
+DEAD = 13.8155
+"""−ln 1e-6: the value of Eq. 1 where no corner gets any response: the net is dead"""
+
+
+class Targets(NamedTuple):
+    """`positive` (B, h, w) bool, one pixel a corner; `weight` (B, h, w) 0 where the loss must not look; `heat` (B, h, w) in 0..1."""
+
+    positive: Tensor
+    weight: Tensor
+    heat: Tensor
+
+
+def _balanced(positive_terms: Tensor, negative_terms: Tensor, targets: Targets) -> Tensor:
+    """Mean over the positives plus mean over the negatives, both over the whole batch."""
+    pos = targets.positive & (targets.weight > 0)
+    neg = ~targets.positive & (targets.weight > 0)
+    zero = torch.zeros((), dtype=positive_terms.dtype, device=positive_terms.device)
+    return torch.where(pos, positive_terms, zero).sum() / pos.sum().clamp(min=1) + torch.where(
+        neg, negative_terms, zero
+    ).sum() / neg.sum().clamp(min=1)
+
+
+def paper(z: Tensor, targets: Targets) -> Tensor:
+    """Eq. 1 on the clipped output of Eq. 2, without its regulariser (that is the optimiser's weight decay). Can die: see `safe`."""
+    y = torch.relu(z)
+    a_pos, a_neg = y.clamp(EPS, 1.0), y.clamp(0.0, 1.0 - EPS)
+    return _balanced(-(1 - a_pos) * a_pos.log(), -a_neg * torch.log1p(-a_neg), targets)
+
+
+def _hinge(a: Tensor) -> Tensor:
+    """−(1 − a) ln a for a ≥ KNEE, 0 from 1 on, and its tangent below KNEE."""
+    inner = a.clamp(KNEE, 1.0)
+    curve = -(1 - inner) * inner.log()
+    knee = torch.tensor(KNEE, dtype=a.dtype, device=a.device)
+    value, slope = -(1 - knee) * knee.log(), knee.log() - (1 - knee) / knee
+    return torch.where(a < KNEE, value + slope * (a - KNEE), curve)
+
+
+def safe(z: Tensor, targets: Targets) -> Tensor:
+    """Eq. 1–2 on the pre-activation, continued as a straight line below 0.05 (corners) and above 0.95 (background).
+
+    Same minimiser and same one-sidedness as `paper`; the gradient is bounded and never zero for a missed corner.
+    """
+    return _balanced(_hinge(z), _hinge(1 - z), targets)
+
+
+def squared(z: Tensor, targets: Targets) -> Tensor:
+    """MATE's one-sided squared difference, weighted by inverse class frequency (paper section 3.2)."""
+    return _balanced((1 - z).clamp(min=0) ** 2, torch.relu(z) ** 2, targets)
+
+
+def heatmap(z: Tensor, targets: Targets) -> Tensor:
+    """Quality focal loss (Li et al. 2020, β = 1.5) against a Gaussian of σ = 1 px at the exact corner; response = sigmoid(z)."""
+    gap = (targets.heat - torch.sigmoid(z)).abs() ** 1.5
+    bce = torch.nn.functional.binary_cross_entropy_with_logits(z, targets.heat, reduction="none")
+    return (gap * bce * targets.weight).sum() / targets.positive.sum().clamp(min=1)
+
+
+LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {"paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap}
+ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
+"""What turns z into the response once a network has been trained with a loss."""

@@ -1,0 +1,114 @@
+"""All networks as data: Table 1 of the paper, its two variants, and the fast cell network of `auto`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from rcdn.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Convolutions as (kernel, channels, stride), one after the other, ReLU between them.
+
+    `cell`: side of the pixel block that one output position holds (1: a pixel a position; 4: 16 channels become 4×4 pixels).
+    `batch_norm`: after each convolution but the last; folded into it on export.
+    """
+
+    layers: tuple[tuple[int, int, int], ...]
+    cell: int = 1
+    batch_norm: bool = False
+
+    @property
+    def margins(self) -> tuple[int, int]:
+        """Pixels of context that the output needs before and after its own, per axis."""
+        reach, step = 1, 1
+        for kernel, _, stride in self.layers:
+            reach += (kernel - 1) * step
+            step *= stride
+        total = reach - self.cell
+        return total // 2, total - total // 2
+
+    @property
+    def macs(self) -> float:
+        """Multiply–adds a pixel."""
+        total, channels, step = 0.0, 1, 1
+        for kernel, out, stride in self.layers:
+            step *= stride
+            total += kernel * kernel * channels * out / step**2
+            channels = out
+        return total
+
+
+def _table(text: str) -> Architecture:
+    """`13-16, 1-8` → kernel 13, 16 channels; kernel 1, 8 channels."""
+    pairs = [part.split("-") for part in text.split(", ")]
+    return Architecture(tuple((int(k), int(c), 1) for k, c in pairs))
+
+
+ARCHITECTURES = {
+    "A": _table("13-16, 1-8, 3-1"),
+    "B": _table("13-16, 1-8, 3-16, 1-1"),
+    "C": _table("7-16, 7-16, 1-8, 3-16, 1-1"),
+    "D": _table("13-16, 3-32, 3-32, 1-1"),
+    "D-3": _table("13-16, 3-32, 3-32, 3-1"),
+    "E": _table("13-32, 3-32, 3-32, 3-32, 1-1"),
+    "E-16": _table("13-16, 3-32, 3-32, 3-32, 1-1"),
+    "F": _table("13-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
+    "G": _table("13-32, 5-32, 3-32, 3-32, 1-32, 1-1"),
+    "H": _table("13-32, 3-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
+    "Q": Architecture(((5, 16, 2), (3, 32, 2), *([(3, 32, 1)] * 5), (1, 16, 1)), cell=4, batch_norm=True),
+}
+"""Name → architecture. A–H, D-3 and E-16 are the paper's (Table 1, section 4.1); Q is ours."""
+
+
+class CornerNet(nn.Module):
+    """(B, 1, H, W) normalised grey → (B, h, w) pre-activation of the response, h = H − sum(margins).
+
+    Convolutions take no padding of their own: the caller pads the picture (by reflection) with `architecture.margins`,
+    so that a tile and the whole give the same numbers. The paper's zero padding differs at the border only (docs/paper.md).
+    """
+
+    def __init__(self, architecture: Architecture) -> None:
+        super().__init__()
+        self.architecture = architecture
+        channels, blocks = 1, []
+        for index, (kernel, out, stride) in enumerate(architecture.layers):
+            last = index == len(architecture.layers) - 1
+            block: list[nn.Module] = [nn.Conv2d(channels, out, kernel, stride)]
+            if not last:
+                block += [nn.BatchNorm2d(out), nn.ReLU()] if architecture.batch_norm else [nn.ReLU()]
+            blocks.append(nn.Sequential(*block))
+            channels = out
+        self.blocks = nn.Sequential(*blocks)
+        self.reset()
+
+    def reset(self) -> None:
+        """Xavier weights and biases of 0.1 (paper section 3.2); zero biases where a batch norm follows."""
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.xavier_uniform_(module.weight)
+                nn.init.constant_(module.bias, 0.0 if self.architecture.batch_norm else 0.1)
+        if self.architecture.batch_norm:
+            nn.init.constant_(self.blocks[-1][0].bias, -5.0)  # corners are rare: start from "none"
+
+    def forward(self, image: Tensor) -> Tensor:
+        out = self.blocks(image)
+        if self.architecture.cell > 1:
+            out = nn.functional.pixel_shuffle(out, self.architecture.cell)
+        return out[:, 0]
+
+
+def build(name: str) -> CornerNet:
+    """The network called `name`, freshly initialised."""
+    if name not in ARCHITECTURES:
+        raise ConfigError(f"architecture must be one of {sorted(ARCHITECTURES)}, not {name!r}")
+    return CornerNet(ARCHITECTURES[name])
+
+
+def parameter_count(net: nn.Module) -> int:
+    """Trainable numbers, biases included."""
+    return sum(p.numel() for p in net.parameters())

@@ -1,0 +1,182 @@
+"""Training data: a pool of rendered crops, kept on disk, and random batches drawn from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from rcdn.corners.normalise import normalise
+from rcdn.errors import ConfigError
+from rcdn.synthetic import PRESETS, random_crop
+from rcdn.training.loss import Targets
+from rcdn.training.net import Architecture
+from rcdn.types import Array
+
+CHUNK = 1000
+MOST_LABELS = 512
+
+
+@dataclasses.dataclass(frozen=True)
+class PoolConfig:
+    """`count` crops of `size` px with the ranges called `ranges`; `backgrounds`: a folder of photographs without boards, or ''."""
+
+    count: int = 40_000
+    size: int = 112
+    ranges: str = "training"
+    seed: int = 1
+    backgrounds: str = ""
+
+
+class Pool:
+    """Rendered crops in memory: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded."""
+
+    def __init__(self, images: Array, labels: Array) -> None:
+        self.images, self.labels = images, labels
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+
+def load_backgrounds(folder: str) -> list[Array]:
+    """Grey pictures of a folder, at most 1000 px wide, sorted by name."""
+    out = []
+    for path in sorted(Path(folder).glob("*")) if folder else []:
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            continue
+        scale = min(1.0, 1000 / max(image.shape))
+        out.append(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    if folder and not out:
+        raise ConfigError(f"backgrounds: no pictures in {folder!r}; leave it empty for drawn clutter only")
+    return out
+
+
+_backgrounds: list[Array] = []
+
+
+def _start_worker(folder: str) -> None:
+    cv2.setNumThreads(1)
+    _backgrounds[:] = load_backgrounds(folder)
+
+
+def _render_chunk(config: PoolConfig, start: int, path: Path) -> Path:
+    count = min(CHUNK, config.count - start)
+    images = np.zeros((count, config.size, config.size), np.uint8)
+    labels = np.full((count, MOST_LABELS, 3), np.nan, np.float32)
+    for k in range(count):
+        image, label = random_crop(config.seed * 100_000_000 + start + k, config.size, PRESETS[config.ranges], _backgrounds)
+        images[k] = image
+        labels[k, : len(label)] = label[:MOST_LABELS]
+    part = path.with_suffix(".part.npz")
+    np.savez(part, images=images, labels=labels)
+    part.rename(path)
+    return path
+
+
+def pool_folder(config: PoolConfig, root: Path) -> Path:
+    """Where a pool of these settings is kept."""
+    key = hashlib.sha256(json.dumps(dataclasses.asdict(config), sort_keys=True).encode()).hexdigest()[:12]
+    return root / f"pool-{key}"
+
+
+def make_pool(config: PoolConfig, root: Path, workers: int = 2, progress: Callable[[int, int], None] | None = None) -> Pool:
+    """Render what is missing of the pool (a killed run goes on where it stopped) and load it."""
+    folder = pool_folder(config, root)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "pool.json").write_text(json.dumps(dataclasses.asdict(config), indent=1))
+    starts = range(0, config.count, CHUNK)
+    paths = [folder / f"{s:08d}.npz" for s in starts]
+    todo = [(s, p) for s, p in zip(starts, paths, strict=True) if not p.exists()]
+    if todo:
+        with ProcessPoolExecutor(max(1, workers), initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
+            jobs = [executor.submit(_render_chunk, config, s, p) for s, p in todo]
+            for done, job in enumerate(jobs, start=len(paths) - len(todo) + 1):
+                job.result()
+                if progress:
+                    progress(done, len(paths))
+    parts = [np.load(p) for p in paths]
+    return Pool(np.concatenate([p["images"] for p in parts]), np.concatenate([p["labels"] for p in parts]))
+
+
+def _turned(image: Array, labels: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """One of the eight symmetries of the square, and perhaps the negative."""
+    n = image.shape[0] - 1
+    xy = labels[:, :2].copy()
+    if rng.random() < 0.5:
+        image, xy = image[:, ::-1], xy * [-1, 1] + [n, 0]
+    if rng.random() < 0.5:
+        image, xy = image[::-1], xy * [1, -1] + [0, n]
+    if rng.random() < 0.5:
+        image, xy = image.T, xy[:, ::-1]
+    if rng.random() < 0.5:
+        image = 255 - image
+    return image, np.column_stack([xy, labels[:, 2]])
+
+
+def draw(pool: Pool, index: int, side: int, kind: str, rng: np.random.Generator) -> tuple[Array, Array]:
+    """One sample: a random `side`² window of a crop, turned; normalised grey float32 and its labels."""
+    labels = pool.labels[index]
+    labels = labels[np.isfinite(labels[:, 0])]
+    image, labels = _turned(pool.images[index], labels, rng)
+    x, y = rng.integers(0, image.shape[0] - side + 1, 2)
+    grey = normalise(np.ascontiguousarray(image), kind)[y : y + side, x : x + side]
+    if kind == "minmax" and rng.random() < 0.7:  # a crop of a picture seldom spans the picture's whole range
+        span = rng.uniform(0.2, 1.0)
+        grey = grey * np.float32(span) + np.float32(rng.uniform(0, 1 - span))
+    return grey, labels - [x, y, 0]
+
+
+def targets(labels: list[Array], shape: tuple[int, int], ring: bool) -> Targets:
+    """Label maps of a batch; `labels` in output pixels. `ring`: the 8 neighbours of a corner are not held against anybody."""
+    h, w = shape
+    positive = np.zeros((len(labels), h, w), bool)
+    weight, heat = np.ones((len(labels), h, w), np.float32), np.zeros((len(labels), h, w), np.float32)
+    gy, gx = np.mgrid[-4:5, -4:5].reshape(2, -1)
+    for b, label in enumerate(labels):
+        base = np.floor(label[:, :2] + 0.5).astype(int)
+        px, py = base[:, :1] + gx, base[:, 1:] + gy  # (n, 81)
+        d2 = (px - label[:, :1]) ** 2 + (py - label[:, 1:2]) ** 2
+        ok = (px >= 0) & (px < w) & (py >= 0) & (py < h)
+        sure = np.repeat(label[:, 2:] > 0, 81, axis=1)
+        np.maximum.at(heat[b], (py[ok & sure], px[ok & sure]), np.exp(-d2[ok & sure] / 2).astype(np.float32))
+        blind = ok & ~sure & (d2 < 16)
+        weight[b][py[blind], px[blind]] = 0
+        if ring:
+            near = ok & sure & (np.maximum(np.abs(gx), np.abs(gy)) == 1)
+            weight[b][py[near], px[near]] = 0
+        own = ok & sure & ((gx == 0) & (gy == 0))
+        positive[b][py[own], px[own]] = True
+        weight[b][py[own], px[own]] = 1
+    return Targets(torch.from_numpy(positive), torch.from_numpy(weight), torch.from_numpy(heat))
+
+
+def batch(pool: Pool, arch: Architecture, side: int, size: int, kind: str, ring: bool, seed: tuple[int, ...]) -> tuple[Tensor, Targets]:
+    """Batch of `size` windows of `side` px: a function of its arguments alone, so that a resumed run sees what the first would have."""
+    rng = np.random.default_rng(seed)
+    chosen = [draw(pool, int(i), side, kind, rng) for i in rng.integers(0, len(pool), size)]
+    before, after = arch.margins
+    out = side - before - after
+    image = torch.from_numpy(np.stack([g for g, _ in chosen]))[:, None]
+    return image, targets([label - [before, before, 0] for _, label in chosen], (out, out), ring)
+
+
+class Batches(torch.utils.data.IterableDataset):
+    """Batches `start`, `start` + 1, … for a loader; worker k of n gives every n-th."""
+
+    def __init__(self, make: Callable[[int], tuple[Tensor, Targets]], start: int, stop: int) -> None:
+        self.make, self.start, self.stop = make, start, stop
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Targets]]:
+        worker = torch.utils.data.get_worker_info()
+        k, n = (worker.id, worker.num_workers) if worker else (0, 1)
+        for step in range(self.start + k, self.stop, n):
+            yield self.make(step)

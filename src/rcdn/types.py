@@ -1,0 +1,193 @@
+"""Values that pass between the stages. Frozen; arrays have the stated shapes.
+
+Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forward; arrays end in (x, y).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rcdn.errors import RcdnError
+
+Array = NDArray[Any]
+Orientation = Literal["unique", "ambiguous_180", "ambiguous_90"]
+
+
+class Status(IntEnum):
+    """What is known of a corner's position."""
+
+    REFINED = 0
+    """The refinement converged; xy is sub-pixel."""
+    SEED = 1
+    """The refinement failed; xy is its seed, unchanged."""
+    LOW_CONFIDENCE = 2
+    """Refined, but the response was below the usual threshold."""
+    COMPLETED = 3
+    """Refined, and found because its board predicted it."""
+
+
+def _freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...]) -> None:
+    array = np.array(value, dtype=dtype)
+    if array.size == 0:
+        array = array.reshape((0, *tail))
+    if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
+        raise RcdnError(f"{type(owner).__name__}.{name} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}")
+    array.setflags(write=False)
+    object.__setattr__(owner, name, array)
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """X-corners of one image, sorted by response (falling), then x, then y.
+
+    `xy` (N, 2) px; `response` (N,); `axes` (N, 2) the two edge directions, radians in [0, π), or None;
+    `status` (N,) values of `Status`; `sigma` (N,) standard deviation, px, or None where nothing estimates it.
+    """
+
+    xy: Array
+    response: Array
+    status: Array
+    axes: Array | None = None
+    sigma: Array | None = None
+
+    def __post_init__(self) -> None:
+        _freeze(self, "xy", self.xy, np.float64, (2,))
+        _freeze(self, "response", self.response, np.float64, ())
+        _freeze(self, "status", self.status, np.uint8, ())
+        if self.axes is not None:
+            _freeze(self, "axes", self.axes, np.float64, (2,))
+        if self.sigma is not None:
+            _freeze(self, "sigma", self.sigma, np.float64, ())
+        for name in ("response", "status", "axes", "sigma"):
+            value = getattr(self, name)
+            if value is not None and len(value) != len(self.xy):
+                raise RcdnError(f"Corners.{name} has {len(value)} rows, but xy has {len(self.xy)}")
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    def take(self, index: Any) -> Corners:
+        """The corners at `index` (integers or a boolean mask), in that order."""
+        pick = lambda a: None if a is None else a[index]  # noqa: E731
+        return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+
+    def sort(self) -> Corners:
+        """The same corners by response (falling), then x, then y."""
+        return self.take(np.lexsort((self.xy[:, 1], self.xy[:, 0], -self.response)))
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """One recovered grid in one image. Labels are relative to the part that was seen.
+
+    `xy` (M, 2) px; `ij` (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image
+    (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
+    `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
+    `response` (M,), `status` (M,) as in `Corners`.
+    """
+
+    xy: Array
+    ij: Array
+    image_size: tuple[int, int]
+    response: Array
+    status: Array
+    orientation: Orientation
+    sigma: Array | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        _freeze(self, "xy", self.xy, np.float64, (2,))
+        _freeze(self, "ij", self.ij, np.int64, (2,))
+        _freeze(self, "response", self.response, np.float64, ())
+        _freeze(self, "status", self.status, np.uint8, ())
+        if self.sigma is not None:
+            _freeze(self, "sigma", self.sigma, np.float64, ())
+        if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
+            raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
+        if len(np.unique(self.ij, axis=0)) != len(self.ij):
+            raise RcdnError("Board.ij must not hold a label twice")
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(columns, rows) of the bounding grid, in inner corners."""
+        if not len(self.ij):
+            return 0, 0
+        cols, rows = self.ij.max(axis=0) - self.ij.min(axis=0) + 1
+        return int(cols), int(rows)
+
+    @property
+    def complete(self) -> bool:
+        """True if no label of the bounding grid is missing."""
+        return len(self) == self.size[0] * self.size[1]
+
+    def grid(self) -> Array:
+        """Positions as a (rows, columns, 2) array, NaN where a corner is missing."""
+        cols, rows = self.size
+        out = np.full((rows, cols, 2), np.nan)
+        i, j = (self.ij - self.ij.min(axis=0)).T if len(self) else (np.zeros(0, int), np.zeros(0, int))
+        out[j, i] = self.xy
+        return out
+
+    def grid_of(self, size: tuple[int, int]) -> Array | None:
+        """`grid()` as a board of `size` (columns, rows), turned a quarter if that makes it fit; None if the board has another size.
+
+        Never mirrored. Of the two quarter turns it takes the one that leaves the square inside (0, 0) its colour, so that an
+        unambiguous board stays so.
+        """
+        grid = self.grid()
+        if self.size == tuple(size):
+            return grid
+        if self.size != tuple(size)[::-1]:
+            return None
+        return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)
+
+
+CameraModel = Literal["pinhole", "brown", "fisheye"]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Intrinsics of one camera.
+
+    `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`; Kannala–Brandt k1..k4 for
+    `fisheye` (OpenCV's fisheye). `image_size` (width, height) px. Pixel centres at integers.
+    """
+
+    K: Array
+    distortion: Array
+    image_size: tuple[int, int]
+    model: CameraModel = "brown"
+
+    def __post_init__(self) -> None:
+        _freeze(self, "K", self.K, np.float64, (3,))
+        _freeze(self, "distortion", self.distortion, np.float64, ())
+        allowed = {"pinhole": (0,), "brown": (4, 5), "fisheye": (4,)}[self.model]
+        if len(self.distortion) not in allowed:
+            raise RcdnError(f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """`T_cam_board` (4, 4): takes homogeneous board coordinates (in squares or metres) to camera coordinates."""
+
+    T_cam_board: Array
+
+    def __post_init__(self) -> None:
+        _freeze(self, "T_cam_board", self.T_cam_board, np.float64, (4,))
+
+    @property
+    def R(self) -> Array:
+        """(3, 3) rotation."""
+        return self.T_cam_board[:3, :3]
+
+    @property
+    def t(self) -> Array:
+        """(3,) translation, in the board's unit."""
+        return self.T_cam_board[:3, 3]

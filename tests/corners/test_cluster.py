@@ -1,0 +1,45 @@
+"""Clustering: strays go, the board stays, and the result depends on the input only."""
+
+import numpy as np
+import pytest
+
+from rcdn.config import Cluster
+from rcdn.corners.cluster import cluster_mask, kmeans
+
+GRID = np.stack(np.meshgrid(np.arange(9), np.arange(6)), axis=-1).reshape(-1, 2) * 30.0 + 200
+STRAYS = np.array([[1500.0, 40], [30, 1100], [1550, 1120]])
+
+
+def test_far_strays_go_and_the_board_stays():
+    mask = cluster_mask(np.concatenate((GRID, STRAYS)), Cluster())
+    assert mask[: len(GRID)].all()
+    assert not mask[len(GRID) :].any()
+
+
+@pytest.mark.parametrize("n", [0, 1, 29])
+def test_few_corners_all_stay(n):
+    xy = np.concatenate((STRAYS, GRID))[:n]
+    assert cluster_mask(xy, Cluster()).tolist() == [True] * n
+
+
+def test_same_input_same_mask():
+    xy = np.random.default_rng(3).uniform(0, 500, (80, 2))
+    assert np.array_equal(cluster_mask(xy, Cluster()), cluster_mask(xy.copy(), Cluster()))
+
+
+def test_clusters_above_the_limit_stay():
+    xy = np.concatenate((GRID, STRAYS[:1] + np.array([[0, 0], [3, 0], [0, 3]])))
+    assert cluster_mask(xy, Cluster()).all()
+
+
+def test_equal_points_and_fewer_points_than_clusters():
+    assert cluster_mask(np.full((40, 2), 7.0), Cluster()).all()
+    assert not cluster_mask(np.array([[0.0, 0], [50, 0], [0, 90]]), Cluster(least=2)).any()
+
+
+def test_kmeans_finds_separate_blobs():
+    rng = np.random.default_rng(1)
+    centres = rng.uniform(0, 1000, (10, 2))
+    truth = np.repeat(np.arange(10), 12)
+    label = kmeans(centres[truth] + rng.normal(0, 2, (120, 2)), 10, seed=0)
+    assert len({(a, b) for a, b in zip(truth, label, strict=True)}) == 10
