@@ -27,6 +27,11 @@ def test_same_input_same_mask():
     assert np.array_equal(cluster_mask(xy, Cluster()), cluster_mask(xy.copy(), Cluster()))
 
 
+def test_a_pair_goes():
+    mask = cluster_mask(np.concatenate((GRID, STRAYS[:1], STRAYS[:1] + 2)), Cluster())
+    assert mask.tolist() == [True] * len(GRID) + [False] * 2
+
+
 def test_clusters_above_the_limit_stay():
     xy = np.concatenate((GRID, STRAYS[:1] + np.array([[0, 0], [3, 0], [0, 3]])))
     assert cluster_mask(xy, Cluster()).all()

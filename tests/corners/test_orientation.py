@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from corner_scene import board, render
 from scipy.spatial import cKDTree
+from scipy.special import erf
 
+from rcdn.corners.blurred_axes import blurred_axes
 from rcdn.corners.orientation import axes
 
 
@@ -39,6 +41,7 @@ def scan(images=6, offset=0.3, **scene):
         ({"pitch": 20, "blur": 4.0, "noise": 10}, 1.9, 4.5),
         ({"pitch": 9, "noise": 10}, 2.0, 5),
         ({"pitch": 20, "noise": 10, "tilt": np.radians(60)}, 1.6, 4.5),
+        ({"pitch": 40, "tilt": np.radians(75)}, 0.75, 3.8),
         ({"pitch": 40, "noise": 10, "tilt": np.radians(75)}, 1.5, 4.8),
     ],
 )
@@ -48,6 +51,19 @@ def test_axes_error(scene, mean, worst5):
     assert error.mean() < mean
     assert np.percentile(error, 95) < worst5
     assert np.percentile(fit, 5) > 0.6
+
+
+@pytest.mark.parametrize("blur", [0.8, 1.5, 3.0])
+def test_model_recovers_its_own_axes(blur):
+    """Rings made by the model, sectors from 25°, from starts up to 6° off."""
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0, np.pi, (50, 1)) + np.column_stack((np.zeros(50), np.radians(rng.uniform(25, 155, 50))))
+    radius = np.full((50, 3), 5.0) * [0.8, 1.0, 1.2]
+    d = [radius[..., None] * np.sin(np.arange(48) * np.pi / 48 - truth[:, k, None, None]) for k in (0, 1)]
+    rings = 90 - 40 * erf(d[0] / np.sqrt(2) / blur) * erf(d[1] / np.sqrt(2) / blur)
+    found = blurred_axes(rings, radius, truth + np.radians(rng.uniform(-6, 6, truth.shape)))
+    assert np.degrees(np.abs(found - truth)).mean() < 0.1
+    assert np.degrees(np.abs(found - truth)).max() < 2
 
 
 @pytest.mark.parametrize("turn", np.radians(np.arange(0, 180, 7.5)))

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from rcdn.config import Refine
 from rcdn.corners.adaptive import adaptive_fit, nearest_pitch
 from rcdn.corners.refine import com_offset, edge_position, mix, parabola_offset, peak_offset, refine
-from rcdn.corners.saddle import rochade, surface_fit
+from rcdn.corners.saddle import rochade, smooth_fit, surface_fit
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.errors import RcdnError
 from rcdn.types import Status
@@ -190,6 +190,14 @@ def test_a_straight_edge_is_no_saddle(half):
     xy, status = refine(grey, np.zeros((40, 40), np.float32), seeds, Refine("saddle", half))
     assert (status == Status.SEED).all()
     assert np.array_equal(xy, seeds)
+
+
+def test_an_edge_in_noise_is_no_saddle():
+    """Noise bends a straight edge, but the saddle of such a fit lies far outside its window."""
+    grey = render(lambda xy: xy[..., 0] + 0.3 * xy[..., 1] > 60.3, (100, 100), noise=15)
+    y = np.arange(15, 85)
+    seeds = np.stack((np.rint(60.3 - 0.3 * y).astype(int), y), axis=1)
+    assert np.isfinite(surface_fit(grey, seeds, smooth_fit(8))).all(axis=1).mean() < 0.02
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 7), (5, 5), (30, 40)])

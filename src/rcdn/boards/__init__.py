@@ -8,7 +8,7 @@ from rcdn.boards.graph import Field, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.order import ordered, orientation
-from rcdn.boards.validate import cell_count, prune
+from rcdn.boards.validate import believable, prune
 from rcdn.corners import Candidates
 from rcdn.types import Array, Board, Status
 
@@ -25,25 +25,23 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
     free, boards = np.ones(len(field.xy), bool), []
     for at in grids:
         grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
-        prune(grid)
+        prune(grid, field)
         if len(grid) < 4:
             continue
-        free[list(grid.at.values())] = False
-        grow(field, grid, free)
-        prune(grid)
-        if len(grid) >= least and cell_count(grid) >= 4:
-            free[[c for c in at.values()]] = True
+        taken = free.copy()
+        taken[list(grid.at.values())] = False
+        grow(field, grid, taken)
+        prune(grid, field)
+        if believable(grid, least):
             free[list(grid.at.values())] = False
             boards.append(_board(field, candidates, grid))
-        else:
-            free[list(at.values())] = True
-            free[list(grid.at.values())] = True
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
 def _field(grey: Array, candidates: Candidates) -> Field:
     found, seen = candidates.all, candidates.orientation
-    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.strong)
+    refined = found.status != Status.SEED
+    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.strong, refined)
 
 
 def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:

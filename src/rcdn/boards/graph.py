@@ -29,7 +29,7 @@ Label = tuple[int, int]
 class Field:
     """Corners as the recovery sees them: N corners, `strong` ones seed boards, the others can only complete them.
 
-    `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong` (N,) bool.
+    `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong`, `refined` (N,) bool.
     """
 
     grey: Array
@@ -40,6 +40,12 @@ class Field:
     fit: Array
     response: Array
     strong: Array
+    refined: Array
+
+    @property
+    def quality(self) -> Array:
+        """Response × fit (N,): how much each corner is an X-corner, by the network and by the rings around it."""
+        return self.response * self.fit
 
     def side_colour(self, index: Array, direction: Array) -> tuple[Array, Array]:
         """Colour (±1, bright or dark) at rising angle from `direction` at corners `index`, and the turn from the nearest axis, radians."""
@@ -57,7 +63,7 @@ def links(field: Field) -> Array:
     """
     count = len(field.xy)
     out = np.full((count, 4), -1)
-    usable = np.flatnonzero(field.strong & (field.polarity != 0))
+    usable = np.flatnonzero(field.strong & field.refined & (field.polarity != 0))
     if len(usable) < 4:
         return out
     xy = field.xy[usable]

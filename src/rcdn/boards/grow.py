@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid, Prediction
+from rcdn.boards.validate import LEAST_QUALITY, STEPS
 from rcdn.types import Array
 
 ROUNDS = 40
@@ -16,7 +17,6 @@ NEAR = 0.28
 FAR_AXIS = np.deg2rad(30)
 SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 def grow(field: Field, grid: Grid, free: Array) -> None:
@@ -29,8 +29,10 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
     if sign == 0:
         return
     refused: set[tuple[Label, int]] = set()
+    quality = field.quality
+    able = field.refined & (quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())])))
     for _ in range(ROUNDS):
-        index = np.flatnonzero(free)
+        index = np.flatnonzero(free & able)
         if not len(index):
             return
         tree = cKDTree(field.xy[index])

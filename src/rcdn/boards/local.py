@@ -30,6 +30,11 @@ class Grid:
         index = [self.at[spot[0] + d, spot[1] + e] for d, e in near]
         return np.array(near, float).reshape(-1, 2), self.xy[index]
 
+    def neighbours(self, spot: Label) -> list[int]:
+        """Labelled corners up to two squares from `spot`, itself left out."""
+        span = range(-REACH, REACH + 1)
+        return [self.at[s] for e in span for d in span if (d or e) and (s := (spot[0] + d, spot[1] + e)) in self.at]
+
     def predict(self, spot: Label) -> Prediction | None:
         """Where the corner of `spot` should be; None if its neighbours don't span the plane."""
         offset, xy = self.support(spot)

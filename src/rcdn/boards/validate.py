@@ -3,26 +3,54 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from rcdn.boards.graph import Label
-from rcdn.boards.grow import STEPS
+from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid
 
+STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RESIDUAL = 0.2
 """largest distance from the neighbours' prediction, share of the pitch"""
 RESIDUAL_LOOSE = 0.3
 """the same where the prediction extrapolates from few corners"""
 
 
-def prune(grid: Grid) -> None:
-    """Drop misfits, worst first, then what no longer hangs together. In place."""
+LEAST_QUALITY = 0.3
+"""least worth of a corner on the grid's rim: T-junctions along a board's outer edge have 0.1–0.26, true corners 0.45 and more"""
+LEAST_SHARE = 0.45
+"""a contrast under this share of the neighbours' counts as this much: shadows do that to true corners, too"""
+
+
+def prune(grid: Grid, field: Field) -> None:
+    """Drop misfits, worst first, then rim corners that are hardly X-corners, then what no longer hangs together. In place."""
     for _ in range(len(grid)):
         worst, spot = _worst(grid)
         if spot is None or worst <= 1:
             break
         del grid.at[spot]
+    _drop_poor_rim(grid, field)
     _drop_loose(grid)
     _keep_largest(grid)
+
+
+def _drop_poor_rim(grid: Grid, field: Field) -> None:
+    """A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks."""
+    while grid.at:
+        median = float(np.median(field.quality[list(grid.at.values())]))
+        rim = [(u, v) for u, v in grid.at if not all((u + d, v + e) in grid.at for d, e in STEPS)]
+        poor = [spot for spot in rim if worth(grid, field, spot, median) < LEAST_QUALITY]
+        if not poor:
+            return
+        for spot in poor:
+            del grid.at[spot]
+
+
+def worth(grid: Grid, field: Field, spot: Label, median: float) -> float:
+    """Response × fit of a corner against the grid's `median`, times its contrast against that of its neighbours in the grid."""
+    corner = grid.at[spot]
+    near = grid.neighbours(spot)
+    share = field.contrast[corner] / max(float(np.median(field.contrast[near])), 1e-9) if near else 1.0
+    return float(field.quality[corner] / max(median, 1e-9) * np.clip(share, LEAST_SHARE, 1))
 
 
 def _worst(grid: Grid) -> tuple[float, Label | None]:
@@ -74,6 +102,20 @@ def _keep_largest(grid: Grid) -> None:
     for part in sorted(parts, key=lambda p: (-len(p), min(p)))[1:]:
         for spot in part:
             del grid.at[spot]
+
+
+SMALL_PITCH, SMALL_FILL, SMALL_LEAST = 7.0, 0.9, 20
+
+
+def believable(grid: Grid, least: int) -> bool:
+    """Is it a board? At least `least` corners and four whole cells; where squares are under 7 px, keyboards and grilles look just
+    like boards: there it takes 20 corners that fill 0.9 of their box."""
+    if len(grid) < least or cell_count(grid) < 4:
+        return False
+    spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
+    pitch = float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1]))
+    fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
+    return pitch >= SMALL_PITCH or (len(spots) >= SMALL_LEAST and fill >= SMALL_FILL)
 
 
 def cell_count(grid: Grid) -> int:

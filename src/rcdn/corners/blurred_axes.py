@@ -28,6 +28,8 @@ def blurred_axes(rings: Array, radius: Array, start: Array) -> Array:
     distances to the two edges: two blurred straight edges that cross. Blur makes the narrow sectors of a tilted corner
     look wider than they are, and only a model of it tells. Where the fit gets worse or runs away, `start` stands.
     """
+    if not len(start):
+        return start
     state = np.column_stack((start, np.full(len(start), np.log(START_BLUR))))
     residual, slopes = _model(rings, radius, state)
     first = (residual**2).sum(axis=1)
