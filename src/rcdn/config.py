@@ -87,18 +87,20 @@ class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
-    `weak`: share of the threshold above which a peak may still complete a board that predicts it (1: none may).
+    `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their response);
+    `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
     """
 
     model: str = "auto"
-    threshold: Threshold = field(default_factory=lambda: Fixed(0.3))
+    threshold: Threshold = field(default_factory=lambda: Adaptive(0.3))
     nms: Nms = field(default_factory=lambda: Nms(box=5))
     cluster: Cluster | None = None
     refine: Refine = field(default_factory=Refine)
     border: float = 3.0
-    weak: float = 0.25
+    seed: float = 0.6
+    weak: float = 0.15
     min_corners: int = 9
     threads: int = 0
 
@@ -112,7 +114,7 @@ class DetectorConfig:
         """What the paper says, literally: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
-            "refine": Refine("mixed", half=2), "border": 7.0, "weak": 1.0,
+            "refine": Refine("mixed", half=2), "border": 7.0, "seed": 1.0, "weak": 1.0,
         }  # fmt: skip
         return cls(**(base | changes))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from rcdn.types import Array, Board, Corners
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What one picture holds: `corners`, every X-corner; `boards`, the grids among them, largest first."""
+    """What one picture holds: `corners`, every X-corner above the threshold or in a board; `boards`, the grids, largest first."""
 
     corners: Corners
     boards: list[Board]
@@ -52,10 +52,20 @@ class Detector:
         """Corners and boards of one picture at the cost of one."""
         grey = as_grey(image)
         found = self._candidates(grey)
-        return Detection(found.corners, find_boards(grey, found, self.config.min_corners))
+        boards = find_boards(grey, found, self.config.min_corners)
+        return Detection(_with_members(found, boards), boards)
 
     def _candidates(self, grey: Array) -> Candidates:
         return find_candidates(grey, self._model(grey, self.config.threads), self.config)
+
+
+def _with_members(found: Candidates, boards: list[Board]) -> Corners:
+    """The corners above the threshold and those below it that are in a board."""
+    member = {(x, y): status for b in boards for (x, y), status in zip(b.xy.tolist(), b.status.tolist(), strict=True)}
+    spots = [(x, y) for x, y in found.all.xy.tolist()]
+    status = np.array([member.get(s, own) for s, own in zip(spots, found.all.status.tolist(), strict=True)], np.uint8)
+    keep = found.sure | np.array([s in member for s in spots], bool)
+    return replace(found.all, status=status).take(keep)
 
 
 def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:

@@ -7,6 +7,7 @@ import numpy as np
 from rcdn.boards.graph import Field, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
+from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
 from rcdn.boards.validate import believable, prune
 from rcdn.corners import Candidates
@@ -22,26 +23,35 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
     """
     field = _field(grey, candidates)
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
-    free, boards = np.ones(len(field.xy), bool), []
+    free, parts = np.ones(len(field.xy), bool), []
     for at in grids:
         grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
         prune(grid, field)
         if len(grid) < 4:
             continue
-        taken = free.copy()
-        taken[list(grid.at.values())] = False
-        grow(field, grid, taken)
-        prune(grid, field)
+        _complete(field, grid, free)
+        parts.append(grid)
+    boards = []
+    for grid in merge(field, [g for g in parts if len(g) >= 4]):
+        _complete(field, grid, free)
         if believable(grid, least):
-            free[list(grid.at.values())] = False
             boards.append(_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _complete(field: Field, grid: Grid, free: Array) -> None:
+    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place."""
+    available = free.copy()
+    available[list(grid.at.values())] = False
+    grow(field, grid, available)
+    prune(grid, field)
+    free[list(grid.at.values())] = False
 
 
 def _field(grey: Array, candidates: Candidates) -> Field:
     found, seen = candidates.all, candidates.orientation
     refined = found.status != Status.SEED
-    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.strong, refined)
+    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.seed, refined)
 
 
 def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
@@ -53,6 +63,7 @@ def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     index, new = index[order], new[order]
     cols, rows = new.max(axis=0) + 1
     found = candidates.all.take(index)
-    status = np.where(candidates.strong[index], found.status, np.where(found.status == Status.REFINED, Status.COMPLETED, found.status))
+    below = ~candidates.sure[index] & (found.status == Status.REFINED)
+    status = np.where(below, Status.COMPLETED, found.status)
     height, width = field.grey.shape
     return Board(found.xy, new, (width, height), found.response, status, orientation(int(cols), int(rows)), found.sigma)

@@ -27,7 +27,7 @@ Label = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Corners as the recovery sees them: N corners, `strong` ones seed boards, the others can only complete them.
+    """Corners as the recovery sees them: N corners; `strong` ones may start boards, the others only complete them.
 
     `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong`, `refined` (N,) bool.
     """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -40,7 +42,7 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
         if not offers:
             return
         taken: set[int] = set()
-        for _, spot, corner in sorted(offers):
+        for _, spot, corner, _ in sorted(offers):
             if spot not in grid.at and corner not in taken:
                 grid.at[spot] = corner
                 taken.add(corner)
@@ -74,40 +76,49 @@ def _steps_u(grid: Grid, spots: list[Label]) -> list[Array | None]:
     return out
 
 
-def _offers(field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, refused: set[tuple[Label, int]]) -> list[tuple[float, Label, int]]:
-    """(distance ÷ pitch, spot, corner) for every empty spot beside the grid that has an acceptable corner."""
+class Offer(NamedTuple):
+    """A corner that might take a spot: `gap` its distance from the prediction, in squares."""
+
+    gap: float
+    spot: Label
+    corner: int
+    axes_fit: bool
+
+
+def _offers(field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, refused: set[tuple[Label, int]]) -> list[Offer]:
+    """Acceptable corners for the empty spots beside the grid."""
     frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
-    tries: list[tuple[float, Label, int]] = []
+    tries: list[Offer] = []
     for spot in sorted(frontier):
         guess = grid.predict(spot)
         if guess is None or guess.pitch < 2:
             continue
-        near = tree.query_ball_point(guess.xy, NEAR * guess.pitch)
-        for k in near:
+        for k in tree.query_ball_point(guess.xy, NEAR * guess.pitch):
             corner = int(index[k])
-            gap = float(np.linalg.norm(field.xy[corner] - guess.xy)) / guess.pitch
-            if (spot, corner) not in refused and _axes_fit(field, corner, guess, sign * (-1) ** (spot[0] + spot[1])):
-                tries.append((gap, spot, corner))
-            else:
-                refused.add((spot, corner))
+            if (spot, corner) not in refused:
+                gap = float(np.linalg.norm(field.xy[corner] - guess.xy)) / guess.pitch
+                tries.append(Offer(gap, spot, corner, _axes_fit(field, corner, guess, sign * (-1) ** sum(spot))))
     seen = _edges_seen(field, grid, sign, tries)
-    refused.update((spot, corner) for ok, (_, spot, corner) in zip(seen, tries, strict=True) if not ok)
+    refused.update((t.spot, t.corner) for ok, t in zip(seen, tries, strict=True) if not ok)
     return [t for ok, t in zip(seen, tries, strict=True) if ok]
 
 
 def _axes_fit(field: Field, corner: int, guess: Prediction, colour: int) -> bool:
-    """Do the corner's own axes and colours, if it has any, fit the prediction? A weak corner must have them."""
-    if not field.polarity[corner]:
-        return bool(field.strong[corner])
+    """Do the corner's own axes and colours fit the prediction?"""
     angles = np.array([np.arctan2(s[1], s[0]) for s in (guess.du, guess.dv)])
     colours, turns = field.side_colour(np.array([corner, corner]), angles)
     return bool(colours[0] == colour and colours[1] == -colour and (turns < FAR_AXIS).all())
 
 
-def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[tuple[float, Label, int]]) -> list[bool]:
-    """For each offer: is the edge to a labelled neighbour in the picture (for a weak corner: to every one)?"""
+def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[Offer]) -> list[bool]:
+    """For each offer: are the edges to its labelled neighbours in the picture?
+
+    One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
+    where the axes don't fit (motion blur bends them).
+    """
     rows, starts, ends, signs, levels = [], [], [], [], []
-    for row, (_, (u, v), corner) in enumerate(tries):
+    for row, offer in enumerate(tries):
+        (u, v), corner = offer.spot, offer.corner
         for d, e in STEPS:
             other = grid.at.get((u + d, v + e))
             if other is None:
@@ -118,13 +129,12 @@ def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[tuple[float, La
     if not rows:
         return [False] * len(tries)
     shown = edge_contrast(field.grey, np.array(starts), np.array(ends)) * np.array(signs)[:, None]
+    share, row_of = shown / np.maximum(np.array(levels), 1e-6)[:, None], np.array(rows)
     out: list[bool] = []
-    share = shown / np.maximum(np.array(levels), 1e-6)[:, None]
-    row_of = np.array(rows)
-    for row, (_, _, corner) in enumerate(tries):
+    for row, offer in enumerate(tries):
         own = share[row_of == row]
-        if field.strong[corner]:
-            out.append(bool(len(own) and (own.min(axis=1) > SHOWN).any() and (own.mean(axis=1) > 0).all()))
+        if field.strong[offer.corner] and offer.axes_fit:
+            out.append(bool((own.min(axis=1) > SHOWN).any() and (own.mean(axis=1) > 0).all()))
         else:
-            out.append(bool(len(own) and (own.min(axis=1) > SHOWN_WEAK).all()))
+            out.append(bool(len(own) >= (1 if offer.axes_fit else 2) and (own.min(axis=1) > SHOWN_WEAK).all()))
     return out

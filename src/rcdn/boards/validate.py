@@ -8,6 +8,9 @@ from scipy.spatial import cKDTree
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid
 
+CRUMB = 6
+HOLE = 3
+"""squares; a corner is on the rim if nothing follows it within this reach"""
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RESIDUAL = 0.2
 """largest distance from the neighbours' prediction, share of the pitch"""
@@ -22,7 +25,8 @@ LEAST_SHARE = 0.45
 
 
 def prune(grid: Grid, field: Field) -> None:
-    """Drop misfits, worst first, then rim corners that are hardly X-corners, then what no longer hangs together. In place."""
+    """Drop misfits, worst first, then rim corners that are hardly X-corners, then crumbs that nothing joins to
+    the rest. In place."""
     for _ in range(len(grid)):
         worst, spot = _worst(grid)
         if spot is None or worst <= 1:
@@ -30,19 +34,25 @@ def prune(grid: Grid, field: Field) -> None:
         del grid.at[spot]
     _drop_poor_rim(grid, field)
     _drop_loose(grid)
-    _keep_largest(grid)
+    _drop_crumbs(grid)
 
 
 def _drop_poor_rim(grid: Grid, field: Field) -> None:
     """A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks."""
     while grid.at:
         median = float(np.median(field.quality[list(grid.at.values())]))
-        rim = [(u, v) for u, v in grid.at if not all((u + d, v + e) in grid.at for d, e in STEPS)]
+        rim = [spot for spot in grid.at if _outermost(grid, spot)]
         poor = [spot for spot in rim if worth(grid, field, spot, median) < LEAST_QUALITY]
         if not poor:
             return
         for spot in poor:
             del grid.at[spot]
+
+
+def _outermost(grid: Grid, spot: Label) -> bool:
+    """Is there a direction in which the grid has nothing more (holes don't count)?"""
+    u, v = spot
+    return not all(any((u + k * d, v + k * e) in grid.at for k in range(1, HOLE + 1)) for d, e in STEPS)
 
 
 def worth(grid: Grid, field: Field, spot: Label, median: float) -> float:
@@ -86,8 +96,8 @@ def _drop_loose(grid: Grid) -> None:
             del grid.at[spot]
 
 
-def _keep_largest(grid: Grid) -> None:
-    """Of parts that no edge joins, the largest."""
+def _drop_crumbs(grid: Grid) -> None:
+    """Of parts that no edge joins, the largest stays, and so do those of six corners or more (a shadow or a finger may lie between)."""
     left, parts = set(grid.at), []
     while left:
         stack, part = [min(left)], set()
@@ -100,7 +110,7 @@ def _keep_largest(grid: Grid) -> None:
             stack += [(u + d, v + e) for d, e in STEPS]
         parts.append(part)
     for part in sorted(parts, key=lambda p: (-len(p), min(p)))[1:]:
-        for spot in part:
+        for spot in part if len(part) < CRUMB else ():
             del grid.at[spot]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,25 +19,29 @@ __all__ = ["Candidates", "find_candidates"]
 
 DEFAULT_PITCH = 20.0
 """px; of a corner that is alone in its picture"""
-SAME = 1.5
-"""px; refined corners closer than this are one corner"""
+RING = 16.0
+"""px; largest ring on which edge directions are read; blurred corners need the room"""
+SAME = 3.0
+"""px; refined corners closer than this are one corner (squares under 5 px are beyond the network)"""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Corners of one picture with what the recovery of boards needs to know of them.
 
-    `all` (N): every peak above the weak threshold, `orientation` theirs; `strong` (N,) bool: above the threshold proper.
+    `all` (N): every peak that may join a board, `orientation` theirs; `sure` (N,) bool: above the threshold, which is what
+    a user calls a corner; `seed` (N,) bool: may start a board.
     """
 
     all: Corners
     orientation: Orientation
-    strong: Array
+    sure: Array
+    seed: Array
 
     @property
     def corners(self) -> Corners:
-        """The corners above the threshold, which is what a user gets."""
-        return self.all.take(self.strong)
+        """The corners above the threshold."""
+        return self.all.take(self.sure)
 
 
 def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Candidates:
@@ -46,34 +50,34 @@ def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Can
     xy, score = nms(response, level * config.weak, config.nms)
     inside = ((xy >= config.border) & (xy <= np.array(response.shape[::-1]) - 1 - config.border)).all(axis=1)
     xy, score = xy[inside], score[inside]
-    strong = score >= level
     if config.cluster is not None:
-        keep = np.ones(len(xy), bool)
-        keep[strong] = cluster_mask(xy[strong], config.cluster)
-        xy, score, strong = xy[keep], score[keep], strong[keep]
-    pitch = pitches(xy, strong)
+        keep = cluster_mask(xy, config.cluster)
+        xy, score = xy[keep], score[keep]
+    pitch = pitches(xy, score >= level * config.seed)
     fine, status = refine(grey, response, xy, config.refine, pitch)
     once = _first_of_each(fine, score)
-    found = Corners(fine[once], score[once], status[once])
-    strong, pitch = strong[once], pitch[once]
-    seen = axes(grey, found.xy, np.clip(0.35 * pitch, 3, 10))
-    order = np.lexsort((found.xy[:, 1], found.xy[:, 0], -found.response))
-    seen = Orientation(seen.axes[order], seen.contrast[order], seen.polarity[order], seen.fit[order])
-    return Candidates(replace(found.take(order), axes=seen.axes), seen, strong[order])
+    fine, score, status, pitch = fine[once], score[once], status[once], pitch[once]
+    order = np.lexsort((fine[:, 1], fine[:, 0], -score))
+    fine, score, status, pitch = fine[order], score[order], status[order], pitch[order]
+    seen = axes(grey, fine, np.clip(0.35 * pitch, 3, RING))
+    return Candidates(Corners(fine, score, status, seen.axes), seen, score >= level, score >= level * config.seed)
 
 
 def pitches(xy: Array, strong: Array) -> Array:
     """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
     if strong.sum() < 2:
         return np.full(len(xy), DEFAULT_PITCH)
-    distance = cKDTree(xy[strong]).query(xy, k=2)[0]
-    return np.asarray(np.where(distance[:, 0] > 0, distance[:, 0], distance[:, 1]))
+    distance = cKDTree(xy[strong]).query(xy, k=min(4, int(strong.sum())))[0]
+    distance = np.where(distance > SAME, distance, np.inf).min(axis=1)
+    return np.where(np.isfinite(distance), distance, DEFAULT_PITCH)
 
 
 def _first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
     keep = np.ones(len(xy), bool)
-    for i, j in sorted(cKDTree(xy).query_pairs(SAME)) if len(xy) else []:
-        if keep[i] and keep[j]:
-            keep[j if score[i] >= score[j] else i] = False
+    pairs = cKDTree(xy).query_pairs(SAME, output_type="ndarray") if len(xy) else np.zeros((0, 2), int)
+    strong, weak = np.where((score[pairs[:, 0]] >= score[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1]).T
+    for i, j in sorted(zip(strong.tolist(), weak.tolist(), strict=True), key=lambda p: (-score[p[0]], p)):
+        if keep[i]:
+            keep[j] = False
     return np.flatnonzero(keep)

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from rcdn.errors import ConfigError
+from rcdn.training.loss import LOSSES
+from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
 
 
@@ -18,8 +20,8 @@ class TrainConfig:
 
     `architecture`: a name of `net.ARCHITECTURES`; `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
     `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
-    adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay; `clip`: largest gradient norm, 0 = none;
-    `side`: px of a training window, context included; `ring`: the 8 neighbours of a corner carry no loss;
+    adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
+    `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included; `ring`: the 8 neighbours of a corner carry no loss;
     `start`: weights of another run to begin from, or ''.
     """
 
@@ -41,20 +43,47 @@ class TrainConfig:
     start: str = ""
     pool: PoolConfig = field(default_factory=PoolConfig)
 
+    def __post_init__(self) -> None:
+        for key, known in _CHOICES.items():
+            if getattr(self, key) not in known:
+                raise ConfigError(f"config: {key} must be one of {sorted(known)}, not {getattr(self, key)!r}")
+        for key, least in _LEAST.items():
+            if not getattr(self, key) >= least:
+                raise ConfigError(f"config: {key} must be at least {least}, not {getattr(self, key)!r}")
+        if not self.rate > 0 or not self.ema < 1:
+            raise ConfigError(f"config: rate must be above 0 and ema below 1, not {self.rate} and {self.ema}")
+        arch = ARCHITECTURES[self.architecture]
+        context = sum(arch.margins)
+        if not context < self.side <= self.pool.size or (self.side - context) % arch.cell:
+            raise ConfigError(
+                f"config: side must be {context} plus a multiple of {arch.cell} for architecture "
+                f"{self.architecture}, and at most pool.size = {self.pool.size}; not {self.side}"
+            )
+
+
+_CHOICES: dict[str, Any] = {
+    "architecture": ARCHITECTURES, "loss": LOSSES, "normalisation": ("minmax", "local"), "optimiser": ("sgd", "adamw"),
+}  # fmt: skip
+_LEAST = {"batch": 1, "steps": 1, "validate_every": 1, "seed": 0, "decay": 0, "clip": 0, "ema": 0}
+
 
 def read_config(path: Path) -> TrainConfig:
     """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file."""
     try:
         values = tomllib.loads(path.read_text())
-    except (OSError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(f"config: {path} can't be read: {error}") from error
     values.setdefault("name", path.stem)
-    values["pool"] = _checked(PoolConfig, values.get("pool", {}), "pool.")
+    pool = values.get("pool", {})
+    if not isinstance(pool, dict):
+        raise ConfigError(f"config: pool must be a table, [pool], not {pool!r}")
+    values["pool"] = _checked(PoolConfig, pool, "pool.")
     return _checked(TrainConfig, values, "")
 
 
 def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:
     types = {f.name: type(f.default) for f in dataclasses.fields(cls) if f.default is not dataclasses.MISSING}
+    types["name"] = str  # the one setting without a default
     known = {f.name for f in dataclasses.fields(cls)}
     for key, value in values.items():
         if key not in known:

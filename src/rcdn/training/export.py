@@ -1,12 +1,13 @@
-"""Trained weights → ONNX, with their provenance beside them. The graph is written node by node: what is in it can be read here."""
+"""Trained weights → ONNX, with their provenance beside them.
+
+The graph is written node by node: what is in it can be read here.
+"""
 
 from __future__ import annotations
 
 import datetime
 import hashlib
 import json
-import platform
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,19 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from rcdn.errors import RcdnError
+from rcdn.corners.response import ResponseModel
+from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_bytes, write_text
+from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
+from rcdn.training.machine import commit, machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, parameter_count
+from rcdn.training.validate import torch_response
+from rcdn.types import Array
 
 OPSET = 17
+PARITY = 1e-4
+"""largest difference between torch and ONNX Runtime with which weights are let out"""
 
 
 def folded(block: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +51,8 @@ def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
     for index, (block, (_, _, stride)) in enumerate(zip(net.blocks, arch.layers, strict=True)):
         for name, value in zip((f"w{index}", f"b{index}"), folded(block), strict=True):
             constants.append(numpy_helper.from_array(value, name))
-        nodes.append(helper.make_node("Conv", [last, f"w{index}", f"b{index}"], [f"c{index}"], strides=[stride, stride]))
+        inputs = [last, f"w{index}", f"b{index}"]
+        nodes.append(helper.make_node("Conv", inputs, [f"c{index}"], strides=[stride, stride]))
         last = f"c{index}"
         if index < len(arch.layers) - 1:
             nodes.append(helper.make_node("Relu", [last], [f"r{index}"]))
@@ -70,16 +79,16 @@ def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
     """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
     try:
         report = json.loads((folder / "run.json").read_text())
-        state = torch.load(folder / "last.pt", map_location="cpu", weights_only=False)
-    except OSError as error:
-        raise RcdnError(f"export: {folder} is not the folder of a finished `rcdn train`: {error}") from error
-    net = build(report["config"]["architecture"])
-    net.load_state_dict(state["ema"])
+        state = torch.load(folder / "last.pt", map_location="cpu", weights_only=True)
+        net = build(report["config"]["architecture"])
+        net.load_state_dict(state["ema"])
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        raise RcdnError(f"export: {folder} is not the folder of a run of `rcdn train`: {error}") from error
     return net.eval(), report
 
 
 def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str, Any]:
-    """What stands beside the weights: architecture, recipe, commit, seed, metrics, sha256, and what inference must know."""
+    """What stands beside the weights: architecture, recipe, commit, seed, metrics, sha256; what inference must know."""
     config = report["config"]
     arch: Architecture = ARCHITECTURES[config["architecture"]]
     return {
@@ -93,25 +102,41 @@ def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str,
         "sha256": hashlib.sha256(data).hexdigest(),
         "training": config,
         "metrics": report["metrics"],
-        "commit": _commit(),
+        "commit": report.get("commit") or commit(),
         "date": datetime.date.today().isoformat(),
-        "machine": f"{platform.machine()} {platform.system()}, torch {torch.__version__}",
+        "machine": report.get("machine") or machine(),
     }
 
 
-def _commit() -> str:
-    try:
-        done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return done.stdout.strip()
+def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | None = None) -> float:
+    """Largest difference of the responses of torch and of the ONNX file `data`, as inference runs it.
+
+    `net` in evaluation mode; `facts`: its provenance; `image` (H, W) grey: None = a rendered one of 317 × 203 px.
+    """
+    if image is None:
+        image = render(random_scene(np.random.default_rng(7), HARD, (317, 203)), samples=2)
+    config = facts["training"]
+    model = ResponseModel(data, config["normalisation"], net.architecture.margins, net.architecture.cell, facts)
+    expected = torch_response(net, image, config["loss"], config["normalisation"])
+    return float(np.abs(model(image, tile=128) - expected).max())
 
 
-def export(run: Path, target: Path) -> dict[str, Any]:
-    """Write `target` (.onnx) and its .json; returns the provenance. Raises RcdnError if `run` holds no trained network."""
+def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
+    """Write `target` (.onnx) and its .json; returns the provenance, and the largest difference of ONNX Runtime to torch.
+
+    Raises RcdnError, and writes nothing, if `run` holds no trained network or that difference is above 1e-4.
+    """
+    if target.suffix != ".onnx":
+        raise ConfigError(f"export: the name of the file must end in .onnx, not {target}")
     net, report = load_run(run)
     data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
     facts = provenance(report, net, data)
+    gap = parity(net, data, facts)
+    if not gap <= PARITY:
+        raise RcdnError(
+            f"export: ONNX Runtime and torch differ by {gap:.1e}, more than {PARITY:.0e}; nothing was written. "
+            "Check the versions of torch, onnx and onnxruntime"
+        )
     write_bytes(target, data)
     write_text(target.with_suffix(".json"), json.dumps(facts, indent=1) + "\n")
-    return facts
+    return facts, gap

@@ -6,6 +6,8 @@ import copy
 import csv
 import dataclasses
 import json
+import math
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -13,13 +15,16 @@ from typing import Any
 
 import torch
 from lightning_fabric import Fabric
-from lightning_fabric.utilities import rank_zero_only
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch.utils.tensorboard import SummaryWriter
 
-from rcdn.errors import RcdnError
+from rcdn.errors import ConfigError, RcdnError
+from rcdn.io import write_text
 from rcdn.training.config import TrainConfig
-from rcdn.training.loss import LOSSES
-from rcdn.training.net import CornerNet, build
+from rcdn.training.loss import ACTIVATION, LOSSES
+from rcdn.training.machine import commit, machine
+from rcdn.training.net import ARCHITECTURES, CornerNet, build
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
 
@@ -27,45 +32,92 @@ DEAD_AFTER, DEAD_RESPONSE = 500, 1e-3
 
 
 class DeadNetError(RcdnError):
-    """The network answers nothing at corners any more and never will: start again with another seed or `loss = "safe"`."""
+    """The network answers nothing at corners any more: start again with another seed or `loss = "safe"`."""
 
 
-def train(config: TrainConfig, runs: Path, *, overfit: int = 0, workers: int = 1, resume: bool = True, fabric: Fabric | None = None) -> Path:
-    """Train a network; returns the run's folder `runs`/`name` with `last.pt`, `metrics.csv`, `run.json` and TensorBoard events.
+def train(
+    config: TrainConfig,
+    runs: Path,
+    *,
+    overfit: int = 0,
+    workers: int = 1,
+    resume: bool = True,
+    fabric: Fabric | None = None,
+) -> Path:
+    """Train a network; returns the folder `runs`/`name`: `last.pt`, `metrics.csv`, `run.json`, TensorBoard events.
 
-    A run that was killed goes on from its last checkpoint with the batches it would have seen. `overfit`: train and validate on that many
-    crops only (sanity check: F1 must go to 1). Raises DeadNetError if the positives' mean response stays under 1e-3.
+    A run that was killed goes on from its last checkpoint with the batches it would have seen; without `resume` the
+    folder's old run is removed. `overfit`: train and validate on that many crops only, always anew, in
+    `name`-overfit (sanity check: F1 must go to 1). `workers`: processes that make batches, 0 = none.
+    Raises ConfigError if the folder holds a run of other settings, DeadNetError if the positives' mean response stays
+    under 1e-3.
     """
     fabric = fabric or Fabric(accelerator="auto", devices="auto")
-    if fabric.world_size == 1:
-        fabric.launch()
-    folder = runs / (config.name + ("-overfit" if overfit else ""))
-    folder.mkdir(parents=True, exist_ok=True)
-    pool = _pool(config, runs, fabric, overfit)
-    fabric.seed_everything(config.seed + fabric.global_rank, verbose=False)
+    fabric.launch()
+    if overfit:
+        few = dataclasses.replace(config.pool, count=min(overfit, config.pool.count))
+        config, resume = dataclasses.replace(config, name=f"{config.name}-overfit", pool=few), False
+    folder = runs / config.name
+    _check_same(config, folder, resume)
+    with fabric.rank_zero_first():  # one process renders, the others wait and then read
+        pool = make_pool(config.pool, runs, progress=lambda n, total: print(f"rendering pool: {n}/{total}", flush=True))
+    fabric.seed_everything(config.seed, verbose=False)
     net = build(config.architecture).to(memory_format=torch.channels_last)
     if config.start:
-        net.load_state_dict(torch.load(config.start, map_location="cpu", weights_only=False)["ema"])
+        net.load_state_dict(_start_weights(config.start))
     optimiser, schedule = _optimiser(net, config)
     average = copy.deepcopy(net).requires_grad_(False).eval()
     model, optimiser = fabric.setup(net, optimiser)
     average = average.to(fabric.device)
-    state: dict[str, Any] = {"model": model, "optimiser": optimiser, "schedule": schedule, "ema": average, "step": 0, "seconds": 0.0}
+    state: dict[str, Any] = {"model": model, "optimiser": optimiser, "schedule": schedule, "ema": average}
+    state |= {"step": 0, "seconds": 0.0}
     if resume and (folder / "last.pt").exists():
         fabric.load(folder / "last.pt", state)
+    fabric.barrier()
+    if fabric.is_global_zero:
+        _clear_after(state["step"], folder)
     loader = fabric.setup_dataloaders(_loader(config, pool, state["step"], workers, fabric))
     _Run(config, folder, fabric, state, pool if overfit else None).go(loader)
     return folder
 
 
-def _pool(config: TrainConfig, runs: Path, fabric: Fabric, overfit: int) -> Pool:
-    """One process renders, the others wait and then read."""
-    with fabric.rank_zero_first():
-        pool = make_pool(config.pool, runs, progress=lambda done, total: fabric.print(f"rendering pool: {done}/{total}", flush=True))
-    return Pool(pool.images[:overfit], pool.labels[:overfit]) if overfit else pool
+def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
+    """Raise ConfigError rather than go on with other settings than those that a run was begun with."""
+    if not resume or not (folder / "last.pt").exists():
+        return
+    before: dict[str, Any] = json.loads((folder / "run.json").read_text())["config"]
+    now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # changes nothing that is learnt
+    changed = [key for key in now if before.get(key, now[key]) != now[key]]
+    if changed:
+        raise ConfigError(
+            f"{folder} holds a run of other settings ({', '.join(changed)}); "
+            "give the new one another `name`, or remove the old one with --fresh"
+        )
 
 
-def _optimiser(net: CornerNet, config: TrainConfig) -> tuple[torch.optim.Optimizer, torch.optim.lr_scheduler.LRScheduler]:
+def _clear_after(step: int, folder: Path) -> None:
+    """Make room for a run that goes on from `step`: what is logged of later steps goes; of step 0, everything."""
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / "metrics.csv"
+    if step and log.exists():
+        head, *rows = log.read_text().splitlines()
+        write_text(log, "\n".join([head, *(row for row in rows if int(row.split(",")[0]) <= step)]) + "\n")
+    elif not step:
+        for path in (folder / "last.pt", folder / "run.json", log, *folder.glob("events/events.*")):
+            path.unlink(missing_ok=True)
+
+
+def _start_weights(path: str) -> dict[str, torch.Tensor]:
+    try:
+        state: dict[str, torch.Tensor] = torch.load(path, map_location="cpu", weights_only=True)["ema"]
+    except (OSError, KeyError) as error:
+        raise ConfigError(f"config: start = {path!r} is no checkpoint of `rcdn train` (last.pt): {error}") from error
+    return state
+
+
+def _optimiser(
+    net: CornerNet, config: TrainConfig
+) -> tuple[torch.optim.Optimizer, torch.optim.lr_scheduler.LRScheduler]:
     if config.optimiser == "sgd":
         sgd = torch.optim.SGD(net.parameters(), config.rate, momentum=0.9, weight_decay=config.decay)
         return sgd, torch.optim.lr_scheduler.ExponentialLR(sgd, 0.01 ** (1 / config.steps))
@@ -74,32 +126,37 @@ def _optimiser(net: CornerNet, config: TrainConfig) -> tuple[torch.optim.Optimiz
 
 
 def _loader(config: TrainConfig, pool: Pool, start: int, workers: int, fabric: Fabric) -> Any:
-    arch = build(config.architecture).architecture
-    make = partial(_numbered, pool, arch, config, fabric.global_rank)
+    make = partial(_numbered, pool, config, fabric.global_rank)
     return torch.utils.data.DataLoader(Batches(make, start, config.steps), batch_size=None, num_workers=workers)
 
 
-def _numbered(pool: Pool, arch: Any, config: TrainConfig, rank: int, step: int) -> Any:
-    return batch(pool, arch, config.side, config.batch, config.normalisation, config.ring, (config.seed, rank, step))
+def _numbered(pool: Pool, config: TrainConfig, rank: int, step: int) -> Any:
+    arch, seed = ARCHITECTURES[config.architecture], (config.seed, rank, step)
+    return batch(pool, arch, config.side, config.batch, config.normalisation, config.ring, seed)
 
 
 class _Run:
     """State of a run between steps: averages for the log, the progress bar, checkpoints."""
 
-    def __init__(self, config: TrainConfig, folder: Path, fabric: Fabric, state: dict[str, Any], overfit: Pool | None) -> None:
+    def __init__(
+        self, config: TrainConfig, folder: Path, fabric: Fabric, state: dict[str, Any], overfit: Pool | None
+    ) -> None:
         self.config, self.folder, self.fabric, self.state, self.overfit = config, folder, fabric, state, overfit
         self.loss_sum, self.positive_sum, self.count, self.silent = 0.0, 0.0, 0, 0
         self.clock = time.perf_counter()
-        self.writer: Any = None
+        self.place = {"commit": commit(), "machine": machine()}  # the code that runs, whatever is checked out later
+        self.events: Any = SummaryWriter(str(folder / "events")) if fabric.is_global_zero else None
 
     def go(self, loader: Any) -> None:
         """Train to the end."""
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, disable=not self.fabric.is_global_zero) as bar:
+        quiet = not (self.fabric.is_global_zero and sys.stderr.isatty())
+        with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
             task = bar.add_task(self.config.name, total=self.config.steps, completed=self.state["step"])
             for image, goal in loader:
                 self.step(image, goal)
-                bar.update(task, completed=self.state["step"], description=f"{self.config.name} loss {self.loss_sum / max(self.count, 1):.4f}")
+                text = f"{self.config.name} loss {self.loss_sum / self.count:.4f}"
+                bar.update(task, completed=self.state["step"], description=text)
                 if self.state["step"] % self.config.validate_every == 0 or self.state["step"] == self.config.steps:
                     self.report()
 
@@ -129,13 +186,17 @@ class _Run:
                 kept.copy_(new)
 
     def _watch(self, loss: float, z: torch.Tensor, goal: Any) -> None:
-        response = torch.relu(z) if self.config.loss != "heatmap" else torch.sigmoid(z)
-        positive = float(response[goal.positive].mean()) if bool(goal.positive.any()) else 0.0
-        self.loss_sum, self.positive_sum, self.count = self.loss_sum + loss, self.positive_sum + positive, self.count + 1
-        self.silent = self.silent + 1 if positive < DEAD_RESPONSE else 0
+        response = torch.relu(z) if ACTIVATION[self.config.loss] == "relu" else torch.sigmoid(z)
+        positive = float(response[goal.positive].mean()) if bool(goal.positive.any()) else math.nan
+        self.loss_sum += loss
+        self.positive_sum += 0.0 if math.isnan(positive) else positive
+        self.count += 1
+        self.silent = 0 if positive >= DEAD_RESPONSE else self.silent + (positive < DEAD_RESPONSE)
         if self.silent >= DEAD_AFTER:
-            raise DeadNetError(f"{self.config.name}: no response at any corner for {DEAD_AFTER} steps (loss {loss:.4f}); "
-                               'the net is dead: use another seed, or loss = "safe"')  # fmt: skip
+            raise DeadNetError(
+                f"{self.config.name}: no response at any corner for {DEAD_AFTER} steps (loss {loss:.4f}); "
+                'the net is dead: use another seed, or loss = "safe"'
+            )
 
     def report(self) -> None:
         """Validate, log, save."""
@@ -144,14 +205,13 @@ class _Run:
                "positive": round(self.positive_sum / max(self.count, 1), 4), "seconds": round(self.state["seconds"], 1)}  # fmt: skip
         if self.fabric.is_global_zero:
             row |= validate(self.state["ema"], self.config, self.overfit)
-            self._log(row)
+            self._log(row)  # before the checkpoint: a run killed in between logs this step again
         self.fabric.save(self.folder / "new.pt", self.state)
         if self.fabric.is_global_zero:
             (self.folder / "new.pt").replace(self.folder / "last.pt")
         self.fabric.barrier()
         self.loss_sum, self.positive_sum, self.count, self.clock = 0.0, 0.0, 0, time.perf_counter()
 
-    @rank_zero_only
     def _log(self, row: dict[str, Any]) -> None:
         path = self.folder / "metrics.csv"
         new = not path.exists()
@@ -160,13 +220,10 @@ class _Run:
             if new:
                 writer.writeheader()
             writer.writerow(row)
-        if self.writer is None:
-            from torch.utils.tensorboard import SummaryWriter
-
-            self.writer = SummaryWriter(str(self.folder / "events"))
         for key, value in row.items():
-            self.writer.add_scalar(key, value, row["step"])
-        self.writer.flush()
-        settings = dataclasses.asdict(self.config)
-        (self.folder / "run.json").write_text(json.dumps({"config": settings, "metrics": row}, indent=1))
+            self.events.add_scalar(key, value, row["step"])
+        self.events.flush()
+        metrics = {key: value if math.isfinite(value) else None for key, value in row.items()}  # JSON has no NaN
+        facts = {"config": dataclasses.asdict(self.config), "metrics": metrics} | self.place
+        write_text(self.folder / "run.json", json.dumps(facts, indent=1) + "\n")
         print(", ".join(f"{k} {v}" for k, v in row.items()), flush=True)

@@ -19,7 +19,7 @@ DEAD = 13.8155
 
 
 class Targets(NamedTuple):
-    """`positive` (B, h, w) bool, one pixel a corner; `weight` (B, h, w) 0 where the loss must not look; `heat` (B, h, w) in 0..1."""
+    """Maps (B, h, w): `positive` bool, one pixel a corner; `weight` 0 where the loss must not look; `heat` in 0..1."""
 
     positive: Tensor
     weight: Tensor
@@ -37,7 +37,7 @@ def _balanced(positive_terms: Tensor, negative_terms: Tensor, targets: Targets) 
 
 
 def paper(z: Tensor, targets: Targets) -> Tensor:
-    """Eq. 1 on the clipped output of Eq. 2, without its regulariser (that is the optimiser's weight decay). Can die: see `safe`."""
+    """Eq. 1 on the clipped output of Eq. 2; its regulariser is the optimiser's weight decay. Can die: see `safe`."""
     y = torch.relu(z)
     a_pos, a_neg = y.clamp(EPS, 1.0), y.clamp(0.0, 1.0 - EPS)
     return _balanced(-(1 - a_pos) * a_pos.log(), -a_neg * torch.log1p(-a_neg), targets)
@@ -61,7 +61,10 @@ def safe(z: Tensor, targets: Targets) -> Tensor:
 
 
 def squared(z: Tensor, targets: Targets) -> Tensor:
-    """MATE's one-sided squared difference, weighted by inverse class frequency (paper section 3.2)."""
+    """MATE's one-sided squared difference, weighted by inverse class frequency (paper section 3.2).
+
+    On the pre-activation: below 0, where the response is 0, a missed corner keeps its gradient.
+    """
     return _balanced((1 - z).clamp(min=0) ** 2, torch.relu(z) ** 2, targets)
 
 
@@ -72,6 +75,8 @@ def heatmap(z: Tensor, targets: Targets) -> Tensor:
     return (gap * bce * targets.weight).sum() / targets.positive.sum().clamp(min=1)
 
 
-LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {"paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap}
+LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {
+    "paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap,
+}  # fmt: skip
 ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
 """What turns z into the response once a network has been trained with a loss."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor, nn
 
 from rcdn.errors import ConfigError
@@ -14,7 +13,7 @@ from rcdn.errors import ConfigError
 class Architecture:
     """Convolutions as (kernel, channels, stride), one after the other, ReLU between them.
 
-    `cell`: side of the pixel block that one output position holds (1: a pixel a position; 4: 16 channels become 4×4 pixels).
+    `cell`: side of the pixel block of one output position (1: a pixel; 4: 16 channels become 4×4 pixels).
     `batch_norm`: after each convolution but the last; folded into it on export.
     """
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 from pathlib import Path
 
 import cv2
@@ -35,6 +37,12 @@ class PoolConfig:
     seed: int = 1
     backgrounds: str = ""
 
+    def __post_init__(self) -> None:
+        if self.ranges not in PRESETS:
+            raise ConfigError(f"config: pool.ranges must be one of {sorted(PRESETS)}, not {self.ranges!r}")
+        if min(self.count, self.size) < 1 or self.seed < 0:
+            raise ConfigError("config: pool.count and pool.size must be at least 1, and pool.seed at least 0")
+
 
 class Pool:
     """Rendered crops in memory: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded."""
@@ -56,7 +64,10 @@ def load_backgrounds(folder: str) -> list[Array]:
         scale = min(1.0, 1000 / max(image.shape))
         out.append(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
     if folder and not out:
-        raise ConfigError(f"backgrounds: no pictures in {folder!r}; leave it empty for drawn clutter only")
+        raise ConfigError(
+            f"backgrounds: no pictures in {folder!r}, seen from {os.getcwd()}; "
+            "pass --backgrounds DIR, or --backgrounds none for drawn clutter only"
+        )
     return out
 
 
@@ -73,12 +84,13 @@ def _render_chunk(config: PoolConfig, start: int, path: Path) -> Path:
     images = np.zeros((count, config.size, config.size), np.uint8)
     labels = np.full((count, MOST_LABELS, 3), np.nan, np.float32)
     for k in range(count):
-        image, label = random_crop(config.seed * 100_000_000 + start + k, config.size, PRESETS[config.ranges], _backgrounds)
+        seed = config.seed * 100_000_000 + start + k
+        image, label = random_crop(seed, config.size, PRESETS[config.ranges], _backgrounds)
         images[k] = image
         labels[k, : len(label)] = label[:MOST_LABELS]
-    part = path.with_suffix(".part.npz")
+    part = path.with_suffix(f".{os.getpid()}.part.npz")  # two trainings may render one pool
     np.savez(part, images=images, labels=labels)
-    part.rename(path)
+    part.replace(path)
     return path
 
 
@@ -88,23 +100,41 @@ def pool_folder(config: PoolConfig, root: Path) -> Path:
     return root / f"pool-{key}"
 
 
-def make_pool(config: PoolConfig, root: Path, workers: int = 2, progress: Callable[[int, int], None] | None = None) -> Pool:
-    """Render what is missing of the pool (a killed run goes on where it stopped) and load it."""
+def make_pool(
+    config: PoolConfig, root: Path, workers: int | None = None, progress: Callable[[int, int], None] | None = None
+) -> Pool:
+    """Render what is missing of the pool (a killed run goes on where it stopped) and load it.
+
+    `workers`: processes, None = one a core; the pool doesn't depend on it. `progress` gets (chunks done, all chunks).
+    Raises ConfigError if something is to be rendered and the folder of backgrounds holds no picture.
+    """
     folder = pool_folder(config, root)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "pool.json").write_text(json.dumps(dataclasses.asdict(config), indent=1))
     starts = range(0, config.count, CHUNK)
     paths = [folder / f"{s:08d}.npz" for s in starts]
     todo = [(s, p) for s, p in zip(starts, paths, strict=True) if not p.exists()]
-    if todo:
-        with ProcessPoolExecutor(max(1, workers), initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
-            jobs = [executor.submit(_render_chunk, config, s, p) for s, p in todo]
-            for done, job in enumerate(jobs, start=len(paths) - len(todo) + 1):
-                job.result()
-                if progress:
-                    progress(done, len(paths))
-    parts = [np.load(p) for p in paths]
-    return Pool(np.concatenate([p["images"] for p in parts]), np.concatenate([p["labels"] for p in parts]))
+    for done, _ in enumerate(_render(config, todo, workers), start=len(paths) - len(todo) + 1):
+        if progress:
+            progress(done, len(paths))
+    images = np.empty((config.count, config.size, config.size), np.uint8)
+    labels = np.empty((config.count, MOST_LABELS, 3), np.float32)
+    for start, path in zip(starts, paths, strict=True):  # chunk by chunk: the pool is in memory once
+        with np.load(path) as part:
+            images[start : start + CHUNK], labels[start : start + CHUNK] = part["images"], part["labels"]
+    return Pool(images, labels)
+
+
+def _render(config: PoolConfig, todo: list[tuple[int, Path]], workers: int | None) -> Iterator[Path]:
+    """Each chunk of `todo` once it is on the disk. A single one is rendered here."""
+    if not todo:
+        return
+    _backgrounds[:] = load_backgrounds(config.backgrounds)  # a wrong folder is told here, not by a dead worker
+    if len(todo) == 1 or workers == 1:
+        yield from (_render_chunk(config, start, path) for start, path in todo)
+        return
+    with ProcessPoolExecutor(workers, initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
+        yield from executor.map(_render_chunk, repeat(config), *zip(*todo, strict=True))
 
 
 def _turned(image: Array, labels: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -159,8 +189,13 @@ def targets(labels: list[Array], shape: tuple[int, int], ring: bool) -> Targets:
     return Targets(torch.from_numpy(positive), torch.from_numpy(weight), torch.from_numpy(heat))
 
 
-def batch(pool: Pool, arch: Architecture, side: int, size: int, kind: str, ring: bool, seed: tuple[int, ...]) -> tuple[Tensor, Targets]:
-    """Batch of `size` windows of `side` px: a function of its arguments alone, so that a resumed run sees what the first would have."""
+def batch(
+    pool: Pool, arch: Architecture, side: int, size: int, kind: str, ring: bool, seed: tuple[int, ...]
+) -> tuple[Tensor, Targets]:
+    """Batch of `size` windows of `side` px.
+
+    A function of its arguments alone, so that a resumed run sees what the first would have.
+    """
     rng = np.random.default_rng(seed)
     chosen = [draw(pool, int(i), side, kind, rng) for i in rng.integers(0, len(pool), size)]
     before, after = arch.margins

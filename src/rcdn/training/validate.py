@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from rcdn.config import Nms
 from rcdn.corners.nms import nms
 from rcdn.corners.normalise import normalise
-from rcdn.config import Nms
 from rcdn.metrics import best_f1, match
 from rcdn.synthetic import HARD, random_crop
 from rcdn.training.config import TrainConfig
@@ -45,16 +45,15 @@ def torch_response(net: Any, image: Array, loss: str, kind: str) -> Array:
 def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict[str, float]:
     """F1 at the best threshold, its precision and recall, that threshold, and the mean distance of peaks to the exact corners, px."""
     net.eval()
-    samples: Any = validation_set()
-    if overfit is not None:
+    samples: Any
+    if overfit is None:
+        samples = validation_set()
+    else:
         samples = [(im, lab[np.isfinite(lab[:, 0])]) for im, lab in zip(overfit.images, overfit.labels, strict=True)]
-    scores, hits, gaps, total = [], [], [], 0
-    for image, labels in samples:
-        response = torch_response(net, image, config.loss, config.normalisation)
-        s, hit, gap, n = score_crop(response, labels)
-        scores.append(s), hits.append(hit), gaps.append(gap)
-        total += n
-    return best_f1(np.concatenate(scores), np.concatenate(hits), total) | {"pixel_error": round(float(np.concatenate(gaps).mean()), 4)}
+    rows = [score_crop(torch_response(net, im, config.loss, config.normalisation), lab) for im, lab in samples]
+    scores, hits, gaps = (np.concatenate([row[k] for row in rows]) for k in range(3))
+    error = round(float(gaps.mean()), 4) if len(gaps) else float("nan")
+    return best_f1(scores, hits, sum(row[3] for row in rows)) | {"pixel_error": error}
 
 
 def score_crop(response: Array, labels: Array, least: float = 0.05) -> tuple[Array, Array, Array, int]:
@@ -77,5 +76,5 @@ def score_crop(response: Array, labels: Array, least: float = 0.05) -> tuple[Arr
     inside_hit = np.zeros(len(xy), bool)
     inside_hit[pairs[counted[pairs[:, 1]], 0]] = True
     keep = ((inside & ~hit & ~drop) | inside_hit) & ~outside_hit
-    gap = np.linalg.norm(xy[pairs[:, 0]] - corners[pairs[:, 1]], axis=1)[counted[pairs[:, 1]]] if len(pairs) else np.zeros(0)
+    gap = np.linalg.norm(xy[pairs[:, 0]] - corners[pairs[:, 1]], axis=1)[counted[pairs[:, 1]]]
     return score[keep], hit[keep], gap, int(counted.sum())

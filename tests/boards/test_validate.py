@@ -1,0 +1,162 @@
+"""Drop-only validation."""
+
+import numpy as np
+import pytest
+from board_scene import view
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rcdn.boards.graph import Field
+from rcdn.boards.local import Grid
+from rcdn.boards.validate import believable, cell_count, prune
+
+COLS, ROWS, PITCH = 7, 5, 20.0
+
+
+def lattice(cols=COLS, rows=ROWS, pitch=PITCH, spots=None):
+    """A perfect grid and its field; corner (u, v) has the number u + v · cols."""
+    ij = np.array([(u, v) for v in range(rows) for u in range(cols)], float)
+    xy = ij @ [[pitch, 0.1 * pitch], [-0.1 * pitch, pitch]] + 40
+    one = np.ones(len(xy))
+    field = Field(np.zeros((9, 9)), xy, np.zeros((len(xy), 2)), one, one.copy(), one.copy(), one.copy(), one > 0, one > 0)
+    every = {(u, v): u + v * cols for v in range(rows) for u in range(cols)}
+    return field, Grid({s: every[s] for s in (every if spots is None else spots)}, xy)
+
+
+def test_nothing_is_dropped_from_a_perfect_grid():
+    field, grid = lattice()
+    prune(grid, field)
+    assert len(grid) == COLS * ROWS
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.floats(0, 0.6), st.floats(0.2, 1), st.booleans())
+def test_prune_never_adds_or_renames(seed, scatter, share, poor):
+    rng = np.random.default_rng(seed)
+    field, grid = lattice()
+    grid.xy += rng.normal(0, scatter * PITCH, grid.xy.shape)
+    if poor:
+        field.response[:] = rng.uniform(0, 1, len(field.xy))
+    grid = Grid({s: k for s, k in grid.at.items() if rng.random() < share}, grid.xy)
+    before = dict(grid.at)
+    prune(grid, field)
+    assert grid.at.items() <= before.items()
+    held = {(u + d, v + e) for u, v in grid.at for d in (0, 1) for e in (0, 1)
+            if all((u + a, v + b) in grid.at for a in (0, 1) for b in (0, 1))}  # fmt: skip
+    assert set(grid.at) == held
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.floats(0, 0.5))
+def test_pruning_twice_is_pruning_once(seed, scatter):
+    field, grid = lattice()
+    grid.xy += np.random.default_rng(seed).normal(0, scatter * PITCH, grid.xy.shape)
+    prune(grid, field)
+    once = dict(grid.at)
+    prune(grid, field)
+    assert grid.at == once
+
+
+@pytest.mark.parametrize("spot", [(0, 0), (3, 0), (0, 2), (3, 2), (5, 3), (6, 4)])
+@pytest.mark.parametrize("angle", [0.3, 2.0, 4.4])
+def test_one_displaced_corner_goes_and_no_other(spot, angle):
+    field, grid = lattice()
+    grid.xy[grid.at[spot]] += 0.45 * PITCH * np.array([np.cos(angle), np.sin(angle)])
+    prune(grid, field)
+    assert set(range(COLS * ROWS)) - set(grid.at.values()) == {spot[0] + spot[1] * COLS}
+
+
+def test_a_small_displacement_is_no_reason():
+    field, grid = lattice()
+    grid.xy[grid.at[3, 2]] += [0.1 * PITCH, 0]
+    prune(grid, field)
+    assert len(grid) == COLS * ROWS
+
+
+def test_a_displaced_corner_of_a_picture_goes():
+    """0.25 squares off, where the graph still links it and completion would still take it."""
+    shown = view("flat")
+    moved = shown.index(3, 2)
+    (found,) = shown.found(moved={moved: (5.3, 5.3)})
+    assert len(found) == len(shown) - 1
+    assert found.size == (7, 5)
+    assert moved not in shown.number(found.xy, radius=12)
+    assert shown.wrong(found) == 0
+
+
+@pytest.mark.parametrize(("spot", "stays"), [((3, 0), False), ((0, 0), False), ((3, 2), True)])
+@pytest.mark.parametrize("how", ["response", "fit"])
+def test_rim_corners_need_looks_of_their_own(spot, stays, how):
+    field, grid = lattice()
+    getattr(field, how)[grid.at[spot]] = 0.2
+    prune(grid, field)
+    assert (spot in grid.at) == stays
+    assert len(grid) == COLS * ROWS - (not stays)
+
+
+def test_a_poor_line_on_the_rim_goes_whole():
+    field, grid = lattice()
+    field.fit[[grid.at[u, 0] for u in range(COLS)]] = 0.2
+    prune(grid, field)
+    assert {v for _, v in grid.at} == {1, 2, 3, 4}
+    assert len(grid) == COLS * (ROWS - 1)
+
+
+def test_a_shadow_is_no_reason():
+    """Contrast alone counts for at most 0.45: corners in a shadow are corners."""
+    field, grid = lattice()
+    field.contrast[[grid.at[0, v] for v in range(ROWS)]] = 0.1
+    prune(grid, field)
+    assert len(grid) == COLS * ROWS
+
+
+def test_corners_outside_whole_cells_go():
+    square = [(u, v) for v in range(3) for u in range(3)]
+    field, grid = lattice(spots=[*square, (3, 1), (4, 1)])
+    prune(grid, field)
+    assert sorted(grid.at) == sorted(square)
+
+
+def test_the_largest_part_stays():
+    """Two parts that touch at nothing: labels between them are guesses."""
+    large = [(u, v) for v in range(5) for u in range(3)]
+    small = [(u, v) for v in range(5) for u in (5, 6)]
+    field, grid = lattice(spots=large + small)
+    prune(grid, field)
+    assert sorted(grid.at) == sorted(large)
+
+
+def test_an_empty_grid():
+    field, grid = lattice(spots=[])
+    prune(grid, field)
+    assert len(grid) == 0
+    assert not believable(grid, 1)
+
+
+@pytest.mark.parametrize(
+    ("size", "pitch", "least", "answer"),
+    [
+        ((3, 3), 20, 9, True),
+        ((3, 3), 20, 10, False),
+        ((2, 5), 20, 9, True),
+        ((2, 4), 20, 4, False),  # three cells
+        ((4, 4), 5, 9, False),  # keyboards look like this
+        ((4, 5), 5, 9, True),
+        ((9, 6), 5, 9, True),
+    ],
+)
+def test_believable(size, pitch, least, answer):
+    assert believable(lattice(*size, pitch)[1], least) == answer
+
+
+def test_small_squares_must_fill_their_box():
+    field, grid = lattice(9, 6, 5.0)
+    for spot in [(0, 0), (8, 5), (0, 5), (8, 0), (1, 0), (0, 1)]:
+        del grid.at[spot]
+    assert not believable(grid, 9)
+    assert believable(lattice(9, 6, 5.0, spots=[s for s in lattice(9, 6)[1].at if s != (0, 0)])[1], 9)
+
+
+def test_cell_count():
+    assert cell_count(lattice()[1]) == (COLS - 1) * (ROWS - 1)
+    assert cell_count(lattice(spots=[(0, 0), (1, 0), (0, 1)])[1]) == 0
