@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -17,11 +18,23 @@ def _require(ok: bool, message: str) -> None:
         raise ConfigError(message)
 
 
+def _bounded(owner: object, name: str, low: float = -math.inf, high: float = math.inf, whole: bool = False) -> None:
+    """Raises ConfigError unless the setting is a finite number in [low, high]."""
+    value = getattr(owner, name)
+    ok = isinstance(value, int if whole else (int, float)) and not isinstance(value, bool)
+    kind = "a whole number" if whole else "a finite number"
+    message = f"{type(owner).__name__}.{name} must be {kind} in [{low}, {high}], not {value!r}"
+    _require(ok and math.isfinite(value) and low <= value <= high, message)
+
+
 @dataclass(frozen=True)
 class Adaptive:
     """Mean of the responses above `level` (paper section 3.3)."""
 
     level: float = 0.5
+
+    def __post_init__(self) -> None:
+        _bounded(self, "level")
 
 
 @dataclass(frozen=True)
@@ -30,12 +43,18 @@ class Fixed:
 
     value: float = 0.5
 
+    def __post_init__(self) -> None:
+        _bounded(self, "value")
+
 
 @dataclass(frozen=True)
 class Std:
     """Mean plus `factor` standard deviations of the whole map (paper Eq. 3)."""
 
     factor: float = 0.8
+
+    def __post_init__(self) -> None:
+        _bounded(self, "factor")
 
 
 @dataclass(frozen=True)
@@ -44,30 +63,46 @@ class MaxFraction:
 
     fraction: float = 0.41
 
+    def __post_init__(self) -> None:
+        _bounded(self, "fraction", 0.01, 1)
+
 
 Threshold = Adaptive | Fixed | Std | MaxFraction
 
 
 @dataclass(frozen=True)
 class Nms:
-    """Greedy suppression of equal boxes. `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes."""
+    """Greedy suppression of equal boxes.
+
+    `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes.
+    """
 
     box: int = 9
     overlap: float = 0.5
 
     def __post_init__(self) -> None:
-        _require(self.box >= 1 and self.box % 2 == 1, f"Nms.box must be odd and at least 1, not {self.box}")
+        _bounded(self, "box", 1, whole=True)
+        _require(self.box % 2 == 1, f"Nms.box must be odd, not {self.box}")
+        _bounded(self, "overlap")
         _require(0 < self.overlap < 1, f"Nms.overlap must lie in (0, 1), not {self.overlap}")
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """k-means++ on the positions; clusters of at most `drop` corners go; skipped below `least` corners (paper section 3.3)."""
+    """k-means++ on the positions (paper section 3.3).
+
+    Clusters of at most `drop` corners go; skipped below `least` corners.
+    """
 
     k: int = 10
     drop: int = 2
     least: int = 30
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        _bounded(self, "k", 1, whole=True)
+        for name in ("drop", "least", "seed"):
+            _bounded(self, name, 0, whole=True)
 
 
 @dataclass(frozen=True)
@@ -78,8 +113,10 @@ class Refine:
     half: int | None = None
 
     def __post_init__(self) -> None:
-        _require(self.method in get_args(RefineMethod), f"Refine.method must be one of {get_args(RefineMethod)}, not {self.method!r}")
-        _require(self.half is None or self.half >= 1, f"Refine.half must be at least 1 or None, not {self.half}")
+        known = get_args(RefineMethod)
+        _require(self.method in known, f"Refine.method must be one of {known}, not {self.method!r}")
+        if self.half is not None:
+            _bounded(self, "half", 1, whole=True)
 
 
 @dataclass(frozen=True)
@@ -87,8 +124,8 @@ class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
-    `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their response);
-    `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
+    `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their
+    response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
     """
@@ -103,6 +140,23 @@ class DetectorConfig:
     weak: float = 0.15
     min_corners: int = 9
     threads: int = 0
+
+    def __post_init__(self) -> None:
+        kinds = (
+            ("model", str),
+            ("threshold", Threshold),
+            ("nms", Nms),
+            ("cluster", Cluster | None),
+            ("refine", Refine),
+        )
+        for name, kind in kinds:
+            value = getattr(self, name)
+            _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {value!r}")
+        _bounded(self, "border", 0)
+        _bounded(self, "seed", 0.01, 1)
+        _bounded(self, "weak", 0.01, 1)
+        _bounded(self, "min_corners", 1, whole=True)
+        _bounded(self, "threads", 0, whole=True)
 
     @classmethod
     def auto(cls, **changes: Any) -> DetectorConfig:
@@ -130,8 +184,12 @@ class DetectorConfig:
 
     @classmethod
     def from_json(cls, text: str) -> DetectorConfig:
-        """Read what `to_json` wrote. Unknown keys raise ConfigError."""
-        value = _from_plain(json.loads(text))
+        """Read what `to_json` wrote. Unknown keys, bad values and anything that isn't JSON raise ConfigError."""
+        try:
+            plain = json.loads(text)
+        except ValueError as error:
+            raise ConfigError(f"config: this is not JSON: {error}") from error
+        value = _from_plain(plain)
         _require(isinstance(value, cls), f"expected a DetectorConfig, not {type(value).__name__}")
         return value
 
@@ -150,7 +208,7 @@ def _from_plain(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     name = value.get("type")
-    _require(name in _PAYLOADS, f"config: unknown type {name!r}; known: {sorted(_PAYLOADS)}")
+    _require(isinstance(name, str) and name in _PAYLOADS, f"config: unknown type {name!r}; known: {sorted(_PAYLOADS)}")
     cls = _PAYLOADS[str(name)]
     known = {f.name for f in dataclasses.fields(cls)}
     unknown = sorted(set(value) - known - {"type"})

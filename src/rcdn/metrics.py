@@ -18,16 +18,21 @@ def match(found: Array, truth: Array, radius: float) -> tuple[Array, Array]:
         return np.zeros((0, 2), int), np.zeros(0)
     near = cKDTree(found).sparse_distance_matrix(cKDTree(truth), radius, output_type="coo_matrix")
     order = np.lexsort((near.col, near.row, near.data))
-    used_f, used_t, pairs, gaps = set(), set(), [], []
+    used_f: set[int] = set()
+    used_t: set[int] = set()
+    pairs, gaps = [], []
     for k in order:
         i, j, d = int(near.row[k]), int(near.col[k]), float(near.data[k])
         if i not in used_f and j not in used_t and d < radius:
-            used_f.add(i), used_t.add(j), pairs.append((i, j)), gaps.append(d)
+            used_f.add(i)
+            used_t.add(j)
+            pairs.append((i, j))
+            gaps.append(d)
     return np.array(pairs, int).reshape(-1, 2), np.array(gaps)
 
 
 def nearest(found: Array, truth: Array, radius: float) -> Array:
-    """The paper's reading of a true corner: (N,) True where some truth lies closer than `radius` px; a duplicate counts as true."""
+    """(N,) True where some truth lies closer than `radius` px: by the paper's reading a duplicate counts as true."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):
         return np.zeros(len(found), bool)
@@ -42,13 +47,19 @@ def precision_recall(scores: Array, hits: Array, total: int) -> tuple[Array, Arr
 
 
 def best_f1(scores: Array, hits: Array, total: int) -> dict[str, float]:
-    """`f1`, `precision`, `recall` at the threshold `threshold` with the largest F1, and average precision `ap`."""
+    """`f1`, `precision`, `recall` at the threshold `threshold` with the largest F1, and average precision `ap`.
+
+    Detections of one score come and go together: no threshold parts them.
+    """
     if not len(scores):
         return {"f1": 0.0, "precision": 0.0, "recall": 0.0, "threshold": 0.0, "ap": 0.0}
     precision, recall = precision_recall(scores, hits, total)
+    falling = np.sort(scores)[::-1]
+    last = np.append(falling[1:] < falling[:-1], True)
+    precision, recall, falling = precision[last], recall[last], falling[last]
     f1 = 2 * precision * recall / np.maximum(precision + recall, 1e-12)
     k = int(np.argmax(f1))
     envelope = np.maximum.accumulate(precision[::-1])[::-1]
     ap = float(np.sum(np.diff(np.concatenate([[0.0], recall])) * envelope))
-    values = {"f1": f1[k], "precision": precision[k], "recall": recall[k], "threshold": np.sort(scores)[::-1][k], "ap": ap}
+    values = {"f1": f1[k], "precision": precision[k], "recall": recall[k], "threshold": falling[k], "ap": ap}
     return {name: round(float(v), 4) for name, v in values.items()}

@@ -65,7 +65,7 @@ class View:
         extra = np.zeros((0, 2)) if extra is None else np.asarray(extra, float).reshape(-1, 2)
         strong = np.ones(len(xy) + len(extra), bool)
         strong[list(weak)] = False
-        score = np.where(strong, 0.9, 0.2) + rng.uniform(0, 0.05, len(strong)) if response is None else response
+        score = np.where(strong, 0.9, 0.5) + rng.uniform(0, 0.05, len(strong)) if response is None else response
         keep = np.delete(np.arange(len(strong)), list(without))
         return candidates(self.grey, np.concatenate([xy, extra])[keep], score[keep], strong[keep])
 
@@ -102,7 +102,11 @@ class View:
         number = self.number(found.xy)
         spurious = int((number < 0).sum())
         number, ij = number[number >= 0], found.ij[number >= 0]
-        return spurious + len(number) - max((self._agree(number, ij, k, n) for k in range(4) for n in range(len(self.sizes))), default=0)
+        return (
+            spurious
+            + len(number)
+            - max((self._agree(number, ij, k, n) for k in range(4) for n in range(len(self.sizes))), default=0)
+        )
 
     def _agree(self, number, ij, quarters, board):
         mine = self.board[number] == board
@@ -125,9 +129,18 @@ def candidates(grey, xy, response, strong):
     pitch = np.where(near[:, 0] > 0, near[:, 0], near[:, 1])
     seen = axes(grey, xy, np.clip(0.35 * pitch, 3, 10))
     order = np.lexsort((xy[:, 1], xy[:, 0], -response))
-    seen = replace(seen, axes=seen.axes[order], contrast=seen.contrast[order], polarity=seen.polarity[order], fit=seen.fit[order])
+    seen = replace(
+        seen, axes=seen.axes[order], contrast=seen.contrast[order], polarity=seen.polarity[order], fit=seen.fit[order]
+    )
     all_ = Corners(xy[order], response[order], np.zeros(len(xy)), seen.axes)
     return Candidates(all_, seen, sure=strong[order], seed=strong[order])
+
+
+def clutter(shown, count, seed, apart=5.0):
+    """Random points (≤ count, 2) that are no corner of the view: `apart` px and more from each."""
+    points = np.random.default_rng(seed).uniform(4, np.array(SIZE) - 5, (count, 2))
+    known = np.concatenate([shown.xy, shown.doubtful])
+    return points[cKDTree(known).query(points)[0] > apart] if len(known) else points
 
 
 def right_handed(found):
@@ -136,13 +149,22 @@ def right_handed(found):
     return bool(np.linalg.det(A[:2]) > 0)
 
 
+WIDE = {"cols": 9, "rows": 6}
 VIEWS = {
     "flat": {"tilt": 0, "roll": 0, "noise": 0},
     "tilted": {"tilt": 55, "roll": 25, "lean": 70, "pitch": 34},
     "noisy": {"tilt": 30, "noise": 20},
-    "small": {"cols": 9, "rows": 6, "pitch": 11, "tilt": 20},
-    "barrel": {"cols": 9, "rows": 6, "pitch": 44, "tilt": 25, "model": "brown", "distortion": (-0.35, 0.08, 0, 0, 0)},
-    "fisheye": {"cols": 9, "rows": 6, "pitch": 48, "tilt": 30, "focal": 170, "model": "fisheye", "distortion": (0.03, 0, 0, 0)},
+    "small": WIDE | {"pitch": 11, "tilt": 20},
+    "barrel": WIDE | {"pitch": 44, "tilt": 25, "model": "brown", "distortion": (-0.35, 0.08, 0, 0, 0)},
+    "fisheye": {
+        "cols": 9,
+        "rows": 6,
+        "pitch": 48,
+        "tilt": 30,
+        "focal": 170,
+        "model": "fisheye",
+        "distortion": (0.03, 0, 0, 0),
+    },
     "cylinder": {"bend": Bend(curvature=0.12, angle=0.5), "tilt": 25},
     "wave": {"bend": Bend(amplitude=0.3, period=7, angle=1.0), "tilt": 15, "pitch": 36},
     "negative": {"swap": True, "tilt": 35, "roll": 200},

@@ -1,26 +1,22 @@
 """Recovery as a whole: no corner may ever have a wrong label."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from board_scene import SIZE, VIEWS, View, board, candidates, right_handed, scene, view
+from board_scene import SIZE, VIEWS, View, board, candidates, clutter, right_handed, scene, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
 from rcdn.boards import find_boards
+from rcdn.geometry import apply_homography, homography
 from rcdn.synthetic import Cover, Ranges, random_scene
+from rcdn.synthetic.degrade import signed_distance
 
 ANY = Ranges(
     pitch=(14, 45), cells=(3, 10), tilt=65, fisheye_p=0.3, distortion=0.35, bend_p=0.25, cover_p=0.3, bleed_p=0.2,
     light=1.2, several_p=0.15, whole=False, invert_p=0.3,
 )  # fmt: skip
-
-
-def clutter(shown, count, seed, apart=5.0):
-    """Random points (≤ count, 2) that are no corner of the view: `apart` px and more from each."""
-    points = np.random.default_rng(seed).uniform(4, np.array(SIZE) - 5, (count, 2))
-    known = np.concatenate([shown.xy, shown.doubtful])
-    return points[cKDTree(known).query(points)[0] > apart] if len(known) else points
 
 
 @pytest.mark.parametrize("start", range(0, 72, 12))
@@ -36,7 +32,7 @@ def test_no_wrong_label_on_random_scenes(start):
             assert sum(map(shown.wrong, found)) == 0, f"scene {seed}"
             assert all(map(right_handed, found)), f"scene {seed}"
         seen, recovered = seen + len(shown), recovered + sum(map(len, found))
-    assert recovered > 0.85 * seen
+    assert recovered > 0.8 * seen
 
 
 @pytest.mark.parametrize("name", VIEWS)
@@ -60,30 +56,20 @@ def test_false_corners_never_enter(seed, name, count):
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.4, 1.5])
-@pytest.mark.parametrize("name", ["flat", "tilted", "barrel"])
+@pytest.mark.parametrize("name", ["flat", "tilted", "noisy"])
 def test_the_outer_rim_of_the_print_never_enters(name, margin):
     """T-junctions lie exactly where the next corners would: as candidates they have all that the lattice asks for."""
     shown = view(name, margin=margin)
-    if name == "barrel":
-        pytest.skip("outer points by homography are for flat boards")
-    H = np.linalg.lstsq(*_dlt(shown.ij, shown.xy), rcond=None)[0]
+    H = homography(shown.ij, shown.xy)
     cols, rows = shown.sizes[0]
-    rim = np.array([(i, j) for j in range(-1, rows + 1) for i in range(-1, cols + 1) if i in (-1, cols) or j in (-1, rows)])
-    p = np.column_stack([rim, np.ones(len(rim))]) @ np.append(H, 1).reshape(3, 3).T
-    extra = p[:, :2] / p[:, 2:]
+    rim = np.array(
+        [(i, j) for j in range(-1, rows + 1) for i in range(-1, cols + 1) if i in (-1, cols) or j in (-1, rows)]
+    )
+    extra = apply_homography(H, rim)
     inside = ((extra > 4) & (extra < np.array(SIZE) - 5)).all(axis=1)
     (found,) = shown.found(extra=extra[inside])
     assert shown.wrong(found) == 0
     assert len(found) == len(shown)
-
-
-def _dlt(ij, xy):
-    (u, v), (x, y), one, zero = ij.T, xy.T, np.ones(len(ij)), np.zeros(len(ij))
-    A = np.concatenate([
-        np.stack([u, v, one, zero, zero, zero, -x * u, -x * v], axis=1),
-        np.stack([zero, zero, zero, u, v, one, -y * u, -y * v], axis=1),
-    ])  # fmt: skip
-    return A, np.concatenate([x, y])
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -123,22 +109,49 @@ def test_boards_come_largest_first():
 def test_a_covered_quadrant_costs_only_its_own_corners(quadrant):
     middle = np.array(SIZE) / 2
     far = middle + np.array(quadrant) * 150
-    cover = Cover(float(middle[0]), float((middle[1] + far[1]) / 2), float(far[0]), float((middle[1] + far[1]) / 2), 75.0, 0.6, True)
+    cover = Cover(
+        float(middle[0]),
+        float((middle[1] + far[1]) / 2),
+        float(far[0]),
+        float((middle[1] + far[1]) / 2),
+        75.0,
+        0.6,
+        True,
+    )
     shown = View(scene(9, 7, 26, 4, 15, covers=(cover,)))
     (found,) = shown.found()
-    assert len(shown) < 63 - 10
-    assert len(found) == len(shown)
+    away = np.flatnonzero(signed_distance(cover, *shown.xy.T) > 12)  # nearer, the rings around a corner see the cover
+    assert 35 < len(away) < 50
+    assert set(away) <= set(shown.number(found.xy))
     assert found.size == (9, 7)
     assert shown.wrong(found) == 0
 
 
-def test_a_strip_across_leaves_one_board_or_parts_of_it():
-    """What lies behind a covered column can't be counted: parts must not be joined with wrong labels."""
-    cover = Cover(240.0, 0.0, 240.0, 360.0, 40.0, 0.6, True)
+@pytest.mark.parametrize("width", [10, 30, 60, 90])
+def test_a_strip_across_leaves_one_board_or_parts_of_it(width):
+    """Columns behind a strip must be counted rightly, or the parts be left apart."""
+    cover = Cover(240.0, 0.0, 240.0, 360.0, width / 2, 0.6, square=True)
     shown = View(scene(12, 6, 26, 0, 10, covers=(cover,)))
     found = shown.found()
     assert sum(map(shown.wrong, found)) == 0
-    assert sum(map(len, found)) == len(shown)
+    assert sum(map(len, found)) >= 0.9 * len(shown)
+
+
+def strip_scene(seed):
+    """A random scene, often with several boards, behind a strip across the frame."""
+    rng = np.random.default_rng(seed)
+    plain = random_scene(rng, replace(ANY, cover_p=0, several_p=0.25), SIZE)
+    angle, (x, y) = rng.uniform(0, np.pi), rng.uniform([150, 120], [330, 240]).tolist()
+    dx, dy = float(400 * np.cos(angle)), float(400 * np.sin(angle))
+    half, value = float(rng.uniform(5, 35)), float(rng.uniform(0, 1))
+    return replace(plain, covers=(Cover(x - dx, y - dy, x + dx, y + dy, half, value, square=True),))
+
+
+@pytest.mark.parametrize("seed", [120, 239, 246, *range(100, 112)])
+def test_parts_of_different_boards_are_never_joined(seed):
+    shown = View(strip_scene(seed))
+    for without in ((), np.flatnonzero(np.random.default_rng(seed).random(len(shown)) < 0.2)):
+        assert sum(map(shown.wrong, shown.found(without=without))) == 0
 
 
 def test_the_least_number_of_corners():

@@ -145,4 +145,4 @@ def test_edge_contrast_of_very_many_links():
     grey = np.zeros((40, 60), np.uint8)
     grey[20:] = 100
     start = np.tile([[10.0, 19.5]], (5000, 1))
-    assert edge_contrast(grey, start, start + [20, 0]).min() > 99
+    assert edge_contrast(grey, start, start + np.array([20, 0])).min() > 99

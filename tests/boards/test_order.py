@@ -83,7 +83,9 @@ def test_a_part_follows_the_rule_for_its_box(without):
     """What was seen of an 8×5 board: 7×5 is ambiguous, 8×4 too, a missing corner changes nothing."""
     for roll in ROLLS:
         shown = view(cols=8, rows=5, roll=roll)
-        gone = {"column": shown.ij[:, 0] == 0, "row": shown.ij[:, 1] == 0, "corner": (shown.ij == 0).all(axis=1)}[without]
+        gone = {"column": shown.ij[:, 0] == 0, "row": shown.ij[:, 1] == 0, "corner": (shown.ij == 0).all(axis=1)}[
+            without
+        ]
         (found,) = shown.found(without=np.flatnonzero(gone))
         assert len(found) == (~gone).sum()
         assert (found.ij.min(axis=0) == 0).all()

@@ -32,7 +32,7 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
         return
     refused: set[tuple[Label, int]] = set()
     quality = field.quality
-    able = field.refined & (quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())])))
+    able = (field.refined | field.strong) & (quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())])))
     for _ in range(ROUNDS):
         index = np.flatnonzero(free & able)
         if not len(index):

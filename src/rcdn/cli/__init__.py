@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import board, detect
+from rcdn.cli import board, detect, evaluate, export, render, train
 from rcdn.cli._group import Group
 
 app = typer.Typer(
@@ -48,6 +48,10 @@ def rcdn(
 
 app.command("detect")(detect.detect)
 app.command("board")(board.board)
+app.command("render")(render.render)
+app.command("train")(train.train)
+app.command("export")(export.export)
+app.add_typer(evaluate.app, name="evaluate")
 
 
 def main() -> None:

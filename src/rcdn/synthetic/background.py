@@ -1,4 +1,4 @@
-"""What stands behind the boards: textures and clutter that look like boards to a careless detector, but hold no X-corner."""
+"""What stands behind the boards: textures and clutter that look like boards to a careless detector, but are none."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ KINDS = ("plain", "noise", "shapes", "text", "tiles", "blocks")
 
 
 def paint(spec: Background, width: int, height: int, images: Sequence[Array] = ()) -> Array:
-    """Reflectance (height, width) float32 in 0..1. `images`: the caller's grey pictures for kind `image` (none: noise)."""
+    """Reflectance (height, width) float32 in 0..1. `images`: grey pictures for kind `image` (none: noise)."""
     rng = np.random.default_rng(spec.seed)
     if spec.kind == "image" and len(images):
         return _crop(images[spec.image % len(images)], width, height, rng)
-    base = _octaves(rng, width, height) if spec.kind != "plain" else np.full((height, width), rng.uniform(0.05, 0.95), F32)
+    if spec.kind == "plain":
+        return np.full((height, width), rng.uniform(0.05, 0.95), F32)
+    base = _octaves(rng, width, height)
     draw = {"shapes": _shapes, "text": _text, "tiles": _tiles, "blocks": _blocks}.get(spec.kind)
     if draw is None:
         return base
@@ -34,7 +36,8 @@ def _crop(image: Array, width: int, height: int, rng: np.random.Generator) -> Ar
     scale = max(least, float(np.exp(rng.uniform(np.log(0.3), np.log(1.5)))))
     cw, ch = min(w, round(width / scale)), min(h, round(height / scale))
     x, y = int(rng.integers(0, w - cw + 1)), int(rng.integers(0, h - ch + 1))
-    part = cv2.resize(image[y : y + ch, x : x + cw], (width, height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    method = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    part = cv2.resize(image[y : y + ch, x : x + cw], (width, height), interpolation=method)
     if rng.random() < 0.5:
         part = part[:, ::-1]
     return np.asarray(part.astype(F32) / 255)
@@ -78,21 +81,27 @@ def _text(canvas: Array, rng: np.random.Generator) -> None:
     for _ in range(int(rng.integers(2, 12))):
         word = "".join(rng.choice(list(letters), int(rng.integers(2, 12))))
         scale = float(rng.uniform(0.3, 2.0))
-        cv2.putText(canvas, word, _point(rng, canvas), int(rng.integers(0, 8)), scale, _grey(rng), int(rng.integers(1, 4)), cv2.LINE_AA)
+        at, font, grey, thick = _point(rng, canvas), int(rng.integers(0, 8)), _grey(rng), int(rng.integers(1, 4))
+        cv2.putText(canvas, word, at, font, scale, grey, thick, cv2.LINE_AA)
 
 
 def _tiles(canvas: Array, rng: np.random.Generator) -> None:
-    """Bricks, window panes, shelves, stripes, keyboards: lattices whose crossings are T, + and L, not X."""
+    """Bricks, window panes, shelves, stripes, keyboards: lattices whose crossings are T, + and L, not X.
+
+    Tiles vary by row plus column, which never makes a saddle, and joints are narrow: wide ones between staggered tiles are a checkerboard.
+    """
     h, w = canvas.shape
-    step, gap = int(rng.integers(6, 50)), int(rng.integers(1, 6))
+    step = int(rng.integers(6, 50))
+    gap = int(rng.integers(1, max(2, min(6, step // 4))))
     tall = int(step * rng.uniform(0.4, 1.6)) + 2
     shift = int(rng.choice([0, step // 2, step // 3]))
     one, joint, spread = _grey(rng), _grey(rng), int(rng.integers(0, 60))
     layer = np.full((2 * h, 2 * w), joint, np.uint8)
     stripes = rng.random() < 0.2
+    by_row, by_column = rng.integers(-spread // 2, spread // 2 + 1, (2, 4 * max(h, w)))
     for row, y in enumerate(range(0, 2 * h, tall)):
-        for x in range(-step + (row % 2) * shift, 2 * w, step):
-            grey = int(np.clip(one + rng.integers(-spread, spread + 1), 0, 255))
+        for column, x in enumerate(range(-step + (row % 2) * shift, 2 * w, step)):
+            grey = int(np.clip(one + by_row[row] + by_column[column], 0, 255))
             cv2.rectangle(layer, (x, y), (x + step - gap, y + tall - (0 if stripes else gap)), grey, -1)
     turn = cv2.getRotationMatrix2D((w, h), float(rng.uniform(0, 360)), float(rng.uniform(0.7, 1.4)))
     turn[:, 2] -= [w / 2, h / 2]

@@ -13,7 +13,9 @@ from rcdn.synthetic.scene import Scene
 from rcdn.types import Array
 
 
-def random_crop(seed: int, size: int = 112, ranges: Ranges = TRAINING, images: Sequence[Array] = ()) -> tuple[Array, Array]:
+def random_crop(
+    seed: int, size: int = 112, ranges: Ranges = TRAINING, images: Sequence[Array] = ()
+) -> tuple[Array, Array]:
     """Picture (size, size) uint8 and labels (N, 3) of one crop; the same seed gives the same crop.
 
     Labels are x, y in the crop and a kind: 1 a corner that is plainly there, 0 one to be neither demanded nor forbidden

@@ -57,16 +57,18 @@ def motion_kernel(length: float, angle: float) -> Array:
     """Normalised straight stroke of `length` px, centred."""
     n = int(np.ceil(length / 2)) + 1
     y, x = np.mgrid[-n : n + 1, -n : n + 1]
-    stroke = Cover(-np.cos(angle) * length / 2, -np.sin(angle) * length / 2, np.cos(angle) * length / 2, np.sin(angle) * length / 2, 0.5)
+    dx, dy = np.cos(angle) * length / 2, np.sin(angle) * length / 2
+    stroke = Cover(-dx, -dy, dx, dy, 0.5)
     k = np.clip(0.5 - signed_distance(stroke, x, y), 0, 1).astype(F32)
     return np.asarray(k / k.sum())
 
 
 def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array) -> Array:
-    """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told at all once optics and noise have had their way, (N,) bool.
+    """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told after optics and noise, (N,) bool.
 
-    The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure: σ·sqrt(√π·blur / L) / C ≤ 0.6 px,
-    with L the edge that a corner has to itself (`pitch` (N,), at most 15 px), and C at least 6 grey levels.
+    The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure:
+    σ·sqrt(√π·blur / L) / C ≤ 0.6 px, with L the edge that a corner has to itself (`pitch` (N,), at most 15 px), and
+    C at least 6 grey levels.
     """
     clean = expose(image, replace(sensor, noise=0.0, shot=0.0, jpeg=0), np.random.default_rng(0))
     box = np.ones((11, 11), np.uint8)
@@ -81,18 +83,20 @@ def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array) -> Array:
 
 def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
     """Irradiance (H, W) float32 to grey levels (H, W) uint8."""
+    border = cv2.BORDER_REFLECT_101
     if sensor.blur > 0:
-        image = cv2.GaussianBlur(image, (0, 0), sensor.blur, borderType=cv2.BORDER_REFLECT_101)
+        image = cv2.GaussianBlur(image, (0, 0), sensor.blur, borderType=border)
     if sensor.disk > 0:
-        image = cv2.filter2D(image, -1, disk_kernel(sensor.disk), borderType=cv2.BORDER_REFLECT_101)
+        image = cv2.filter2D(image, -1, disk_kernel(sensor.disk), borderType=border)
     if sensor.motion > 0:
-        image = cv2.filter2D(image, -1, motion_kernel(sensor.motion, sensor.motion_angle), borderType=cv2.BORDER_REFLECT_101)
+        image = cv2.filter2D(image, -1, motion_kernel(sensor.motion, sensor.motion_angle), borderType=border)
     image = np.clip(F32(sensor.offset) + F32(sensor.gain) * image, 0, 1)
     if sensor.gamma != 1:
         image = image ** F32(sensor.gamma)
-    grey = image * F32(255)
+    grey: Array = image * F32(255)
     if sensor.noise or sensor.shot:
-        sigma = np.sqrt(F32(sensor.noise) ** 2 + F32(sensor.shot) ** 2 * grey / 255) if sensor.shot else F32(sensor.noise)
+        flat, shot = F32(sensor.noise), F32(sensor.shot)
+        sigma = np.sqrt(flat**2 + shot**2 * grey / 255) if sensor.shot else flat
         grey = grey + sigma * rng.standard_normal(grey.shape, dtype=F32)
     if sensor.smooth > 0:
         grey = cv2.GaussianBlur(grey, (0, 0), sensor.smooth)
@@ -101,6 +105,7 @@ def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
     if sensor.invert:
         grey = F32(255) - grey
     out = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
-    if sensor.jpeg:
-        out = cv2.imdecode(cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg])[1], cv2.IMREAD_GRAYSCALE)
-    return np.asarray(out)
+    if not sensor.jpeg:
+        return out
+    code = cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg])[1]
+    return np.asarray(cv2.imdecode(code, cv2.IMREAD_GRAYSCALE))

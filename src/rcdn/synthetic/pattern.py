@@ -29,9 +29,13 @@ def _inside(u: Array, width: Array, low: float, high: float) -> Array:
 
 
 def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array) -> tuple[Array, Array]:
-    """Reflectance and coverage (0..1) of the sheet. `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and footprints, squares."""
-    odd_u, odd_v = _pulse(u, wu, 1 - 2 * spec.bleed), _pulse(v, wv, 1 - 2 * spec.bleed)
-    even_u, even_v = _pulse(u + 1, wu, 1 - 2 * spec.bleed), _pulse(v + 1, wv, 1 - 2 * spec.bleed)
+    """Reflectance and coverage (0..1) of the sheet.
+
+    `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and footprints, squares.
+    """
+    duty = 1 - 2 * spec.bleed
+    odd_u, odd_v = _pulse(u, wu, duty), _pulse(v, wv, duty)
+    even_u, even_v = _pulse(u + 1, wu, duty), _pulse(v + 1, wv, duty)
     dark = np.clip(odd_u * odd_v + even_u * even_v, 0, 1)
     if spec.swap:
         dark = np.clip(odd_u * even_v + even_u * odd_v, 0, 1)
@@ -54,7 +58,8 @@ def _markers(spec: BoardSpec, value: Array, u: Array, v: Array, dark: Array) -> 
     bu, bv = np.floor((fu - 0.15) / 0.7 * n).astype(np.int64), np.floor((fv - 0.15) / 0.7 * n).astype(np.int64)
     inside = (bu >= 0) & (bu < n) & (bv >= 0) & (bv < n) & (dark < 0.5)
     frame = (bu == 0) | (bu == n - 1) | (bv == 0) | (bv == n - 1)
-    key = (np.floor(u).astype(np.int64) * 73856093) ^ (np.floor(v).astype(np.int64) * 19349663) ^ (bu * 83492791) ^ (bv * 49979693)
+    iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+    key = (iu * 73856093) ^ (iv * 19349663) ^ (bu * 83492791) ^ (bv * 49979693)
     bit = ((key * 2654435761) >> 13) & 1
     ink = inside & (frame | (bit == 0))
     return np.where(ink, F32(spec.black), value)

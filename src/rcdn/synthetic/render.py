@@ -1,4 +1,4 @@
-"""Scene → picture and exact truth. Analytic: every pixel asks which point of which sheet it sees; no texture is ever warped."""
+"""Scene → picture and exact truth. Analytic: every pixel asks what point of which sheet it sees."""
 
 from __future__ import annotations
 
@@ -22,8 +22,13 @@ LEAST_PITCH = 4.0
 def render(scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()) -> Array:
     """The picture of a scene, (H, W) uint8.
 
-    `window` (x, y, width, height) renders that part of the frame only; `samples`² sub-samples a pixel, each low-passed over
-    its own footprint; `images`: grey pictures for backgrounds of kind `image`. The same arguments give the same bytes.
+    `window` (x, y, width, height) renders that part of the frame only; `samples`² sub-samples a pixel, each low-passed
+    over its own footprint; `images`: grey pictures for backgrounds of kind `image`. The same arguments give the same
+    bytes.
+
+    A window is not quite the crop of the whole: its noise and its background (but a plain one) are drawn for its own
+    size, blurs reflect at its rim, and within a pixel of the rim the footprints are one-sided differences. Boards,
+    covers, light and truth are the same.
     """
     return expose(irradiance(scene, window, samples, images), scene.sensor, np.random.default_rng(scene.seed))
 

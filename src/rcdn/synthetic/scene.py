@@ -1,7 +1,8 @@
-"""What a rendered picture consists of: plain values that go to JSON and back, so that any picture can be rendered again.
+"""What a rendered picture consists of: plain values that go to JSON and back, so that it can be rendered again.
 
 Lengths on a board are in squares: inner corner (i, j) lies at (i, j); its z axis points away from the camera.
-Lengths in the picture are in px; grey values and reflectances lie in 0..1 until the sensor, noise in grey levels of 255.
+Lengths in the picture are in px; grey values and reflectances lie in 0..1 until the sensor, noise in grey levels
+of 255.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ from rcdn.types import Array, Camera, CameraModel
 
 @dataclass(frozen=True)
 class Bend:
-    """Height of the sheet over its plane: ½·curvature·s² + amplitude·sin(2πs/period + phase), s along `angle` from the centre."""
+    """Height of the sheet over its plane, ½·curvature·s² + amplitude·sin(2πs/period + phase).
+
+    s runs along `angle` from the centre.
+    """
 
     curvature: float = 0.0
     amplitude: float = 0.0
@@ -32,8 +36,10 @@ class Bend:
 class BoardSpec:
     """One board: `cols` × `rows` inner corners, pose (Rodrigues vector, translation in squares) and print.
 
-    `margin`: quiet zone, squares, of reflectance `margin_value`; `bleed`: how far white runs into black (negative: black into
-    white), squares; `painted`: squares (i, j, value) painted over; `coded`: bits per side of the marker in white squares, 0 = none.
+    `margin`: quiet zone, squares, of reflectance `margin_value`; the square between corners (0, 0) and (1, 1) is dark,
+    with `swap` bright; `bleed`: how far white runs into black (negative: black into white), squares;
+    `painted`: squares (i, j, value) painted over, each named by the corner at its end; `coded`: bits per side of the
+    marker in white squares, 0 = none.
     """
 
     cols: int
@@ -54,7 +60,7 @@ class BoardSpec:
 
 @dataclass(frozen=True)
 class Cover:
-    """A capsule (segment with a radius) or, with `square`, a box around the segment; px. Covers boards, or shades them."""
+    """A capsule (segment with a radius) or, with `square`, a box around it; px. Covers boards, or shades them."""
 
     x0: float
     y0: float
@@ -81,7 +87,10 @@ class Light:
 
 @dataclass(frozen=True)
 class Sensor:
-    """From irradiance to grey levels: defocus, motion, gamma, gain, noise, processing, JPEG. Noise and blur in grey levels and px."""
+    """From irradiance to grey levels: defocus, motion, gain, gamma, noise, processing, JPEG.
+
+    Blur in px, noise in grey levels.
+    """
 
     blur: float = 0.7
     disk: float = 0.0
@@ -100,7 +109,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Background:
-    """`kind`: plain, noise, shapes, text, tiles, blocks, image. `seed` draws it; `image` is an index into the caller's pictures."""
+    """`kind`: plain, noise, shapes, text, tiles, blocks, image. `seed` draws it; `image`: a picture's index."""
 
     kind: str = "noise"
     seed: int = 0
@@ -167,7 +176,9 @@ def scene_from_json(text: str) -> Scene:
         raise ConfigError(f"scene: this is not a scene written by rcdn: {error}") from error
 
 
-def _build(cls: Any, values: dict[str, Any]) -> Any:
+def _build(cls: Any, values: Any) -> Any:
+    if not isinstance(values, dict):
+        raise TypeError(f"{cls.__name__} must be an object, not {values!r}")
     out: dict[str, Any] = {}
     for key, value in values.items():
         nested = _NESTED.get(key)

@@ -1,4 +1,4 @@
-"""From pixels to board coordinates and back: the inverse map that the renderer samples and the forward map that gives the truth."""
+"""From pixels to board coordinates and back: the inverse map that is rendered, the forward map that is the truth."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array
     t = (x - centre[0]) * c + (y - centre[1]) * s
     w = 2 * np.pi / bend.period
     arg = w * t + bend.phase
-    return 0.5 * bend.curvature * t * t + bend.amplitude * np.sin(arg), bend.curvature * t + bend.amplitude * w * np.cos(arg)
+    height = 0.5 * bend.curvature * t * t + bend.amplitude * np.sin(arg)
+    return height, bend.curvature * t + bend.amplitude * w * np.cos(arg)
 
 
 def _middle(spec: BoardSpec) -> Array:
@@ -44,7 +45,7 @@ def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Array:
 
 
 def viewing_cosine(spec: BoardSpec, uv: Array) -> Array:
-    """|cos| of the angle between the sheet's normal and the line of sight, (N,); negative where the sheet shows its back."""
+    """cos of the angle between the sheet's normal and the line of sight, (N,); negative where it shows its back."""
     pose, points = board_pose(spec), board_points(spec, uv)
     normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))
     if spec.bend is not None:

@@ -21,7 +21,8 @@ class TrainConfig:
     `architecture`: a name of `net.ARCHITECTURES`; `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
     `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
-    `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included; `ring`: the 8 neighbours of a corner carry no loss;
+    `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included;
+    `ring`: the 8 neighbours of a corner carry no loss;
     `start`: weights of another run to begin from, or ''.
     """
 

@@ -122,7 +122,7 @@ def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | No
 
 
 def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
-    """Write `target` (.onnx) and its .json; returns the provenance, and the largest difference of ONNX Runtime to torch.
+    """Write `target` (.onnx) and its .json; returns the provenance and the largest difference to torch.
 
     Raises RcdnError, and writes nothing, if `run` holds no trained network or that difference is above 1e-4.
     """

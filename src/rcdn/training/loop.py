@@ -201,8 +201,12 @@ class _Run:
     def report(self) -> None:
         """Validate, log, save."""
         self.state["seconds"] += time.perf_counter() - self.clock
-        row = {"step": self.state["step"], "loss": round(self.loss_sum / max(self.count, 1), 6),
-               "positive": round(self.positive_sum / max(self.count, 1), 4), "seconds": round(self.state["seconds"], 1)}  # fmt: skip
+        row = {
+            "step": self.state["step"],
+            "loss": round(self.loss_sum / self.count, 6),
+            "positive": round(self.positive_sum / self.count, 4),
+            "seconds": round(self.state["seconds"], 1),
+        }
         if self.fabric.is_global_zero:
             row |= validate(self.state["ema"], self.config, self.overfit)
             self._log(row)  # before the checkpoint: a run killed in between logs this step again

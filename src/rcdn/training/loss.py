@@ -69,7 +69,10 @@ def squared(z: Tensor, targets: Targets) -> Tensor:
 
 
 def heatmap(z: Tensor, targets: Targets) -> Tensor:
-    """Quality focal loss (Li et al. 2020, β = 1.5) against a Gaussian of σ = 1 px at the exact corner; response = sigmoid(z)."""
+    """Quality focal loss (Li et al. 2020, β = 1.5) against a Gaussian of σ = 1 px at the exact corner.
+
+    The response is sigmoid(z).
+    """
     gap = (targets.heat - torch.sigmoid(z)).abs() ** 1.5
     bce = torch.nn.functional.binary_cross_entropy_with_logits(z, targets.heat, reduction="none")
     return (gap * bce * targets.weight).sum() / targets.positive.sum().clamp(min=1)

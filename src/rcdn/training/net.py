@@ -68,7 +68,7 @@ class CornerNet(nn.Module):
     """(B, 1, H, W) normalised grey → (B, h, w) pre-activation of the response, h = H − sum(margins).
 
     Convolutions take no padding of their own: the caller pads the picture (by reflection) with `architecture.margins`,
-    so that a tile and the whole give the same numbers. The paper's zero padding differs at the border only (docs/paper.md).
+    so that a tile and the whole give the same numbers. The paper's zero padding differs at the border only.
     """
 
     def __init__(self, architecture: Architecture) -> None:

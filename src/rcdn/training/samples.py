@@ -29,7 +29,10 @@ MOST_LABELS = 512
 
 @dataclasses.dataclass(frozen=True)
 class PoolConfig:
-    """`count` crops of `size` px with the ranges called `ranges`; `backgrounds`: a folder of photographs without boards, or ''."""
+    """`count` crops of `size` px with the ranges called `ranges`.
+
+    `backgrounds`: a folder of photographs without boards, or '' for drawn clutter only.
+    """
 
     count: int = 40_000
     size: int = 112
@@ -45,7 +48,7 @@ class PoolConfig:
 
 
 class Pool:
-    """Rendered crops in memory: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded."""
+    """Rendered crops: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded."""
 
     def __init__(self, images: Array, labels: Array) -> None:
         self.images, self.labels = images, labels
@@ -129,9 +132,11 @@ def _render(config: PoolConfig, todo: list[tuple[int, Path]], workers: int | Non
     """Each chunk of `todo` once it is on the disk. A single one is rendered here."""
     if not todo:
         return
-    _backgrounds[:] = load_backgrounds(config.backgrounds)  # a wrong folder is told here, not by a dead worker
+    backgrounds = load_backgrounds(config.backgrounds)  # a wrong folder is told here, not by a dead worker
     if len(todo) == 1 or workers == 1:
+        _backgrounds[:] = backgrounds
         yield from (_render_chunk(config, start, path) for start, path in todo)
+        _backgrounds.clear()
         return
     with ProcessPoolExecutor(workers, initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
         yield from executor.map(_render_chunk, repeat(config), *zip(*todo, strict=True))
@@ -160,13 +165,13 @@ def draw(pool: Pool, index: int, side: int, kind: str, rng: np.random.Generator)
     x, y = rng.integers(0, image.shape[0] - side + 1, 2)
     grey = normalise(np.ascontiguousarray(image), kind)[y : y + side, x : x + side]
     if kind == "minmax" and rng.random() < 0.7:  # a crop of a picture seldom spans the picture's whole range
-        span = rng.uniform(0.2, 1.0)
+        span = rng.uniform(0.4, 1.0)
         grey = grey * np.float32(span) + np.float32(rng.uniform(0, 1 - span))
     return grey, labels - [x, y, 0]
 
 
 def targets(labels: list[Array], shape: tuple[int, int], ring: bool) -> Targets:
-    """Label maps of a batch; `labels` in output pixels. `ring`: the 8 neighbours of a corner are not held against anybody."""
+    """Label maps of a batch; `labels` in output pixels. `ring`: the 8 neighbours of a corner carry no loss."""
     h, w = shape
     positive = np.zeros((len(labels), h, w), bool)
     weight, heat = np.ones((len(labels), h, w), np.float32), np.zeros((len(labels), h, w), np.float32)

@@ -1,0 +1,179 @@
+"""Export: ONNX Runtime answers as torch does; provenance; tiles, threads and tiny pictures give what the whole gives."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+
+import pytest
+
+pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[train]")
+
+import numpy as np
+import onnx
+import torch
+
+from rcdn.corners.response import ResponseModel, load_model
+from rcdn.errors import ConfigError, RcdnError
+from rcdn.synthetic import random_crop
+from rcdn.training import export as module
+from rcdn.training.config import TrainConfig
+from rcdn.training.export import export, folded, load_run, parity, provenance, to_onnx
+from rcdn.training.loss import ACTIVATION
+from rcdn.training.net import build
+
+KINDS = {"A": ("paper", "minmax"), "D-3": ("squared", "minmax"), "F": ("safe", "minmax"), "Q": ("heatmap", "local")}
+CROP = random_crop(11, 112)[0][:97, :110]
+
+
+def make_net(name):
+    """Random weights, and batch norms with statistics that folding must not confuse."""
+    torch.manual_seed(5)
+    net = build(name)
+    rng = np.random.default_rng(6)
+    for module_ in net.modules():
+        if isinstance(module_, torch.nn.BatchNorm2d):
+            for tensor, low, high in (
+                (module_.running_mean, -0.5, 0.5), (module_.running_var, 0.3, 2.0),
+                (module_.weight.data, 0.5, 1.5), (module_.bias.data, -0.3, 0.3),
+            ):  # fmt: skip
+                tensor.copy_(torch.from_numpy(rng.uniform(low, high, tensor.shape)))
+    if name == "Q":
+        torch.nn.init.zeros_(net.blocks[-1][0].bias)  # else a sigmoid near 0 hides everything
+    return net.eval()
+
+
+def make_model(name):
+    """(network, its ONNX bytes, what inference knows of it)."""
+    net, (loss, kind) = make_net(name), KINDS[name]
+    data = to_onnx(net, ACTIVATION[loss]).SerializeToString()
+    side = 90 if name != "Q" else 93
+    config = dataclasses.asdict(TrainConfig("x", name, loss, kind, side=side))
+    return net, data, provenance({"config": config, "metrics": {}}, net, data)
+
+
+def response_model(name):
+    net, data, facts = make_model(name)
+    arch = net.architecture
+    return ResponseModel(data, facts["normalisation"], arch.margins, arch.cell, facts)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_onnx_runtime_answers_as_torch_does(name):
+    net, data, facts = make_model(name)
+    assert parity(net, data, facts, CROP) <= 1e-5
+    assert parity(net, data, facts) <= 1e-5
+    response = response_model(name)(CROP)
+    assert response.shape == CROP.shape
+    assert response.std() > 1e-2  # not two nothings that agree
+
+
+def test_parity_sees_a_wrong_weight():
+    net, data, facts = make_model("A")
+    with torch.no_grad():
+        net.blocks[0][0].bias[0] += 0.01
+    assert parity(net, data, facts, CROP) > 1e-4
+
+
+def test_batch_norm_is_folded_in():
+    block = make_net("Q").blocks[2]
+    weight, bias = folded(block)
+    image = torch.randn(1, 32, 9, 9, generator=torch.Generator().manual_seed(1))
+    expected = block[1](block[0](image))
+    got = torch.nn.functional.conv2d(image, torch.from_numpy(weight), torch.from_numpy(bias))
+    assert torch.allclose(got, expected, atol=1e-5)
+
+
+def test_the_graph_holds_nothing_but_convolutions():
+    graph = onnx.load_from_string(make_model("Q")[1]).graph
+    names = [node.op_type for node in graph.node]
+    assert names == ["Conv", "Relu"] * 7 + ["Conv", "Sigmoid", "DepthToSpace"]
+    graph = onnx.load_from_string(make_model("F")[1]).graph
+    assert [n.op_type for n in graph.node] == ["Conv", "Relu"] * 5 + ["Conv", "Relu", "Identity"]
+    size = sum(int(np.prod(t.dims)) for t in graph.initializer)
+    assert size == 34_273
+
+
+@pytest.fixture
+def run_folder(tmp_path):
+    """What a run of network A leaves."""
+    config = TrainConfig("x", "A", "paper")
+    folder = tmp_path / "x"
+    folder.mkdir()
+    report = {"config": dataclasses.asdict(config), "metrics": {"step": 3, "f1": 0.5}, "commit": "abc", "machine": "m"}
+    (folder / "run.json").write_text(json.dumps(report))
+    other = build("A")
+    torch.save({"model": other.state_dict(), "ema": make_net("A").state_dict()}, folder / "last.pt")
+    return folder
+
+
+def test_what_is_written(run_folder, tmp_path):
+    target = tmp_path / "out" / "net.onnx"
+    facts, gap = export(run_folder, target)
+    assert 0 <= gap <= 1e-5
+    assert sorted(p.name for p in target.parent.iterdir()) == ["net.json", "net.onnx"]
+    assert json.loads(target.with_suffix(".json").read_text()) == facts
+    assert facts["sha256"] == hashlib.sha256(target.read_bytes()).hexdigest()
+    assert (facts["architecture"], facts["layers"]) == ("A", ["13-16", "1-8", "3-1"])
+    assert (facts["parameters"], facts["mac_per_pixel"], facts["margins"], facts["cell"]) == (2929, 2904, [7, 7], 1)
+    assert (facts["commit"], facts["machine"], facts["training"]["seed"]) == ("abc", "m", 1)
+    averaged = response_model("A")
+    assert np.array_equal(load_model(str(target))(CROP), averaged(CROP))  # the average, not the last weights
+    export(run_folder, tmp_path / "again.onnx")
+    assert (tmp_path / "again.onnx").read_bytes() == target.read_bytes()
+
+
+@pytest.mark.parametrize("gap", [2e-4, float("nan")])
+def test_nothing_is_written_without_parity(run_folder, tmp_path, monkeypatch, gap):
+    target = tmp_path / "net.onnx"
+    target.write_bytes(b"old")
+    monkeypatch.setattr(module, "parity", lambda *args: gap)
+    with pytest.raises(RcdnError, match="nothing was written"):
+        export(run_folder, target)
+    assert target.read_bytes() == b"old"
+    assert not target.with_suffix(".json").exists()
+
+
+def test_names_and_folders_that_are_refused(run_folder, tmp_path):
+    with pytest.raises(ConfigError, match=r"must end in \.onnx"):
+        export(run_folder, tmp_path / "net.json")
+    for text in (None, "{", '{"config": {"architecture": "F"}}'):
+        if text is None:
+            (run_folder / "last.pt").rename(tmp_path / "last.pt")
+        else:
+            (tmp_path / "last.pt").replace(run_folder / "last.pt") if text == "{" else None
+            (run_folder / "run.json").write_text(text)
+        with pytest.raises(RcdnError, match=r"not the folder of a run of `rcdn train`"):
+            load_run(run_folder)
+
+
+SIZES = [(1, 1), (3, 200), (200, 3), (7, 7), (65, 129), (128, 190)]
+
+
+@pytest.fixture(scope="module", params=["A", "Q"])
+def model(request):
+    return response_model(request.param)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_tiles_give_what_the_whole_gives(model, size):
+    """A picture in tiles of 64 px, whole, and by one thread or two."""
+    grey = np.random.default_rng(3).integers(0, 256, size, dtype=np.uint8)
+    whole = model(grey, threads=1, tile=512)
+    assert whole.shape == size
+    assert whole.dtype == np.float32
+    assert np.isfinite(whole).all()
+    assert (whole >= 0).all()
+    tiled = model(grey, threads=1, tile=64)
+    assert np.abs(tiled - whole).max() <= 1e-5
+    assert model(grey, threads=2, tile=64).tobytes() == tiled.tobytes()
+
+
+def test_the_border_is_continued_by_reflection(model):
+    """The inside of a picture that was reflected by hand has the same response."""
+    grey = np.random.default_rng(4).integers(0, 256, (96, 104), dtype=np.uint8)
+    if model.normalisation == "minmax":
+        grey[::2, ::2], grey[1::2, 1::2] = 0, 255  # the same percentiles with and without the border
+    grown = model(np.pad(grey, 48, mode="reflect"))[48:-48, 48:-48]
+    assert np.abs(grown - model(grey)).max() <= 1e-4

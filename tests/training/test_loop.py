@@ -1,0 +1,295 @@
+"""The loop: it learns, it goes on after a kill as if nothing had happened, it says when a network is dead."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[train]")
+
+import torch
+from lightning_fabric import Fabric
+
+from rcdn.errors import ConfigError
+from rcdn.training import loop, validate
+from rcdn.training.config import TrainConfig, read_config
+from rcdn.training.loop import DeadNetError, train
+from rcdn.training.samples import PoolConfig
+
+POOL = PoolConfig(count=6, size=64, ranges="ordinary", seed=4)
+A = TrainConfig("a", "A", side=54, batch=4, steps=6, validate_every=2, rate=0.02, pool=POOL)
+Q = dataclasses.replace(
+    A, name="q", architecture="Q", loss="heatmap", normalisation="local", optimiser="adamw", side=61
+)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Two crops to validate on, one thread."""
+    crops = validate.validation_set.__wrapped__(2)
+    monkeypatch.setattr(validate, "validation_set", lambda: crops)
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def run(config, runs, **kw):
+    fabric = Fabric(accelerator="cpu", devices=1)
+    return train(config, runs, workers=0, fabric=fabric, **kw)
+
+
+def weights(folder, kind="model"):
+    return torch.load(folder / "last.pt", weights_only=True)[kind]
+
+
+def rows(folder):
+    with (folder / "metrics.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def same(a, b):
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+class Killed(Exception):
+    pass
+
+
+def kill_at(monkeypatch, step):
+    """The process dies in that step, after its last checkpoint."""
+    original = loop._Run.step
+
+    def stepping(self, image, goal):
+        if self.state["step"] == step:
+            raise Killed
+        original(self, image, goal)
+
+    monkeypatch.setattr(loop._Run, "step", stepping)
+    return lambda: monkeypatch.setattr(loop._Run, "step", original)
+
+
+@pytest.mark.parametrize("config", [A, Q], ids=["A", "Q"])
+def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path, monkeypatch, config, capsys):
+    whole = run(config, tmp_path / "whole")
+    revive = kill_at(monkeypatch, 5)
+    with pytest.raises(Killed):
+        run(config, tmp_path / "killed")
+    revive()
+    folder = run(config, tmp_path / "killed")
+    for kind in ("model", "ema"):
+        assert same(weights(folder, kind), weights(whole, kind))
+    assert not same(weights(whole, "model"), weights(whole, "ema"))
+    keep = ("step", "loss", "positive", "f1")
+    assert [[r[k] for k in keep] for r in rows(folder)] == [[r[k] for k in keep] for r in rows(whole)]
+    assert "\x1b" not in "".join(capsys.readouterr())  # no progress bar in a pipe
+
+
+def test_what_a_run_leaves(tmp_path, capsys):
+    folder = run(A, tmp_path)
+    assert folder == tmp_path / "a"
+    assert sorted(p.name for p in folder.iterdir()) == ["events", "last.pt", "metrics.csv", "run.json"]
+    assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
+    assert list((folder / "events").glob("events.out.tfevents.*"))
+    report = json.loads((folder / "run.json").read_text())
+    assert report["config"] == dataclasses.asdict(A)
+    assert report["metrics"]["step"] == 6
+    assert {"loss", "f1", "ap", "pixel_error", "seconds"} < report["metrics"].keys()
+    assert report["commit"] == "unknown" or len(report["commit"]) == 40
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0] == "rendering pool: 1/1"
+    assert out.count("\n") == 4
+    assert err == ""
+    run(A, tmp_path)  # complete: nothing more happens
+    assert len(rows(folder)) == 3
+
+
+def test_what_was_logged_after_the_last_checkpoint_is_logged_once(tmp_path, monkeypatch):
+    """Killed between the log and the checkpoint of step 4."""
+    saves = []
+
+    def save(self, *args):
+        saves.append(args)
+        if len(saves) == 2:
+            raise Killed
+        original(self, *args)
+
+    original = Fabric.save
+    monkeypatch.setattr(Fabric, "save", save)
+    with pytest.raises(Killed):
+        run(A, tmp_path)
+    assert [r["step"] for r in rows(tmp_path / "a")] == ["2", "4"]
+    folder = run(A, tmp_path)
+    assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
+
+
+def test_the_learning_rate_falls_to_a_hundredth(tmp_path):
+    folder = run(A, tmp_path)
+    assert weights(folder, "optimiser")["param_groups"][0]["lr"] == pytest.approx(0.01 * A.rate)
+    assert weights(folder, "optimiser")["param_groups"][0]["momentum"] == 0.9
+
+
+def test_other_settings_do_not_go_on_with_an_old_run(tmp_path):
+    folder = run(A, tmp_path)
+    before = weights(folder)
+    other = dataclasses.replace(A, seed=2, rate=0.01)
+    with pytest.raises(ConfigError, match=r"other settings \(rate, seed\).*--fresh"):
+        run(other, tmp_path)
+    run(dataclasses.replace(A, validate_every=3), tmp_path)
+    assert same(weights(folder), before)
+    run(other, tmp_path, resume=False)
+    assert not same(weights(folder), before)
+    assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
+    assert len(list((folder / "events").iterdir())) == 1
+
+
+def test_a_run_begins_from_the_weights_of_another(tmp_path):
+    first = run(A, tmp_path)
+    follower = dataclasses.replace(A, name="b", start=str(first / "last.pt"), rate=1e-12, decay=0.0)
+    second = run(follower, tmp_path)
+    expected = weights(first, "ema")
+    assert all(torch.allclose(v, expected[k], atol=1e-9) for k, v in weights(second).items())
+    with pytest.raises(ConfigError, match="start"):
+        run(dataclasses.replace(follower, name="c", start=str(tmp_path / "none.pt")), tmp_path)
+
+
+def test_a_few_crops_are_learnt_by_heart(tmp_path, monkeypatch):
+    monkeypatch.setattr(validate, "validation_set", None)  # the crops themselves are validated on
+    config = dataclasses.replace(Q, rate=0.01, steps=600, validate_every=100, batch=4, pool=dataclasses.replace(POOL, count=10**6))
+    folder = run(config, tmp_path, overfit=2)
+    assert folder.name == "q-overfit"
+    log = [(float(r["loss"]), float(r["f1"])) for r in rows(folder)]
+    assert log[-1][0] < 0.25 * log[0][0]
+    assert log[-1][1] > 0.9
+
+
+def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
+    """Eq. 1 as it stands gives no gradient where the response is zero."""
+    monkeypatch.setattr(loop, "DEAD_AFTER", 4)
+    original = loop.build
+
+    def dead(name):
+        net = original(name)
+        torch.nn.init.constant_(net.blocks[-1][0].bias, -100.0)
+        return net
+
+    monkeypatch.setattr(loop, "build", dead)
+    with pytest.raises(DeadNetError, match=r'no response .* 4 steps \(loss 13\.8.*loss = "safe"'):
+        run(dataclasses.replace(A, loss="paper"), tmp_path)
+    monkeypatch.setattr(loop, "DEAD_AFTER", 7)
+    run(dataclasses.replace(A, loss="paper"), tmp_path)  # six steps: no alarm yet
+
+
+def test_batches_without_corners_say_nothing_of_a_death(tmp_path, monkeypatch):
+    monkeypatch.setattr(loop, "DEAD_AFTER", 1)
+    original = loop.batch
+
+    def empty(*args):
+        image, goal = original(*args)
+        return image, goal._replace(positive=torch.zeros_like(goal.positive))
+
+    monkeypatch.setattr(loop, "batch", empty)
+    folder = run(A, tmp_path)
+    assert rows(folder)[-1]["positive"] == "0.0"
+
+
+def test_a_network_without_any_hit_is_reported(tmp_path):
+    """No distance to average: NaN in the table, null in the JSON, no warning."""
+    folder = run(dataclasses.replace(Q, steps=1), tmp_path)
+    assert rows(folder)[0]["pixel_error"] == "nan"
+    assert json.loads((folder / "run.json").read_text())["metrics"]["pixel_error"] is None
+
+
+TWO = """
+import sys
+from pathlib import Path
+import torch
+from lightning_fabric import Fabric
+from rcdn.training import validate
+from rcdn.training.config import TrainConfig
+from rcdn.training.loop import train
+from rcdn.training.samples import PoolConfig
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    crops = validate.validation_set(2)
+    validate.validation_set = lambda: crops
+    pool = PoolConfig(count=6, size=64, ranges="ordinary", seed=4)
+    config = TrainConfig("two", "Q", "heatmap", "local", "adamw", side=61, batch=2, steps=3, validate_every=3, pool=pool)
+    fabric = Fabric(accelerator="cpu", devices=2, strategy="ddp")
+    seen = []
+    train(config, Path(sys.argv[1]), workers=0, fabric=fabric)
+    print(f"rank {fabric.global_rank} of {fabric.world_size} done", flush=True)
+"""
+
+
+def test_two_processes(tmp_path):
+    script = tmp_path / "two.py"
+    script.write_text(TWO)
+    env = {k: v for k, v in os.environ.items() if k not in ("LOCAL_RANK", "RANK", "WORLD_SIZE")}
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "runs")],
+        capture_output=True, text=True, timeout=120, cwd=Path(__file__).parent, env=env | {"OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    for rank in (0, 1):
+        assert f"rank {rank} of 2 done" in done.stdout
+    folder = tmp_path / "runs" / "two"
+    assert [r["step"] for r in rows(folder)] == ["3"]
+    state = torch.load(folder / "last.pt", weights_only=True)
+    assert state["step"] == 3
+    assert all(not key.startswith("module.") for key in state["model"])  # loads on one device
+
+
+def test_configurations_in_the_repository():
+    for path in sorted(Path(__file__).parents[2].glob("configs/*.toml")):
+        config = read_config(path)
+        assert config.name == path.stem
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("steps = 'many'", "steps must be of type int"),
+        ("stepz = 3", "unknown key 'stepz'"),
+        ("[pool]\ncuont = 3", r"unknown key 'pool\.cuont'"),
+        ("pool = 3", "pool must be a table"),
+        ("name = 3", "name must be of type str"),
+        ("architecture = 'Z'", "architecture must be one of"),
+        ("loss = 'l2'", "loss must be one of"),
+        ("optimiser = 'lion'", "optimiser must be one of"),
+        ("normalisation = 'none'", "normalisation must be one of"),
+        ("steps = 0", "steps must be at least 1"),
+        ("rate = 0", "rate must be above 0"),
+        ("ema = 1.0", "ema below 1"),
+        ("side = 200", "side must be .* at most pool.size = 112"),
+        ("side = 18", "side must be 18 plus"),
+        ("architecture = 'Q'\nside = 110", "45 plus a multiple of 4"),
+        ("steps = ", "can't be read"),
+    ],
+)
+def test_wrong_configurations(tmp_path, text, message):
+    path = tmp_path / "c.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        read_config(path)
+
+
+def test_a_configuration_that_is_not_there(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.toml can't be read"):
+        read_config(tmp_path / "none.toml")
+
+
+def test_whole_numbers_stand_for_floats(tmp_path):
+    path = tmp_path / "fine.toml"
+    path.write_text("clip = 1\n[pool]\ncount = 10")
+    config = read_config(path)
+    assert config == TrainConfig("fine", clip=1.0, pool=PoolConfig(count=10))
+    assert type(config.clip) is float
