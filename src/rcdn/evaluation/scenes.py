@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
@@ -69,7 +70,7 @@ def _without(found: Array, blind: Array, corners: Array) -> Array:
 
 def table(count: int = 300, workers: int = 2, progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
     """One row a detector: micro-averaged precision (paper's reading and one to one), recall, whole pictures, mean error of hits, px."""
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         results: Iterable[Counts] = pool.map(score_scene, range(count), chunksize=4)
         total: dict[str, Array] = {name: np.zeros(6) for name in rows()}
         for done, result in enumerate(results, start=1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import multiprocessing
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -138,7 +139,8 @@ def _render(config: PoolConfig, todo: list[tuple[int, Path]], workers: int | Non
         yield from (_render_chunk(config, start, path) for start, path in todo)
         _backgrounds.clear()
         return
-    with ProcessPoolExecutor(workers, initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
+    spawn = multiprocessing.get_context("spawn")  # a forked worker would inherit threads that are not there, and hang
+    with ProcessPoolExecutor(workers, spawn, initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
         yield from executor.map(_render_chunk, repeat(config), *zip(*todo, strict=True))
 
 
