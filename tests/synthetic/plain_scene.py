@@ -14,7 +14,7 @@ def board(scene, rvec=(0.0, 0.0, 0.0), at=(200.3, 150.2), pitch=30.0, cols=7, ro
     """A board whose middle is seen at pixel `at`, with squares of about `pitch` px there."""
     ray = unproject(scene.camera, np.array(at))
     middle = np.array([(cols - 1) / 2, (rows - 1) / 2 * spec.get("aspect", 1.0), 0])
-    t = ray / np.linalg.norm(ray) * scene.focal / pitch - cv2.Rodrigues(np.array(rvec, float))[0] @ middle
+    t = ray * scene.focal / pitch - cv2.Rodrigues(np.array(rvec, float))[0] @ middle
     return BoardSpec(cols, rows, rvec, tuple(t.tolist()), **spec)
 
 

@@ -14,10 +14,11 @@ import pytest
 
 pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[train]")
 
+import cv2
 import torch
 from lightning_fabric import Fabric
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, RcdnError
 from rcdn.training import loop, validate
 from rcdn.training.config import TrainConfig, read_config
 from rcdn.training.loop import DeadNetError, train
@@ -35,10 +36,11 @@ def small(monkeypatch):
     """Two crops to validate on, one thread."""
     crops = validate.validation_set.__wrapped__(2)
     monkeypatch.setattr(validate, "validation_set", lambda: crops)
-    before = torch.get_num_threads()
+    before = torch.get_num_threads(), cv2.getNumThreads()
     torch.set_num_threads(1)
     yield
-    torch.set_num_threads(before)
+    torch.set_num_threads(before[0])
+    cv2.setNumThreads(before[1])
 
 
 def run(config, runs, **kw):
@@ -130,6 +132,12 @@ def test_what_was_logged_after_the_last_checkpoint_is_logged_once(tmp_path, monk
     assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
 
 
+@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")  # torch's loader forks; Python 3.12 warns
+def test_workers_change_nothing(tmp_path):
+    alone, fabric = run(A, tmp_path / "alone"), Fabric(accelerator="cpu", devices=1)
+    assert same(weights(train(A, tmp_path / "helped", workers=2, fabric=fabric)), weights(alone))
+
+
 def test_the_learning_rate_falls_to_a_hundredth(tmp_path):
     folder = run(A, tmp_path)
     assert weights(folder, "optimiser")["param_groups"][0]["lr"] == pytest.approx(0.01 * A.rate)
@@ -156,18 +164,21 @@ def test_a_run_begins_from_the_weights_of_another(tmp_path):
     second = run(follower, tmp_path)
     expected = weights(first, "ema")
     assert all(torch.allclose(v, expected[k], atol=1e-9) for k, v in weights(second).items())
-    with pytest.raises(ConfigError, match="start"):
-        run(dataclasses.replace(follower, name="c", start=str(tmp_path / "none.pt")), tmp_path)
+    (tmp_path / "text.pt").write_text("no checkpoint")
+    for start, architecture in ((tmp_path / "none.pt", "A"), (tmp_path / "text.pt", "A"), (first / "last.pt", "B")):
+        with pytest.raises(RcdnError, match=r"no weights of `rcdn train` that fit"):
+            run(dataclasses.replace(follower, name="c", architecture=architecture, start=str(start)), tmp_path)
 
 
 def test_a_few_crops_are_learnt_by_heart(tmp_path, monkeypatch):
     monkeypatch.setattr(validate, "validation_set", None)  # the crops themselves are validated on
-    config = dataclasses.replace(Q, rate=0.01, steps=600, validate_every=100, batch=4, pool=dataclasses.replace(POOL, count=10**6))
+    many = dataclasses.replace(POOL, count=10**6)  # of which two are rendered
+    config = dataclasses.replace(Q, rate=0.01, steps=400, validate_every=100, pool=many)
     folder = run(config, tmp_path, overfit=2)
     assert folder.name == "q-overfit"
     log = [(float(r["loss"]), float(r["f1"])) for r in rows(folder)]
-    assert log[-1][0] < 0.25 * log[0][0]
-    assert log[-1][1] > 0.9
+    assert log[-1][0] < 0.15 * log[0][0]
+    assert log[-1][1] > 0.8
 
 
 def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
@@ -222,9 +233,9 @@ if __name__ == "__main__":
     crops = validate.validation_set(2)
     validate.validation_set = lambda: crops
     pool = PoolConfig(count=6, size=64, ranges="ordinary", seed=4)
-    config = TrainConfig("two", "Q", "heatmap", "local", "adamw", side=61, batch=2, steps=3, validate_every=3, pool=pool)
+    kind = dict(architecture="Q", loss="heatmap", normalisation="local", optimiser="adamw", side=61)
+    config = TrainConfig("two", batch=2, steps=3, validate_every=3, pool=pool, **kind)
     fabric = Fabric(accelerator="cpu", devices=2, strategy="ddp")
-    seen = []
     train(config, Path(sys.argv[1]), workers=0, fabric=fabric)
     print(f"rank {fabric.global_rank} of {fabric.world_size} done", flush=True)
 """

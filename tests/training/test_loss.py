@@ -24,6 +24,11 @@ def corner(z, positives=1, weight=None):
     return z, Targets(mask, seen, mask.to(F64))
 
 
+def value(loss, z, **kw):
+    z, targets = corner(z, **kw)
+    return float(loss(z.detach(), targets))
+
+
 def slopes(loss, z, **kw):
     z, targets = corner(z, **kw)
     loss(z, targets).backward()
@@ -33,9 +38,8 @@ def slopes(loss, z, **kw):
 @pytest.mark.parametrize("loss", [paper, safe])
 @pytest.mark.parametrize("a", GRID)
 def test_values_and_gradients_by_hand(loss, a):
-    z, targets = corner([a, 0.5, a, a, 0.2], positives=2)
     expected = -((1 - a) * np.log(a) + 0.5 * np.log(0.5)) / 2 - (2 * a * np.log(1 - a) + 0.2 * np.log(0.8)) / 3
-    assert float(loss(z, targets)) == pytest.approx(expected, abs=1e-12)
+    assert value(loss, [a, 0.5, a, a, 0.2], positives=2) == pytest.approx(expected, abs=1e-12)
     grad = slopes(loss, [a, 0.5, a, a, 0.2], positives=2)
     assert grad[0] == pytest.approx((np.log(a) - (1 - a) / a) / 2, abs=1e-12)
     assert grad[2] == pytest.approx((a / (1 - a) - np.log(1 - a)) / 3, abs=1e-12)
@@ -45,7 +49,7 @@ def test_values_and_gradients_by_hand(loss, a):
 def test_no_gradient_beyond_the_target(loss):
     """A corner above 1 and background below 0 are right: one-sided."""
     assert slopes(loss, [1.2, -0.3]) == [0, 0]
-    assert float(loss(*corner([1.2, -0.3]))) == 0
+    assert value(loss, [1.2, -0.3]) == 0
 
 
 def test_paper_is_flat_outside_its_clip():
@@ -73,7 +77,7 @@ def test_safe_is_smooth_at_its_knees(sign, knee):
 
     def at(a):
         pair = [a, other] if index == 0 else [other, a]
-        return float(safe(*corner(pair))), slopes(safe, pair)[index]
+        return value(safe, pair), slopes(safe, pair)[index]
 
     inner, outer = at(knee - sign * 1e-7), at(knee + sign * 1e-7)
     assert outer[0] - inner[0] == pytest.approx(22 * 2e-7, rel=1e-2)
@@ -95,7 +99,7 @@ def test_safe_never_gives_up_a_missed_corner():
 
 
 def test_squared_is_one_sided():
-    assert float(squared(*corner([0.4, 0.3, -0.2]))) == pytest.approx(0.36 + 0.09 / 2)
+    assert value(squared, [0.4, 0.3, -0.2]) == pytest.approx(0.36 + 0.09 / 2)
     assert slopes(squared, [0.4, 0.3, -0.2]) == pytest.approx([-1.2, 0.3, 0])
     assert slopes(squared, [1.5, -2.0]) == [0, 0]
     assert slopes(squared, [-1.0, 0.0])[0] == pytest.approx(-4)  # a corner below 0 isn't lost
@@ -103,29 +107,29 @@ def test_squared_is_one_sided():
 
 @pytest.mark.parametrize("loss", [paper, safe, squared])
 def test_classes_weigh_the_same_however_many_pixels_they_have(loss):
-    one = float(loss(*corner([0.3, 0.6])))
-    assert float(loss(*corner([0.3] * 3 + [0.6] * 50, positives=3))) == pytest.approx(one)
+    one = value(loss, [0.3, 0.6])
+    assert value(loss, [0.3] * 3 + [0.6] * 50, positives=3) == pytest.approx(one)
 
 
 @pytest.mark.parametrize("name", LOSSES)
 def test_a_batch_without_corners(name):
     z, targets = corner([0.2, 0.4], positives=0)
-    value = LOSSES[name](z, targets)
-    value.backward()
-    assert torch.isfinite(value)
+    result = LOSSES[name](z, targets)
+    result.backward()
+    assert torch.isfinite(result)
     assert (z.grad > 0).all()
     if name != "heatmap":
-        assert float(value) == pytest.approx(float(LOSSES[name](*corner([9.0, 0.2, 0.4]))))
+        assert float(result.detach()) == pytest.approx(value(LOSSES[name], [9.0, 0.2, 0.4]))
 
 
 @pytest.mark.parametrize("name", LOSSES)
 def test_nothing_where_the_weight_is_zero(name):
     weight = [1.0, 1.0, 0.0]
-    low, high = (float(LOSSES[name](*corner([0.3, 0.6, v], weight=weight))) for v in (0.1, 0.9))
+    low, high = (value(LOSSES[name], [0.3, 0.6, v], weight=weight) for v in (0.1, 0.9))
     assert low == high
     assert slopes(LOSSES[name], [0.3, 0.6, 0.9], weight=weight)[2] == 0
     if name != "heatmap":
-        assert low == pytest.approx(float(LOSSES[name](*corner([0.3, 0.6]))))
+        assert low == pytest.approx(value(LOSSES[name], [0.3, 0.6]))
 
 
 def test_heatmap_is_least_at_its_target():
@@ -140,8 +144,7 @@ def test_heatmap_is_least_at_its_target():
             moved = best.clone()
             moved[..., k] += step
             assert float(heatmap(moved, targets)) > least + 1e-6
-    z, targets = corner([0.0, 0.0])  # |1 − ½|^1.5 · ln 2, twice
-    assert float(heatmap(z, targets)) == pytest.approx(2 * 0.5**1.5 * np.log(2))
+    assert value(heatmap, [0.0, 0.0]) == pytest.approx(2 * 0.5**1.5 * np.log(2))  # |1 − ½|^1.5 · ln 2, twice
 
 
 def test_every_loss_says_what_its_response_is():

@@ -101,8 +101,7 @@ def test_symmetries_keep_labels_on_their_corners():
 def test_a_window_carries_its_labels_along():
     """Minmax is linear: the brightest pixel of a window lies at its label."""
     image = np.random.default_rng(0).integers(100, 120, (40, 40)).astype(np.uint8)
-    image[20, 19] = 255
-    image[0, 0] = 0
+    image[20, 19] = 255  # inside every window of 30 px
     labels = np.full((1, 512, 3), np.nan, np.float32)
     labels[0, 0] = 19, 20, 1
     pool = Pool(image[None], labels)
@@ -111,8 +110,8 @@ def test_a_window_carries_its_labels_along():
         grey, (label,) = draw(pool, 0, 30, "minmax", rng)
         assert grey.shape == (30, 30)
         assert grey.dtype == np.float32
-        gap = np.abs(grey - np.median(grey))
-        assert np.unravel_index(int(gap.argmax()), gap.shape) == (int(label[1]), int(label[0])) or gap.max() < 0.5
+        y, x = np.unravel_index(int(np.abs(grey - np.median(grey)).argmax()), grey.shape)
+        assert (x, y) == tuple(label[:2])
 
 
 @pytest.fixture(scope="module")
@@ -131,11 +130,10 @@ def test_a_pool_is_random_crops_in_order(pool):
 @pytest.mark.parametrize(("name", "kind"), [("A", "minmax"), ("Q", "local")])
 def test_a_batch_is_a_function_of_its_arguments(pool, name, kind):
     arch = ARCHITECTURES[name]
-    side = sum(arch.margins) + (20 if name == "A" else 0)
-    side = min(side, 48)
-    if name == "Q":
-        pool = Pool(np.pad(pool.images, ((0, 0), (4, 4), (4, 4))), pool.labels + [4, 4, 0])
-        side = 53
+    side = sum(arch.margins) + 2
+    if name == "Q":  # needs larger crops
+        pool = Pool(np.pad(pool.images, ((0, 0), (8, 8), (8, 8))), pool.labels + np.array([8, 8, 0]))
+        side = sum(arch.margins) + 8
     first, goal = batch(pool, arch, side, 4, kind, True, (1, 0, 7))
     again, same = batch(pool, arch, side, 4, kind, True, (1, 0, 7))
     assert torch.equal(first, again)

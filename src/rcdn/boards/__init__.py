@@ -15,6 +15,9 @@ from rcdn.types import Array, Board, Status
 
 __all__ = ["find_boards"]
 
+CELL = 4
+"""corners of the smallest grid"""
+
 
 def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Board]:
     """Boards among corners, the one with most corners first.
@@ -24,28 +27,31 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
     field = _field(grey, candidates)
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     free, parts = np.ones(len(field.xy), bool), []
-    for at in grids:
-        grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
-        prune(grid, field)
-        if len(grid) < 4:
-            continue
-        _complete(field, grid, free)
-        parts.append(grid)
+    queue = [Grid(at, field.xy) for at in grids]
+    while queue:
+        grid = queue.pop(0)
+        grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
+        rest = prune(grid, field)
+        if len(grid) >= CELL:
+            rest += _complete(field, grid, free)
+            parts.append(grid)
+        queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
-    for grid in merge(field, [g for g in parts if len(g) >= 4]):
+    for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         _complete(field, grid, free)
         if believable(grid, least):
             boards.append(_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
-def _complete(field: Field, grid: Grid, free: Array) -> None:
-    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place."""
+def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
+    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place; returns what fell off."""
     available = free.copy()
     available[list(grid.at.values())] = False
     grow(field, grid, available)
-    prune(grid, field)
+    rest = prune(grid, field)
     free[list(grid.at.values())] = False
+    return rest
 
 
 def _field(grey: Array, candidates: Candidates) -> Field:

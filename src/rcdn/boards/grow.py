@@ -14,8 +14,8 @@ from rcdn.boards.validate import LEAST_QUALITY, STEPS
 from rcdn.types import Array
 
 ROUNDS = 40
-NEAR = 0.28
-"""a corner may lie this share of the pitch from its prediction"""
+NEAR, NEAR_WEAK = 0.28, 0.15
+"""a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
 FAR_AXIS = np.deg2rad(30)
 SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
@@ -24,7 +24,7 @@ SHOWN, SHOWN_WEAK = 0.2, 0.3
 def grow(field: Field, grid: Grid, free: Array) -> None:
     """Add corners to `grid`, nearest to their prediction first, until nothing changes. `free` (N,) bool: corners that may be taken; updated.
 
-    A corner is taken if it lies within 0.28 of a square of its prediction, its axes and colours fit the board where they are known, and
+    A corner is taken if it lies within 0.28 of a square of its prediction (0.15 if it is weak), its axes and colours fit the board where they are known, and
     the edges to its labelled neighbours are in the picture. Drops nothing and renames nothing.
     """
     sign = board_sign(field, grid)
@@ -95,8 +95,8 @@ def _offers(field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, re
             continue
         for k in tree.query_ball_point(guess.xy, NEAR * guess.pitch):
             corner = int(index[k])
-            if (spot, corner) not in refused:
-                gap = float(np.linalg.norm(field.xy[corner] - guess.xy)) / guess.pitch
+            gap = float(np.linalg.norm(field.xy[corner] - guess.xy)) / guess.pitch
+            if (spot, corner) not in refused and (field.strong[corner] or gap < NEAR_WEAK):
                 tries.append(Offer(gap, spot, corner, _axes_fit(field, corner, guess, sign * (-1) ** sum(spot))))
     seen = _edges_seen(field, grid, sign, tries)
     refused.update((t.spot, t.corner) for ok, t in zip(seen, tries, strict=True) if not ok)

@@ -8,13 +8,12 @@ from scipy.spatial import cKDTree
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid
 
-CRUMB = 6
 HOLE = 3
 """squares; a corner is on the rim if nothing follows it within this reach"""
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
-RESIDUAL = 0.2
+RESIDUAL = 0.15
 """largest distance from the neighbours' prediction, share of the pitch"""
-RESIDUAL_LOOSE = 0.3
+RESIDUAL_LOOSE = 0.18
 """the same where the prediction extrapolates from few corners"""
 
 
@@ -24,17 +23,27 @@ LEAST_SHARE = 0.45
 """a contrast under this share of the neighbours' counts as this much: shadows do that to true corners, too"""
 
 
-def prune(grid: Grid, field: Field) -> None:
-    """Drop misfits, worst first, then rim corners that are hardly X-corners, then crumbs that nothing joins to
-    the rest. In place."""
+def prune(grid: Grid, field: Field) -> list[Grid]:
+    """Drop misfits, worst first, then rim corners that are hardly X-corners, then what is in no whole cell, until nothing changes. In place.
+
+    Of parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest first: whether they belong
+    to the same board is for `merge` to say.
+    """
+    while True:
+        before = len(grid)
+        _drop_misfits(grid)
+        _drop_poor_rim(grid, field)
+        _drop_loose(grid)
+        if len(grid) == before:
+            return _split(grid)
+
+
+def _drop_misfits(grid: Grid) -> None:
     for _ in range(len(grid)):
         worst, spot = _worst(grid)
         if spot is None or worst <= 1:
-            break
+            return
         del grid.at[spot]
-    _drop_poor_rim(grid, field)
-    _drop_loose(grid)
-    _drop_crumbs(grid)
 
 
 def _drop_poor_rim(grid: Grid, field: Field) -> None:
@@ -96,8 +105,8 @@ def _drop_loose(grid: Grid) -> None:
             del grid.at[spot]
 
 
-def _drop_crumbs(grid: Grid) -> None:
-    """Of parts that no edge joins, the largest stays, and so do those of six corners or more (a shadow or a finger may lie between)."""
+def _split(grid: Grid) -> list[Grid]:
+    """Leave the largest of the parts that edges join; return the others."""
     left, parts = set(grid.at), []
     while left:
         stack, part = [min(left)], set()
@@ -109,9 +118,12 @@ def _drop_crumbs(grid: Grid) -> None:
             part.add((u, v))
             stack += [(u + d, v + e) for d, e in STEPS]
         parts.append(part)
-    for part in sorted(parts, key=lambda p: (-len(p), min(p)))[1:]:
-        for spot in part if len(part) < CRUMB else ():
+    parts.sort(key=lambda p: (-len(p), min(p)))
+    others = [Grid({spot: grid.at[spot] for spot in sorted(part)}, grid.xy) for part in parts[1:]]
+    for part in parts[1:]:
+        for spot in part:
             del grid.at[spot]
+    return others
 
 
 SMALL_PITCH, SMALL_FILL, SMALL_LEAST = 7.0, 0.9, 20

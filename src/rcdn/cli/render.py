@@ -96,10 +96,7 @@ def _random(count: int, seed: int, ranges: Difficulty, size: FrameSize) -> Itera
     from rcdn.synthetic import PRESETS, random_scene
 
     for number in range(1, count + 1):
-        try:
-            yield random_scene(np.random.default_rng((seed, number)), PRESETS[ranges.value], size)
-        except RuntimeError as error:
-            raise ConfigError(f"--size {size.width}x{size.height}: {error}; take a larger one") from error
+        yield random_scene(np.random.default_rng((seed, number)), PRESETS[ranges.value], size)
 
 
 def _read_scene(path: Path) -> Scene:

@@ -88,7 +88,8 @@ def _text(canvas: Array, rng: np.random.Generator) -> None:
 def _tiles(canvas: Array, rng: np.random.Generator) -> None:
     """Bricks, window panes, shelves, stripes, keyboards: lattices whose crossings are T, + and L, not X.
 
-    Tiles vary by row plus column, which never makes a saddle, and joints are narrow: wide ones between staggered tiles are a checkerboard.
+    Tiles vary by row plus column, which never makes a saddle, and joints are narrow: wide ones between staggered tiles
+    are a checkerboard.
     """
     h, w = canvas.shape
     step = int(rng.integers(6, 50))

@@ -66,8 +66,8 @@ TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78, pitch=(5, 60))
 
 PAPER = replace(
     HARD, pitch=(7, 60), tilt=65, noise=12, noise_tail_p=0, blur=(0.4, 1.6), wide_blur_p=0.1, motion_p=0.05,
-    contrast=(0.3, 0.9), fisheye_p=0.15, distortion=0.25, bend_p=0.05, cover_p=0.15, shadow_p=0.25, glare_p=0.1, paint_p=0.05, coded_p=0,
-    process_p=0.15, light=1.2, none_p=0.25, several_p=0.15, images_p=0.4,
+    contrast=(0.3, 0.9), fisheye_p=0.15, distortion=0.25, bend_p=0.05, cover_p=0.15, shadow_p=0.25, glare_p=0.1,
+    paint_p=0.05, coded_p=0, process_p=0.15, light=1.2, none_p=0.25, several_p=0.15, images_p=0.4,
 )  # fmt: skip
 """What the paper's own training set shows (section 3.2): clutter, distortion, occlusion, moderate noise and blur, half
 of it inverted.
@@ -206,7 +206,7 @@ def _rotation(rng: Rng, max_tilt: float) -> Triple:
 
 
 def _placed(spec: BoardSpec, scene: Scene, rvec: Triple, at: tuple[float, float], pitch: float) -> BoardSpec:
-    """The board turned by `rvec` about its middle, which projects to `at`; squares there are some `pitch` px face on."""
+    """The board turned by `rvec` about its middle, seen at pixel `at`; squares there are about `pitch` px face on."""
     ray = unproject(scene.camera, np.array(at))
     if not np.isfinite(ray).all():
         ray = np.array([0.0, 0.0, 1.0])

@@ -23,7 +23,7 @@ from rcdn.io import write_bytes, write_text
 from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import commit, machine
-from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, parameter_count
+from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, load_average, parameter_count
 from rcdn.training.validate import torch_response
 from rcdn.types import Array
 
@@ -79,11 +79,10 @@ def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
     """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
     try:
         report = json.loads((folder / "run.json").read_text())
-        state = torch.load(folder / "last.pt", map_location="cpu", weights_only=True)
         net = build(report["config"]["architecture"])
-        net.load_state_dict(state["ema"])
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise RcdnError(f"export: {folder} is not the folder of a run of `rcdn train`: {error}") from error
+    load_average(net, folder / "last.pt")
     return net.eval(), report
 
 

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import torch
 from lightning_fabric import Fabric
 from rich.console import Console
@@ -24,7 +25,7 @@ from rcdn.io import write_text
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import commit, machine
-from rcdn.training.net import ARCHITECTURES, CornerNet, build
+from rcdn.training.net import ARCHITECTURES, CornerNet, build, load_average
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
 
@@ -54,6 +55,7 @@ def train(
     """
     fabric = fabric or Fabric(accelerator="auto", devices="auto")
     fabric.launch()
+    cv2.setNumThreads(1)  # pictures are small; and OpenCV hangs in a loader's forked worker if it has threads here
     if overfit:
         few = dataclasses.replace(config.pool, count=min(overfit, config.pool.count))
         config, resume = dataclasses.replace(config, name=f"{config.name}-overfit", pool=few), False
@@ -64,7 +66,7 @@ def train(
     fabric.seed_everything(config.seed, verbose=False)
     net = build(config.architecture).to(memory_format=torch.channels_last)
     if config.start:
-        net.load_state_dict(_start_weights(config.start))
+        load_average(net, Path(config.start))
     optimiser, schedule = _optimiser(net, config)
     average = copy.deepcopy(net).requires_grad_(False).eval()
     model, optimiser = fabric.setup(net, optimiser)
@@ -77,7 +79,11 @@ def train(
     if fabric.is_global_zero:
         _clear_after(state["step"], folder)
     loader = fabric.setup_dataloaders(_loader(config, pool, state["step"], workers, fabric))
-    _Run(config, folder, fabric, state, pool if overfit else None).go(loader)
+    run = _Run(config, folder, fabric, state, pool if overfit else None)
+    try:
+        run.go(loader)
+    finally:
+        run.close()
     return folder
 
 
@@ -105,14 +111,6 @@ def _clear_after(step: int, folder: Path) -> None:
     elif not step:
         for path in (folder / "last.pt", folder / "run.json", log, *folder.glob("events/events.*")):
             path.unlink(missing_ok=True)
-
-
-def _start_weights(path: str) -> dict[str, torch.Tensor]:
-    try:
-        state: dict[str, torch.Tensor] = torch.load(path, map_location="cpu", weights_only=True)["ema"]
-    except (OSError, KeyError) as error:
-        raise ConfigError(f"config: start = {path!r} is no checkpoint of `rcdn train` (last.pt): {error}") from error
-    return state
 
 
 def _optimiser(
@@ -159,6 +157,11 @@ class _Run:
                 bar.update(task, completed=self.state["step"], description=text)
                 if self.state["step"] % self.config.validate_every == 0 or self.state["step"] == self.config.steps:
                     self.report()
+
+    def close(self) -> None:
+        """Let go of the TensorBoard file."""
+        if self.events is not None:
+            self.events.close()
 
     def step(self, image: torch.Tensor, goal: Any) -> None:
         """One update of the weights and of their moving average."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass
+from pathlib import Path
 
+import torch
 from torch import Tensor, nn
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, RcdnError
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,14 @@ def build(name: str) -> CornerNet:
     if name not in ARCHITECTURES:
         raise ConfigError(f"architecture must be one of {sorted(ARCHITECTURES)}, not {name!r}")
     return CornerNet(ARCHITECTURES[name])
+
+
+def load_average(net: CornerNet, path: Path) -> None:
+    """Give `net` the averaged weights of a checkpoint (last.pt). Raises RcdnError if there are none that fit it."""
+    try:
+        net.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["ema"])
+    except (OSError, EOFError, KeyError, TypeError, RuntimeError, pickle.UnpicklingError) as error:
+        raise RcdnError(f"{path} holds no weights of `rcdn train` that fit this network: {error}") from error
 
 
 def parameter_count(net: nn.Module) -> int:

@@ -83,12 +83,11 @@ def _start_worker(folder: str) -> None:
     _backgrounds[:] = load_backgrounds(folder)
 
 
-def _render_chunk(config: PoolConfig, start: int, path: Path) -> Path:
-    count = min(CHUNK, config.count - start)
-    images = np.zeros((count, config.size, config.size), np.uint8)
-    labels = np.full((count, MOST_LABELS, 3), np.nan, np.float32)
-    for k in range(count):
-        seed = config.seed * 100_000_000 + start + k
+def _render_chunk(config: PoolConfig, numbers: range, path: Path) -> Path:
+    images = np.zeros((len(numbers), config.size, config.size), np.uint8)
+    labels = np.full((len(numbers), MOST_LABELS, 3), np.nan, np.float32)
+    for k, number in enumerate(numbers):
+        seed = config.seed * 100_000_000 + number
         image, label = random_crop(seed, config.size, PRESETS[config.ranges], _backgrounds)
         images[k] = image
         labels[k, : len(label)] = label[:MOST_LABELS]
@@ -116,27 +115,28 @@ def make_pool(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "pool.json").write_text(json.dumps(dataclasses.asdict(config), indent=1))
     starts = range(0, config.count, CHUNK)
-    paths = [folder / f"{s:08d}.npz" for s in starts]
-    todo = [(s, p) for s, p in zip(starts, paths, strict=True) if not p.exists()]
-    for done, _ in enumerate(_render(config, todo, workers), start=len(paths) - len(todo) + 1):
+    chunks = {folder / f"{s:08d}.npz": range(s, min(s + CHUNK, config.count)) for s in starts}
+    todo = [(numbers, path) for path, numbers in chunks.items() if not path.exists()]
+    for done, _ in enumerate(_render(config, todo, workers), start=len(chunks) - len(todo) + 1):
         if progress:
-            progress(done, len(paths))
+            progress(done, len(chunks))
     images = np.empty((config.count, config.size, config.size), np.uint8)
     labels = np.empty((config.count, MOST_LABELS, 3), np.float32)
-    for start, path in zip(starts, paths, strict=True):  # chunk by chunk: the pool is in memory once
+    for path, numbers in chunks.items():  # one by one: the pool is in memory once
         with np.load(path) as part:
-            images[start : start + CHUNK], labels[start : start + CHUNK] = part["images"], part["labels"]
+            images[numbers.start : numbers.stop] = part["images"]
+            labels[numbers.start : numbers.stop] = part["labels"]
     return Pool(images, labels)
 
 
-def _render(config: PoolConfig, todo: list[tuple[int, Path]], workers: int | None) -> Iterator[Path]:
+def _render(config: PoolConfig, todo: list[tuple[range, Path]], workers: int | None) -> Iterator[Path]:
     """Each chunk of `todo` once it is on the disk. A single one is rendered here."""
     if not todo:
         return
     backgrounds = load_backgrounds(config.backgrounds)  # a wrong folder is told here, not by a dead worker
     if len(todo) == 1 or workers == 1:
         _backgrounds[:] = backgrounds
-        yield from (_render_chunk(config, start, path) for start, path in todo)
+        yield from (_render_chunk(config, numbers, path) for numbers, path in todo)
         _backgrounds.clear()
         return
     spawn = multiprocessing.get_context("spawn")  # a forked worker would inherit threads that are not there, and hang

@@ -1,0 +1,22 @@
+"""Fixtures of the whole test run."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of real photographs with their `truth.json`, not in the repository; without it the test is skipped.
+
+    It is `data` in the folder that RCDN_SHARED names, or in `shared` beside the repository.
+    """
+    shared = Path(os.environ.get("RCDN_SHARED") or ROOT.parent / "shared")
+    if not (shared / "data" / "truth.json").is_file():
+        pytest.skip(
+            f"no real photographs: {shared}/data/truth.json is absent; set RCDN_SHARED to the folder above data"
+        )
+    return shared / "data"

@@ -1,0 +1,166 @@
+"""Rules of the house: import floors, light imports, public names, links, and the commands that people are told."""
+
+import ast
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+import rcdn
+
+ROOT = Path(__file__).parents[1]
+HEAVY = ("torch", "onnx", "matplotlib", "lightning_fabric", "lightning", "tensorboard")
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+INSTALL_AND_TEST = 'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest'
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def tool(name, *arguments):
+    """Run a tool that is installed beside this Python; its output if it fails, else ''."""
+    program = Path(sys.executable).parent / name
+    if not program.exists():
+        pytest.skip(f"{name} isn't installed: pip install -e '.[test]'")
+    done = subprocess.run([str(program), *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout + done.stderr if done.returncode else ""
+
+
+def run(code):
+    """Standard output of a fresh interpreter."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def loaded(code):
+    """Which heavy packages `code` loads."""
+    out = run(f"{code}\nimport sys\nprint('|', *[m for m in {HEAVY!r} if m in sys.modules])")
+    return out.rsplit("|", 1)[1].split()
+
+
+def test_imports_go_only_down():
+    assert tool("lint-imports") == ""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",)],
+    ids=["lint", "format", "types"],
+)
+def test_style(arguments):
+    assert tool(*arguments) == ""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import rcdn",
+        f"import rcdn; [getattr(rcdn, name) for name in {rcdn.__all__!r}]",
+        "import rcdn.cli",
+        "import rcdn.cli.detect, rcdn.cli.board",
+        "import rcdn.detector, rcdn.boards, rcdn.synthetic, rcdn.report.overlay, rcdn.report.target",
+    ],
+)
+def test_imports_are_light(code):
+    assert loaded(code) == []
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["detect", "--help"], ["board", "--help"], ["--version"]])
+def test_the_command_line_is_light(arguments):
+    start = f"import sys\nsys.argv = ['rcdn', *{arguments!r}]\nimport rcdn.cli"
+    code = f"{start}\ntry:\n    rcdn.cli.main()\nexcept SystemExit as end:\n    assert not end.code"
+    assert loaded(code) == []
+
+
+def test_import_loads_nothing_of_its_own():
+    """Not even NumPy: names arrive at their first use."""
+    assert (
+        run("import rcdn, sys; print([m for m in ('numpy', 'cv2', 'scipy', 'onnxruntime') if m in sys.modules])")
+        == "[]\n"
+    )
+
+
+def test_public_names():
+    """A change of this list is a change of the API: say so in CHANGELOG.md."""
+    assert sorted(rcdn.__all__) == [
+        "Board", "Corners", "Detection", "Detector", "DetectorConfig", "RcdnError", "__version__",
+        "find_chessboard_corners", "read_image",
+    ]  # fmt: skip
+    assert dir(rcdn) == sorted(rcdn.__all__)
+
+
+@pytest.mark.parametrize("name", rcdn.__all__)
+def test_public_names_resolve_and_are_documented(name):
+    value = getattr(rcdn, name)
+    assert name == "__version__" or value.__doc__
+
+
+def test_names_for_type_checkers_are_the_public_ones():
+    tree = ast.parse((ROOT / "src/rcdn/__init__.py").read_text())
+    guard = next(n for n in tree.body if isinstance(n, ast.If))
+    imports = [n for n in guard.body if isinstance(n, ast.ImportFrom)]
+    named = {(a.name, n.module) for n in imports for a in n.names}
+    assert {name for name, _ in named} == set(rcdn.__all__) - {"__version__"}
+    for name, module in named:
+        assert getattr(importlib.import_module(module), name) is getattr(rcdn, name)
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        rcdn.nothing  # noqa: B018
+
+
+def test_one_version():
+    assert PROJECT["project"]["version"] == rcdn.__version__
+    assert f"## [{rcdn.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
+    assert f"version: {rcdn.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def anchors(page):
+    """Anchors of a page's headings, as GitHub makes them."""
+    heads = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S), flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```|`[^`\n]*`", "", page.read_text(), flags=re.M | re.S)
+    links = re.findall(r"\]\(\s*<?([^)>\s]+)", text) + re.findall(r'(?:src|href)="([^"]+)"', text)
+    for link in links:
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = unquote(link).partition("#")
+        target = page.parent / path if path else page
+        assert target.exists(), f"{page.name}: {link}"
+        if anchor and target.suffix == ".md":
+            assert anchor in anchors(target), f"{page.name}: {link}"
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "docs/paper.md", *sorted((ROOT / "docs/decisions").glob("*.md"))], ids=lambda p: p.stem
+)
+def test_functions_and_tests_that_are_named_exist(page):
+    """`corners/nms.py:nms` is a name in src/rcdn, `tests/…/test_x.py::test_y` (or ::*) a test."""
+    text = page.read_text()
+    for path, name in re.findall(r"`([\w/]+\.py):(\w+)`", text):
+        source = (ROOT / "src/rcdn" / path).read_text()
+        assert re.search(rf"^(?:def |class |    def )?{name}\b", source, flags=re.M), f"{path}:{name}"
+    for path, name in re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text):
+        assert f"def {name or 'test_'}" in (ROOT / path).read_text(), f"{path}::{name}"
+
+
+def test_ci_runs_what_the_readme_says():
+    assert (ROOT / ".ci/run").read_text().splitlines()[-1] == INSTALL_AND_TEST
+    readme = (ROOT / "README.md").read_text()
+    if "```" not in readme:
+        pytest.skip("README.md has no commands yet")
+    assert INSTALL_AND_TEST in readme
+
+
+def test_extras_of_the_command_exist():
+    wanted = re.search(r"\[([\w,]+)\]", INSTALL_AND_TEST)[1].split(",")
+    assert set(wanted) <= set(PROJECT["project"]["optional-dependencies"])

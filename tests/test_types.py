@@ -1,0 +1,144 @@
+"""Corners, boards, cameras and poses: shapes, frozen arrays, grids."""
+
+import numpy as np
+import pytest
+
+from rcdn.errors import RcdnError
+from rcdn.types import Board, Camera, Corners, Pose, Status
+
+XY = np.array([[5.0, 1], [2, 9], [2, 3], [7, 7]])
+
+
+def corners(**changes):
+    parts = {
+        "xy": XY,
+        "response": [1, 2, 2, 0.5],
+        "status": [0, 1, 2, 3],
+        "axes": XY / 10,
+        "sigma": [0.1, 0.2, 0.3, 0.4],
+    }
+    return Corners(**(parts | changes))
+
+
+def board(cols, rows, drop=(), shift=(0, 0)):
+    """A board whose corner (i, j) lies at (10 i, 10 j)."""
+    ij = np.array([(i, j) for j in range(rows) for i in range(cols) if (i, j) not in drop])
+    n = len(ij)
+    return Board(ij * 10.0, ij + np.array(shift), (640, 480), np.ones(n), np.zeros(n), "unique")
+
+
+def test_corners_sort_and_take_keep_rows_together():
+    ordered = corners().sort()
+    assert ordered.xy.tolist() == [[2, 3], [2, 9], [5, 1], [7, 7]]
+    assert ordered.sigma.tolist() == [0.3, 0.2, 0.1, 0.4]
+    assert ordered.axes == pytest.approx(ordered.xy / 10)
+    picked = corners().take(np.array([False, True, False, True]))
+    assert picked.xy.tolist() == [[2, 9], [7, 7]]
+    assert picked.status.tolist() == [Status.SEED, Status.COMPLETED]
+    assert len(corners(axes=None, sigma=None).take([0, 1])) == 2
+    assert corners(axes=None).take([0]).axes is None
+
+
+@pytest.mark.parametrize("empty", [[], np.zeros((0, 2)), np.zeros(0)])
+def test_no_corners(empty):
+    none = Corners(empty, [], [], axes=empty)
+    assert len(none) == len(none.sort()) == 0
+    assert none.xy.shape == none.axes.shape == (0, 2)
+    assert none.response.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"xy": np.ones((4, 3))}, r"Corners.xy must have shape \(N, 2\)"),
+        ({"xy": np.ones(4)}, "Corners.xy"),
+        ({"response": np.ones((4, 1))}, "Corners.response"),
+        ({"response": [1, 2]}, "Corners.response has 2 rows, but xy has 4"),
+        ({"status": [1] * 5}, "Corners.status"),
+        ({"axes": np.ones((3, 2))}, "Corners.axes"),
+        ({"sigma": [0.1]}, "Corners.sigma"),
+    ],
+)
+def test_corners_refuse(changes, words):
+    with pytest.raises(RcdnError, match=words):
+        corners(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"ij": [[0, 0], [1, 0], [0, 0]]}, "twice"),
+        ({"ij": [[0, 0], [1, 0]]}, "one row a corner"),
+        ({"response": [1]}, "one row a corner"),
+        ({"ij": [0, 1, 2]}, "Board.ij"),
+    ],
+)
+def test_boards_refuse(changes, words):
+    parts = {"xy": XY[:3], "ij": [[0, 0], [1, 0], [0, 1]], "image_size": (9, 9), "response": [1] * 3, "status": [0] * 3}
+    with pytest.raises(RcdnError, match=words):
+        Board(**(parts | changes), orientation="unique")
+
+
+def test_arrays_are_copies_and_frozen():
+    xy = XY.copy()
+    held = corners(xy=xy)
+    xy[0] = 99
+    assert held.xy.tolist() == XY.tolist()
+    pose = Pose(np.eye(4))
+    camera = Camera(np.eye(3), (), (4, 4), "pinhole")
+    b = board(3, 3)
+    for array in (held.xy, held.response, held.axes, held.sigma, held.status, b.xy, b.ij, pose.R, pose.t, camera.K):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(AttributeError):
+        held.xy = XY
+
+
+def test_camera_counts_its_distortion():
+    for model, n in (("pinhole", 1), ("brown", 3), ("fisheye", 5)):
+        with pytest.raises(RcdnError, match=model):
+            Camera(np.eye(3), np.zeros(n), (4, 4), model)
+    assert Camera(np.eye(3), np.zeros(4), (4, 4)).model == "brown"
+
+
+def test_grid_has_nan_where_a_corner_is_missing():
+    seen = board(4, 3, drop={(2, 1)}, shift=(5, -2))
+    assert seen.size == (4, 3)
+    assert not seen.complete
+    assert board(4, 3).complete
+    grid = seen.grid()
+    assert grid.shape == (3, 4, 2)
+    assert np.argwhere(np.isnan(grid[..., 0])).tolist() == [[1, 2]]
+    assert grid[2, 3].tolist() == [30, 20]
+    empty = Board([], [], (4, 4), [], [], "unique")
+    assert (empty.size, empty.complete, empty.grid().shape) == ((0, 0), True, (0, 0, 2))
+
+
+def handedness(grid):
+    """Sign of the turn from growing columns to growing rows."""
+    return np.sign(np.linalg.det(np.stack([grid[0, 1] - grid[0, 0], grid[1, 0] - grid[0, 0]])))
+
+
+@pytest.mark.parametrize(("cols", "rows"), [(9, 6), (6, 9), (4, 3), (3, 4), (8, 5), (7, 5), (8, 6)])
+def test_grid_of_turns_but_never_mirrors(cols, rows):
+    b = board(cols, rows, drop={(1, 2)})
+    same, turned = b.grid_of((cols, rows)), b.grid_of((rows, cols))
+    assert np.array_equal(same, b.grid(), equal_nan=True)
+    assert turned.shape == (cols, rows, 2)
+    assert handedness(turned) == handedness(same) == 1
+    assert sorted(turned[np.isfinite(turned[..., 0])].tolist()) == sorted(b.xy.tolist())
+    assert b.grid_of((cols + 1, rows)) is None
+    assert b.grid_of((cols * rows, 1)) is None
+    if (cols + rows) % 2:  # the board has one labelling: the square inside the origin keeps its colour
+        middle = board(cols, rows).grid_of((rows, cols))[:2, :2].reshape(4, 2).mean(axis=0) / 10 - 0.5
+        assert middle.sum() % 2 == 0
+
+
+def test_grid_of_there_and_back():
+    """Turned twice, a board comes back, or by half a turn, which its colours allow."""
+    b = board(9, 6)
+    turned = b.grid_of((6, 9))
+    again = Board(
+        turned.reshape(-1, 2), np.argwhere(np.ones((9, 6)))[:, ::-1], (640, 480), np.ones(54), np.zeros(54), "unique"
+    )
+    assert np.array_equal(again.grid_of((9, 6)), b.grid())
