@@ -55,8 +55,8 @@ def test_a_footprint_is_the_mean_of_its_points(u, width):
     "bleed",
     [
         0.0, 0.02, 0.06,
-        pytest.param(-0.03, marks=pytest.mark.xfail(reason="black ink grows on one side only", strict=True)),
-        pytest.param(-0.06, marks=pytest.mark.xfail(reason="black ink grows on one side only", strict=True)),
+        -0.03,
+        -0.06,
     ],
 )  # fmt: skip
 def test_ink_runs_evenly(bleed):

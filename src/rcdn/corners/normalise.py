@@ -32,7 +32,7 @@ def minmax(grey: Array) -> Array:
         share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
         low, high = float(np.searchsorted(share, 0.001)), float(np.searchsorted(share, 0.999))
     else:
-        low, high = (float(v) for v in np.percentile(grey, [0.1, 99.9]))
+        low, high = (float(v) for v in np.percentile(grey, [0.1, 99.9], method="inverted_cdf"))
     scale = 1.0 / (high - low) if high > low else 0.0
     return np.asarray((grey.astype(np.float32) - np.float32(low)) * np.float32(scale))
 

@@ -15,8 +15,9 @@ def _pulse(u: Array, width: Array, duty: float) -> Array:
     start = F32((1 - duty) / 2)
 
     def integral(x: Array) -> Array:
+        x = x - start
         n = np.floor(x * F32(0.5))
-        return np.asarray(n * F32(duty) + np.clip(x - 2 * n - start, 0, F32(duty)))
+        return np.asarray(n * F32(duty) + np.clip(x - 2 * n, 0, F32(duty)))
 
     return np.asarray((integral(u + width * F32(0.5)) - integral(u - width * F32(0.5))) / width)
 

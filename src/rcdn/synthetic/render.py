@@ -94,11 +94,19 @@ def _board_truth(scene: Scene, index: int) -> BoardTruth:
         cosine = viewing_cosine(spec, ij)
         near = ((xy > -4) & (xy < [scene.width + 3, scene.height + 3])).all(axis=1) & (cosine > 0)
         inside = ((xy >= 2) & (xy <= [scene.width - 3, scene.height - 3])).all(axis=1)
+    near &= _seen_here(scene, spec, ij, xy)
     covered, touched = _hidden(scene, index, xy)
     pitch = _pitch(spec, scene, ij, xy)
     doubtful = touched | ~inside | (pitch < LEAST_PITCH) | (cosine < 0.17) | _painted(spec, ij)
     ignore = near & doubtful & ~covered
     return BoardTruth(xy, ij, near & ~doubtful & ~covered, ignore, pitch)
+
+
+def _seen_here(scene: Scene, spec: BoardSpec, ij: Array, xy: Array) -> Array:
+    """Does the picture show the corner at its pixel? Not beyond the fold of the lens, nor behind the sheet's own bend."""
+    u, v = rays_to_board(spec, unproject(scene.camera, np.nan_to_num(xy, nan=-1e6)))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.hypot(u - ij[:, 0], v - ij[:, 1]) < 1e-3)
 
 
 def _pitch(spec: BoardSpec, scene: Scene, ij: Array, xy: Array) -> Array:
