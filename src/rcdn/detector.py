@@ -76,7 +76,9 @@ def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[
     """
     cols, rows = (int(v) for v in pattern_size)
     if min(cols, rows) < 3:
-        raise ConfigError(f"pattern_size counts inner corners (columns, rows), at least 3 each, not {tuple(pattern_size)}")
+        raise ConfigError(
+            f"pattern_size counts inner corners (columns, rows), at least 3 each, not {tuple(pattern_size)}"
+        )
     for board in _shared_detector().boards(image):
         grid = board.grid_of((cols, rows)) if board.complete else None
         if grid is not None:

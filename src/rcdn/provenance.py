@@ -25,13 +25,18 @@ def provenance() -> dict[str, Any]:
 
 
 def commit() -> str:
-    """The commit of the source tree that runs, `unknown` outside of one."""
+    """Commit of the source tree that runs, with `+` if tracked files differ from it; `unknown` for an installed copy."""
+    here = Path(__file__)
 
     def git(*words: str) -> str:
-        done = subprocess.run(["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
+        done = subprocess.run(["git", *words], cwd=here.parent, capture_output=True, text=True, check=True)
         return done.stdout.strip()
 
     try:
-        return git("rev-parse", "--short=12", "HEAD") + ("+" if git("status", "--porcelain", "--untracked-files=no") else "")
+        git(
+            "ls-files", "--error-unmatch", here.name
+        )  # or an installed copy would tell of whatever repository it lies in
+        dirty = git("status", "--porcelain", "--untracked-files=no")
+        return git("rev-parse", "HEAD") + ("+" if dirty else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

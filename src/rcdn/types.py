@@ -36,7 +36,9 @@ def _freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, .
     if array.size == 0:
         array = array.reshape((0, *tail))
     if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
-        raise RcdnError(f"{type(owner).__name__}.{name} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}")
+        raise RcdnError(
+            f"{type(owner).__name__}.{name} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}"
+        )
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
 
@@ -170,7 +172,9 @@ class Camera:
         _freeze(self, "distortion", self.distortion, np.float64, ())
         allowed = {"pinhole": (0,), "brown": (4, 5), "fisheye": (4,)}[self.model]
         if len(self.distortion) not in allowed:
-            raise RcdnError(f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}")
+            raise RcdnError(
+                f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

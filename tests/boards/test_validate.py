@@ -125,7 +125,9 @@ def test_what_is_left_fits(seed):
     """A second pass finds nothing more to drop."""
     rng = np.random.default_rng(seed)
     field, grid = lattice()
-    field.xy[:] += rng.normal(0, 0.125, field.xy.shape) * np.linalg.norm(field.xy[grid.at[1, 0]] - field.xy[grid.at[0, 0]])
+    field.xy[:] += rng.normal(0, 0.125, field.xy.shape) * np.linalg.norm(
+        field.xy[grid.at[1, 0]] - field.xy[grid.at[0, 0]]
+    )
     prune(grid, field)
     left = dict(grid.at)
     prune(grid, field)

@@ -57,14 +57,25 @@ def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
 def _field(grey: Array, candidates: Candidates) -> Field:
     found, seen = candidates.all, candidates.orientation
     refined = found.status != Status.SEED
-    return Field(grey, found.xy, seen.axes, seen.polarity.astype(int), seen.contrast, seen.fit, found.response, candidates.seed, refined)
+    return Field(
+        grey,
+        found.xy,
+        seen.axes,
+        seen.polarity.astype(int),
+        seen.contrast,
+        seen.fit,
+        found.response,
+        candidates.seed,
+        refined,
+    )
 
 
 def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     ij = np.array(list(grid.at))
     index = np.array(list(grid.at.values()))
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
-    new = ordered(ij, field.xy[index], board_sign(field, grid))
+    sign = board_sign(field, grid)
+    new = ordered(ij, field.xy[index], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
     index, new = index[order], new[order]
     cols, rows = new.max(axis=0) + 1
@@ -72,4 +83,5 @@ def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     below = ~candidates.sure[index] & (found.status == Status.REFINED)
     status = np.where(below, Status.COMPLETED, found.status)
     height, width = field.grey.shape
-    return Board(found.xy, new, (width, height), found.response, status, orientation(int(cols), int(rows)), found.sigma)
+    turn = orientation(int(cols), int(rows)) if sign else "ambiguous_180"  # without colours nothing is settled
+    return Board(found.xy, new, (width, height), found.response, status, turn, found.sigma)

@@ -34,7 +34,7 @@ def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
 
 def _sample(grey: Array, xy: Array) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
-    flat = xy.reshape(-1, 2).astype(np.float32)
+    flat: Array = xy.reshape(-1, 2).astype(np.float32)
     columns = 1 << 14  # remap takes fewer than 32768 rows and columns
     pad = -len(flat) % columns
     flat = np.pad(flat, ((0, pad), (0, 0))).reshape(-1, min(columns, len(flat) + pad), 2)

@@ -153,7 +153,13 @@ def label(field: Field, quads: list[tuple[int, int, int, int]]) -> list[dict[Lab
     return grids
 
 
-def _push(heap: list[tuple[float, int]], at_edge: dict[frozenset[int], list[int]], used: list[bool], quad: tuple[int, ...], score: list[float]) -> None:
+def _push(
+    heap: list[tuple[float, int]],
+    at_edge: dict[frozenset[int], list[int]],
+    used: list[bool],
+    quad: tuple[int, ...],
+    score: list[float],
+) -> None:
     for k in range(4):
         for other in at_edge[frozenset((quad[k], quad[(k + 1) % 4]))]:
             if not used[other]:

@@ -14,7 +14,7 @@ from rcdn.boards.validate import LEAST_QUALITY, STEPS
 from rcdn.types import Array
 
 ROUNDS = 40
-NEAR, NEAR_WEAK = 0.28, 0.15
+NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
 FAR_AXIS = np.deg2rad(30)
 SHOWN, SHOWN_WEAK = 0.2, 0.3
@@ -24,15 +24,17 @@ SHOWN, SHOWN_WEAK = 0.2, 0.3
 def grow(field: Field, grid: Grid, free: Array) -> None:
     """Add corners to `grid`, nearest to their prediction first, until nothing changes. `free` (N,) bool: corners that may be taken; updated.
 
-    A corner is taken if it lies within 0.28 of a square of its prediction (0.15 if it is weak), its axes and colours fit the board where they are known, and
-    the edges to its labelled neighbours are in the picture. Drops nothing and renames nothing.
+    A corner is taken if it lies within 0.28 of a square of its prediction (0.24 if it is weak), its axes and colours fit the
+    board where they are known, and the edges to its labelled neighbours are in the picture. Drops nothing and renames nothing.
     """
     sign = board_sign(field, grid)
     if sign == 0:
         return
     refused: set[tuple[Label, int]] = set()
     quality = field.quality
-    able = (field.refined | field.strong) & (quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())])))
+    able = (field.refined | field.strong) & (
+        quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())]))
+    )
     for _ in range(ROUNDS):
         index = np.flatnonzero(free & able)
         if not len(index):
@@ -85,7 +87,9 @@ class Offer(NamedTuple):
     axes_fit: bool
 
 
-def _offers(field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, refused: set[tuple[Label, int]]) -> list[Offer]:
+def _offers(
+    field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, refused: set[tuple[Label, int]]
+) -> list[Offer]:
     """Acceptable corners for the empty spots beside the grid."""
     frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
     tries: list[Offer] = []
@@ -123,7 +127,9 @@ def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[Offer]) -> list
             other = grid.at.get((u + d, v + e))
             if other is None:
                 continue
-            rows.append(row), starts.append(field.xy[corner]), ends.append(field.xy[other])
+            rows.append(row)
+            starts.append(field.xy[corner])
+            ends.append(field.xy[other])
             signs.append(sign * (-1) ** (u + v) * (1 if d else -1))
             levels.append(field.contrast[other])
     if not rows:

@@ -30,9 +30,9 @@ def ordered(ij: Array, xy: Array, colour: int) -> Array:
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
 
     `colour`: +1 if the square between (0, 0) and (1, 1) of `ij`'s lattice (that is, of even u + v) is bright, −1 dark.
-    An unambiguous board (cols + rows odd) is labelled by what is printed on it: columns along its longer side, and the square inside the origin is dark,
-    so that the same printed corner has the same label from every side. Any other is labelled by how it lies: columns closest to +x,
-    origin at the top left.
+    An unambiguous board (cols + rows odd) is labelled by what is printed on it: columns along its longer side, and the square
+    inside the origin is dark, so that the same printed corner has the same label from every side. Any other is labelled by how
+    it lies: columns closest to +x, origin at the top left.
     """
     options = [turned(ij, k) for k in range(4)]
     cols, rows = options[0].max(axis=0) + 1
@@ -46,7 +46,9 @@ def ordered(ij: Array, xy: Array, colour: int) -> Array:
 
 def _inside_colour(ij: Array, quarters: int, colour: int) -> int:
     """Colour of the square between (0, 0) and (1, 1) after a turn."""
-    lattice = np.stack(np.meshgrid(*(np.arange(lo, hi) for lo, hi in zip(ij.min(axis=0), ij.max(axis=0), strict=True))), -1).reshape(-1, 2)
+    lattice = np.stack(
+        np.meshgrid(*(np.arange(lo, hi) for lo, hi in zip(ij.min(axis=0), ij.max(axis=0), strict=True))), -1
+    ).reshape(-1, 2)
     middle = 2 * lattice + 1  # squares' centres, doubled
     both = np.concatenate([2 * ij, middle])
     u, v = both.T

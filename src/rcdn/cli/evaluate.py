@@ -8,8 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None)
-Json = Annotated[Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")]
+app = typer.Typer(
+    no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
+)
+Json = Annotated[
+    Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
+]
 
 
 @app.command("scenes")
@@ -26,13 +30,14 @@ def scenes(
 
 @app.command("hard")
 def hard(
-    model: Annotated[list[str], typer.Option(help="auto, paper, or an .onnx file; may be given again.")] = ["auto", "paper"],  # noqa: B006
+    model: Annotated[list[str] | None, typer.Option(help="auto, paper, or an .onnx file; may be given again.")] = None,
     json: Json = None,
 ) -> None:
     """F1 at 2 px on the fixed hard validation crops: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75° (a minute)."""
     from rcdn.evaluation import hard as suite
 
-    _show(suite.table(tuple(model)), json, "hard", {"models": model})
+    models = tuple(model or ("auto", "paper"))
+    _show(suite.table(models), json, "hard", {"models": models})
 
 
 def _show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: dict[str, Any]) -> None:
@@ -41,10 +46,18 @@ def _show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: d
     from rcdn.provenance import provenance
 
     columns = list(rows[0])
-    cells = [columns, *[[f"{row[c]:.4f}" if isinstance(row[c], float) else str(row[c]) for c in columns] for row in rows]]
+    cells = [
+        columns,
+        *[[f"{row[c]:.4f}" if isinstance(row[c], float) else str(row[c]) for c in columns] for row in rows],
+    ]
     widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
     for line in cells:
-        typer.echo("  ".join(text.ljust(width) if k == 0 else text.rjust(width) for k, (text, width) in enumerate(zip(line, widths, strict=True))))
+        typer.echo(
+            "  ".join(
+                text.ljust(width) if k == 0 else text.rjust(width)
+                for k, (text, width) in enumerate(zip(line, widths, strict=True))
+            )
+        )
     facts = provenance()
     typer.echo(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
     if json is not None:

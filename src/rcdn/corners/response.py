@@ -83,7 +83,7 @@ class ResponseModel:
         if min(image.shape) > max(before, *extra):
             return np.asarray(cv2.copyMakeBorder(image, before, extra[0], before, extra[1], cv2.BORDER_REFLECT_101))
         mode = "reflect" if min(image.shape) > 1 else "edge"  # np.pad reflects again and again in a small picture
-        return np.pad(image, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload,no-any-return]
+        return np.pad(image, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload]
 
 
 def _spots(height: int, width: int, tile: int) -> Iterator[tuple[int, int]]:

@@ -19,5 +19,12 @@ def table(models: tuple[str, ...] = ("auto", "paper")) -> list[dict[str, Any]]:
         results = [score_crop(model(image, 1), labels) for image, labels in validation_set()]
         scores, hits, gaps = (np.concatenate([r[k] for r in results]) for k in range(3))
         row = best_f1(scores, hits, sum(r[3] for r in results))
-        out.append({"model": name, "architecture": model.facts["architecture"], **row, "pixel error": round(float(gaps.mean()), 3)})
+        out.append(
+            {
+                "model": name,
+                "architecture": model.facts["architecture"],
+                **row,
+                "pixel error": round(float(gaps.mean()), 3),
+            }
+        )
     return out

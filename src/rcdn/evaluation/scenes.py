@@ -55,7 +55,14 @@ def score_scene(index: int) -> Counts:
         found = _without(found, blind, corners)
         pairs, gaps = match(found, corners, RADIUS)
         right = len(pairs) == len(found) == len(corners)
-        out[name] = (len(found), int(nearest(found, corners, RADIUS).sum()), len(pairs), len(corners), int(right), float(gaps.sum()))
+        out[name] = (
+            len(found),
+            int(nearest(found, corners, RADIUS).sum()),
+            len(pairs),
+            len(corners),
+            int(right),
+            float(gaps.sum()),
+        )
     return out
 
 

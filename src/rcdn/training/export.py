@@ -20,9 +20,10 @@ from torch import nn
 from rcdn.corners.response import ResponseModel
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_bytes, write_text
+from rcdn.provenance import commit
 from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
-from rcdn.training.machine import commit, machine
+from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, load_average, parameter_count
 from rcdn.training.validate import torch_response
 from rcdn.types import Array

@@ -22,9 +22,10 @@ from torch.utils.tensorboard import SummaryWriter
 
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_text
+from rcdn.provenance import commit
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION, LOSSES
-from rcdn.training.machine import commit, machine
+from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, CornerNet, build, load_average
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
