@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -13,33 +15,61 @@ FLOOR = 6.0
 """grey levels; keeps the noise of flat areas from being blown up"""
 
 
-def normalise(grey: Array, kind: str) -> Array:
-    """Normalised picture, (H, W) float32. `grey` (H, W) uint8 or float32, 0..255.
+STEP = np.float32(256)
+"""floats are rounded to 1/256 grey level, so that sums over windows are exact and don't depend on where a tile begins"""
 
-    `minmax`: the 0.1 and 99.9 percentiles go to 0 and 1 (hot pixels don't count).
-    `local`: local contrast normalisation, (I − mean) / (std + 6) over 25×25 px.
+
+@dataclass(frozen=True)
+class Normaliser:
+    """What turns a picture's grey levels, or any part of it, into what a network sees.
+
+    `reach`: px around a part that its numbers depend on; `low`, `high`: levels of the whole picture that go to 0 and 1 (`minmax`).
+    """
+
+    kind: str
+    reach: int
+    low: float = 0.0
+    high: float = 0.0
+
+    def __call__(self, part: Array) -> Array:
+        """Normalised (H, W) float32. `part` (H, W) uint8 or float32, 0..255, continued by reflection at its border."""
+        if self.kind == "local":
+            return _local_contrast(part)
+        scale = 1.0 / (self.high - self.low) if self.high > self.low else 0.0
+        return np.asarray((part.astype(np.float32) - np.float32(self.low)) * np.float32(scale))
+
+
+def normaliser(grey: Array, kind: str) -> Normaliser:
+    """The normaliser of a picture `grey` (H, W).
+
+    `minmax`: the 0.1 and 99.9 percentiles go to 0 and 1 (hot pixels don't count), not clipped; a flat picture becomes zeros.
+    `local`: local contrast normalisation, (I − mean) / (std + 6) over 25×25 px. Raises ConfigError for any other kind.
     """
     if kind == "minmax":
-        return minmax(grey)
+        return Normaliser(kind, 0, *_levels(grey))
     if kind == "local":
-        return local_contrast(grey)
+        return Normaliser(kind, WINDOW // 2)
     raise ConfigError(f"normalisation must be 'minmax' or 'local', not {kind!r}")
 
 
-def minmax(grey: Array) -> Array:
-    """Linear stretch of the 0.1..99.9 percentiles to 0..1, not clipped. A flat picture becomes zeros."""
+def normalise(grey: Array, kind: str) -> Array:
+    """The whole picture normalised, (H, W) float32; see `normaliser`."""
+    return normaliser(grey, kind)(grey)
+
+
+def _levels(grey: Array) -> tuple[float, float]:
+    """The 0.1 and 99.9 percentiles."""
     if grey.dtype == np.uint8:
         share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
-        low, high = float(np.searchsorted(share, 0.001)), float(np.searchsorted(share, 0.999))
-    else:
-        low, high = (float(v) for v in np.percentile(grey, [0.1, 99.9], method="inverted_cdf"))
-    scale = 1.0 / (high - low) if high > low else 0.0
-    return np.asarray((grey.astype(np.float32) - np.float32(low)) * np.float32(scale))
+        return float(np.searchsorted(share, 0.001)), float(np.searchsorted(share, 0.999))
+    low, high = np.percentile(grey, [0.1, 99.9], method="inverted_cdf")
+    return float(low), float(high)
 
 
-def local_contrast(grey: Array) -> Array:
-    """(I − mean) / (std + 6) over a 25×25 window, reflected at the border."""
+def _local_contrast(grey: Array) -> Array:
     g = grey.astype(np.float32)
+    if grey.dtype != np.uint8:
+        g = np.rint(g * STEP) / STEP
     size, border = (WINDOW, WINDOW), cv2.BORDER_REFLECT_101
     mean = cv2.boxFilter(g, cv2.CV_32F, size, borderType=border)
     square = cv2.sqrBoxFilter(g, cv2.CV_32F, size, borderType=border)

@@ -16,8 +16,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from rcdn.corners.normalise import normalise
-from rcdn.errors import RcdnError
+from rcdn.corners.normalise import normaliser
+from rcdn.errors import ConfigError, RcdnError
 from rcdn.types import Array
 
 TILE = 512
@@ -52,19 +52,24 @@ class ResponseModel:
     def __call__(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
         """Response (H, W) float32, ≥ 0, of `grey` (H, W) uint8 or float32 in 0..255.
 
-        The picture is continued by reflection at its border. `threads`: 0 = all cores. The result depends neither on `threads` nor on `tile`.
+        The picture is continued by reflection at its border. `threads`: 0 = all cores; `tile`: px, a multiple of `cell`. The result
+        depends on neither.
         """
+        if tile < 1 or tile % self.cell:
+            raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
         height, width = grey.shape
-        before, after = self.margins
-        padded = self._padded(normalise(grey, self.normalisation))
+        normal = normaliser(grey, self.normalisation)
+        padded = self._padded(grey, normal.reach)
         out = np.empty((height, width), np.float32)
+        session, reach, context = self.session, normal.reach, sum(self.margins) + 2 * normal.reach
 
         def run(spot: tuple[int, int]) -> None:
             y, x = spot
             h, w = min(tile, height - y), min(tile, width - x)
             h_cells, w_cells = -(-h // self.cell) * self.cell, -(-w // self.cell) * self.cell
-            part = padded[y : y + h_cells + before + after, x : x + w_cells + before + after]
-            result = self.session.run(None, {"image": np.ascontiguousarray(part)[None, None]})[0]
+            part = normal(padded[y : y + h_cells + context, x : x + w_cells + context])
+            part = part[reach : part.shape[0] - reach, reach : part.shape[1] - reach]
+            result = session.run(None, {"image": np.ascontiguousarray(part)[None, None]})[0]
             out[y : y + h, x : x + w] = result[0, 0, :h, :w]
 
         spots = list(_spots(height, width, tile))
@@ -77,13 +82,14 @@ class ResponseModel:
                 run(spot)
         return out
 
-    def _padded(self, image: Array) -> Array:
-        before, after = self.margins
-        extra = [after + -n % self.cell for n in image.shape]
-        if min(image.shape) > max(before, *extra):
-            return np.asarray(cv2.copyMakeBorder(image, before, extra[0], before, extra[1], cv2.BORDER_REFLECT_101))
-        mode = "reflect" if min(image.shape) > 1 else "edge"  # np.pad reflects again and again in a small picture
-        return np.pad(image, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload]
+    def _padded(self, grey: Array, reach: int) -> Array:
+        """The picture with all the context that its border tiles need, by reflection."""
+        before = self.margins[0] + reach
+        extra = [self.margins[1] + reach + -n % self.cell for n in grey.shape]
+        if min(grey.shape) > max(before, *extra):
+            return np.asarray(cv2.copyMakeBorder(grey, before, extra[0], before, extra[1], cv2.BORDER_REFLECT_101))
+        mode = "reflect" if min(grey.shape) > 1 else "edge"  # np.pad reflects again and again in a small picture
+        return np.pad(grey, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload]
 
 
 def _spots(height: int, width: int, tile: int) -> Iterator[tuple[int, int]]:
