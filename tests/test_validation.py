@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
-from rcdn.training.validate import score_crop
+from rcdn.validation import score_crop
 
 
 def scored(peaks, corners, size=64):
