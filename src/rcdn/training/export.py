@@ -80,7 +80,7 @@ def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
     """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
     try:
         report = json.loads((folder / "run.json").read_text())
-        net = build(report["config"]["architecture"])
+        net = build(report["config"]["architecture"], report["config"].get("batch_norm", False))
     except (OSError, ValueError, KeyError) as error:
         raise RcdnError(f"export: {folder} is not the folder of a run of `rcdn train`: {error}") from error
     load_average(net, folder / "last.pt")

@@ -65,7 +65,7 @@ def train(
     with fabric.rank_zero_first():  # one process renders, the others wait and then read
         pool = make_pool(config.pool, runs, progress=lambda n, total: print(f"rendering pool: {n}/{total}", flush=True))
     fabric.seed_everything(config.seed, verbose=False)
-    net = build(config.architecture).to(memory_format=torch.channels_last)
+    net = build(config.architecture, config.batch_norm).to(memory_format=torch.channels_last)
     if config.start:
         load_average(net, Path(config.start))
     optimiser, schedule = _optimiser(net, config)

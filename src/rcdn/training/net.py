@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -17,12 +17,13 @@ class Architecture:
     """Convolutions as (kernel, channels, stride), one after the other, ReLU between them.
 
     `cell`: side of the pixel block of one output position (1: a pixel; 4: 16 channels become 4×4 pixels).
-    `batch_norm`: after each convolution but the last; folded into it on export.
+    `batch_norm`: after each convolution but the last; folded into it on export. `last_bias`: the last layer's, at the start.
     """
 
     layers: tuple[tuple[int, int, int], ...]
     cell: int = 1
     batch_norm: bool = False
+    last_bias: float = 0.1
 
     @property
     def margins(self) -> tuple[int, int]:
@@ -62,7 +63,10 @@ ARCHITECTURES = {
     "F": _table("13-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
     "G": _table("13-32, 5-32, 3-32, 3-32, 1-32, 1-1"),
     "H": _table("13-32, 3-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
-    "Q": Architecture(((5, 16, 2), (3, 32, 2), *([(3, 32, 1)] * 5), (1, 16, 1)), cell=4, batch_norm=True),
+    # the last bias of Q says that corners are rare: its response is a sigmoid
+    "Q": Architecture(
+        ((5, 16, 2), (3, 32, 2), *([(3, 32, 1)] * 5), (1, 16, 1)), cell=4, batch_norm=True, last_bias=-5.0
+    ),
 }
 """Name → architecture. A–H, D-3 and E-16 are the paper's (Table 1, section 4.1); Q is ours."""
 
@@ -94,8 +98,7 @@ class CornerNet(nn.Module):
             if isinstance(module, nn.Conv2d):
                 nn.init.xavier_uniform_(module.weight)
                 nn.init.constant_(module.bias, 0.0 if self.architecture.batch_norm else 0.1)
-        if self.architecture.batch_norm:
-            nn.init.constant_(self.blocks[-1][0].bias, -5.0)  # corners are rare: start from "none"
+        nn.init.constant_(self.blocks[-1][0].bias, self.architecture.last_bias)
 
     def forward(self, image: Tensor) -> Tensor:
         out = self.blocks(image)
@@ -104,11 +107,12 @@ class CornerNet(nn.Module):
         return out[:, 0]
 
 
-def build(name: str) -> CornerNet:
-    """The network called `name`, freshly initialised."""
+def build(name: str, batch_norm: bool = False) -> CornerNet:
+    """The network called `name`, freshly initialised; with `batch_norm` trained with one, even if it has none of its own."""
     if name not in ARCHITECTURES:
         raise ConfigError(f"architecture must be one of {sorted(ARCHITECTURES)}, not {name!r}")
-    return CornerNet(ARCHITECTURES[name])
+    arch = ARCHITECTURES[name]
+    return CornerNet(replace(arch, batch_norm=arch.batch_norm or batch_norm))
 
 
 def load_average(net: CornerNet, path: Path) -> None:
