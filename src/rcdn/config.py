@@ -74,11 +74,13 @@ Threshold = Adaptive | Fixed | Std | MaxFraction
 class Nms:
     """Greedy suppression of equal boxes.
 
-    `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes.
+    `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes; `peaks`: only pixels that none of their
+    eight neighbours exceeds compete, so that the flank of a wide peak is no corner.
     """
 
     box: int = 9
     overlap: float = 0.5
+    peaks: bool = False
 
     def __post_init__(self) -> None:
         _bounded(self, "box", 1, whole=True)
@@ -124,6 +126,8 @@ class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
+    `rescue`: where the adaptive threshold finds nothing, 0.41 of the largest response is the threshold, if that stands out from the map
+    (over 0.15, and 20 times the 99th percentile); the corners are then marked LOW_CONFIDENCE.
     `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
@@ -131,13 +135,14 @@ class DetectorConfig:
     """
 
     model: str = "auto"
-    threshold: Threshold = field(default_factory=lambda: Adaptive(0.3))
-    nms: Nms = field(default_factory=lambda: Nms(box=5))
+    threshold: Threshold = field(default_factory=Adaptive)
+    nms: Nms = field(default_factory=lambda: Nms(box=5, peaks=True))
     cluster: Cluster | None = None
     refine: Refine = field(default_factory=Refine)
     border: float = 3.0
-    seed: float = 0.6
-    weak: float = 0.15
+    rescue: bool = True
+    seed: float = 0.45
+    weak: float = 0.12
     min_corners: int = 9
     threads: int = 0
 
@@ -168,7 +173,7 @@ class DetectorConfig:
         """What the paper says, literally: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
-            "refine": Refine("mixed", half=2), "border": 7.0, "seed": 1.0, "weak": 1.0,
+            "refine": Refine("mixed", half=2), "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
         }  # fmt: skip
         return cls(**(base | changes))
 

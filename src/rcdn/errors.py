@@ -13,6 +13,10 @@ class ConfigError(RcdnError, ValueError):
     """A setting that is unknown or outside its range."""
 
 
+class FormatError(RcdnError):
+    """A file of detections that can't be read, or a result that its format can't hold."""
+
+
 class OutputError(RcdnError):
     """A result that can't be written (no space, no permission, no such folder)."""
 

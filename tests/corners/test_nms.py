@@ -82,3 +82,12 @@ def test_time_is_bounded_on_a_map_full_of_candidates(kind):
     xy, _ = nms(response, 0.3, Nms(5))
     assert time.process_time() - start < 2
     assert 0 < len(xy) <= 20000
+
+
+def test_peaks_only_keeps_the_flank_of_a_wide_peak_out():
+    y, x = np.mgrid[:40, :40]
+    wide = np.exp(-((x - 20) ** 2 + (y - 20) ** 2) / 60).astype(np.float32)
+    assert len(nms(wide, 0.3, Nms(5))[0]) > 4
+    xy, score = nms(wide, 0.3, Nms(5, peaks=True))
+    assert xy.tolist() == [[20, 20]]
+    assert score.tolist() == [1.0]

@@ -116,3 +116,10 @@ def test_cells_unfold_row_by_row():
 def test_an_unknown_name_is_refused():
     with pytest.raises(ConfigError, match="architecture must be one of"):
         build("Z")
+
+
+def test_any_network_can_have_a_batch_norm_for_its_training():
+    net = build("A", batch_norm=True)
+    assert [type(m) for m in net.blocks[0]] == [nn.Conv2d, nn.BatchNorm2d, nn.ReLU]
+    assert float(net.blocks[-1][0].bias.detach()) == pytest.approx(0.1)
+    assert net.architecture.margins == build("A").architecture.margins

@@ -13,7 +13,7 @@ from rcdn.corners.nms import nms
 from rcdn.corners.orientation import Orientation, axes
 from rcdn.corners.refine import refine
 from rcdn.corners.threshold import threshold_value
-from rcdn.types import Array, Corners
+from rcdn.types import Array, Corners, Status
 
 __all__ = ["Candidates", "find_candidates"]
 
@@ -47,6 +47,9 @@ class Candidates:
 def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Candidates:
     """Threshold → NMS → clustering → refinement → orientation. `grey` and `response` (H, W)."""
     level = threshold_value(response, config.threshold)
+    rescued = config.rescue and not np.isfinite(level)
+    if rescued:
+        level = _rescue(response)
     xy, score = nms(response, level * config.weak, config.nms)
     inside = ((xy >= config.border) & (xy <= np.array(response.shape[::-1]) - 1 - config.border)).all(axis=1)
     xy, score = xy[inside], score[inside]
@@ -57,10 +60,20 @@ def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Can
     fine, status = refine(grey, response, xy, config.refine, pitch)
     once = _first_of_each(fine, score)
     fine, score, status, pitch = fine[once], score[once], status[once], pitch[once]
+    if rescued:
+        status = np.where(status == Status.REFINED, Status.LOW_CONFIDENCE, status)
     order = np.lexsort((fine[:, 1], fine[:, 0], -score))
     fine, score, status, pitch = fine[order], score[order], status[order], pitch[order]
     seen = axes(grey, fine, np.clip(0.35 * pitch, 3, RING))
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= level, score >= level * config.seed)
+
+
+def _rescue(response: Array) -> float:
+    """Threshold of a map without any response above the usual level: 0.41 of its maximum where that stands out, else +inf."""
+    top = float(response.max(initial=0))
+    if top > 0.15 and top > 20 * float(np.percentile(response, 99)):
+        return 0.41 * top
+    return float("inf")
 
 
 def pitches(xy: Array, strong: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from rcdn.config import Nms
@@ -26,6 +27,9 @@ def nms(response: Array, threshold: float, rule: Nms, limit: int = 20000) -> tup
     that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy.
     """
     xy = candidates(response, threshold)
+    if rule.peaks and len(xy):
+        highest = cv2.dilate(response, np.ones((3, 3), np.uint8))
+        xy = xy[response[xy[:, 1], xy[:, 0]] >= highest[xy[:, 1], xy[:, 0]]]
     score = response[xy[:, 1], xy[:, 0]]
     strong = _strongest(score, limit)
     order = strong[np.argsort(-score[strong], kind="stable")]

@@ -11,16 +11,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import FormatError, RcdnError
 from rcdn.io.files import write_text
 from rcdn.types import Array, Board, Corners, Orientation, Status
 
 VERSION = 1
 DECIMALS = 4
-
-
-class FormatError(RcdnError):
-    """A file of detections that can't be read, or a result that its format can't hold."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,8 @@ from rcdn.training.samples import PoolConfig
 class TrainConfig:
     """One training run.
 
-    `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export); `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
+    `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
+    `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
     `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
     `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included;
