@@ -7,7 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.evaluation import hard, scenes
+from rcdn.evaluation import detections, hard, scenes
+from rcdn.io import ImageResult, write_detections
+from rcdn.types import Board, Corners
 
 
 def test_doubtful_corners_are_neither_right_nor_wrong():
@@ -51,3 +53,61 @@ def test_hard_crops():
     assert paper["architecture"] == "F"
     assert auto["f1"] > 0.85
     assert auto["f1"] > paper["f1"]
+
+
+LATTICE = np.array([[i, j] for j in range(3) for i in range(4)])
+
+
+def picture(path, xy, ij):
+    """One board of the corners `xy` with labels `ij`, none if there are none; the raw corners are the same."""
+    n = len(xy)
+    corners = Corners(xy, np.ones(n), np.zeros(n))
+    board = Board(xy, ij, (200, 200), np.ones(n), np.zeros(n), "unique")
+    return ImageResult(path, 200, 200, corners, (board,) if n else ())
+
+
+def scored(tmp_path, **found):
+    """The row ALL for pictures `a`… whose truth is the lattice, `empty` without a board, and `open`, which nobody settled."""
+    truth = (LATTICE * 20 + 50.0).tolist()
+    known = {
+        f"{k}.png": {"xy": truth, "ordered": True, "ignore": [[150, 150]]} for k in found if k not in ("empty", "open")
+    }
+    known |= {"empty.png": {"xy": [], "ordered": False}, "open.png": {"xy": None, "ordered": False}}
+    (tmp_path / "t.json").write_text(json.dumps({"s": {"board": [4, 3], "exhaustive": True, "images": known}}))
+    results = [
+        picture(f"/somewhere/s/{k}.png", np.array(xy, float).reshape(-1, 2), ij) for k, (xy, ij) in found.items()
+    ]
+    write_detections(tmp_path / "d.json", results)
+    return detections.table(tmp_path / "d.json", tmp_path / "t.json")[-1]
+
+
+def test_scores_of_known_answers(tmp_path):
+    xy = LATTICE * 20 + 50.0
+    swapped = LATTICE.copy()
+    swapped[[0, 1]] = swapped[[1, 0]]
+    turned = np.column_stack([-LATTICE[:, 1] + 7, LATTICE[:, 0]])
+    none = (np.zeros((0, 2)), np.zeros((0, 2)))
+    row = scored(
+        tmp_path,
+        good=(xy + 1, LATTICE),
+        turned=(xy, turned),
+        ignored=(np.vstack([xy, [[151, 150]]]), np.vstack([LATTICE, [[9, 9]]])),
+        extra=(np.vstack([xy, [[190, 30]]]), np.vstack([LATTICE, [[9, 9]]])),
+        partial=(xy[:8], LATTICE[:8]),
+        swapped=(xy, swapped),
+        missing=none,
+        empty=(xy, LATTICE),
+        open=(xy, LATTICE),
+    )
+    assert row["whole"] == "3/7"
+    assert row["recall"] == pytest.approx((5 * 12 + 8) / 84, abs=1e-4)
+    assert (row["wrong"], row["mislabelled"]) == (1, 1)
+    assert (row["open"], row["alarms"]) == ("1/1", "1/1")
+
+
+def test_truth_that_is_none_is_told(tmp_path):
+    write_detections(tmp_path / "d.json", [])
+    (tmp_path / "t.json").write_text("[1, 2]")
+    result = CliRunner().invoke(app, ["evaluate", "detections", str(tmp_path / "d.json"), str(tmp_path / "t.json")])
+    assert result.exit_code == 1
+    assert "t.json" in result.stderr

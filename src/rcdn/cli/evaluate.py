@@ -40,6 +40,20 @@ def hard(
     _show(suite.table(models), json, "hard", {"models": models})
 
 
+@app.command("detections")
+def detections(
+    found: Annotated[Path, typer.Argument(metavar="DETECTIONS.json", help="What `rcdn detect --json` wrote.")],
+    truth: Annotated[
+        Path, typer.Argument(metavar="TRUTH.json", help="The true corners, as `rcdn render` writes them.")
+    ],
+    json: Json = None,
+) -> None:
+    """Score a file of detections against the truth: whole boards, recall, wrong corners and labels, false alarms."""
+    from rcdn.evaluation import detections as suite
+
+    _show(suite.table(found, truth), json, "detections", {"detections": str(found), "truth": str(truth)})
+
+
 def _show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: dict[str, Any]) -> None:
     """Print a table, and save it if wanted."""
     from rcdn.evaluation.results import save
