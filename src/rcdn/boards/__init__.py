@@ -38,7 +38,12 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
-        _complete(field, grid, free)
+        for part in _complete(
+            field, grid, free
+        ):  # of a merged grid, parts that no edge joins belong together all the same
+            if len(part) >= CELL:
+                grid.at |= part.at
+                free[list(part.at.values())] = False
         if believable(grid, least):
             boards.append(_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
