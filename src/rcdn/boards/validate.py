@@ -126,18 +126,25 @@ def _split(grid: Grid) -> list[Grid]:
     return others
 
 
-SMALL_PITCH, SMALL_FILL, SMALL_LEAST = 7.0, 0.9, 20
+SMALL = ((4.9, 1.1), (5.6, 1.0), (7.0, 0.9))
+"""(pitch px, share of its box that a board of smaller squares must fill); over 1: none is believed"""
+SMALL_LEAST = 20
+"""corners of a board of such squares"""
 
 
 def believable(grid: Grid, least: int) -> bool:
-    """Is it a board? At least `least` corners and four whole cells; where squares are under 7 px, keyboards and grilles look just
-    like boards: there it takes 20 corners that fill 0.9 of their box."""
+    """Is it a board? At least `least` corners and four whole cells.
+
+    Where squares are under 7 px, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly all of
+    their box, under 5.6 px all of it, and under 4.9 px nothing is believed.
+    """
     if len(grid) < least or cell_count(grid) < 4:
         return False
     spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
     pitch = float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1]))
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
-    return pitch >= SMALL_PITCH or (len(spots) >= SMALL_LEAST and fill >= SMALL_FILL)
+    needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
+    return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
 
 
 def cell_count(grid: Grid) -> int:
