@@ -186,7 +186,7 @@ def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "DEAD_AFTER", 4)
     original = loop.build
 
-    def dead(name):
+    def dead(name, batch_norm=False):
         net = original(name)
         torch.nn.init.constant_(net.blocks[-1][0].bias, -100.0)
         return net

@@ -12,9 +12,9 @@ from rcdn.boards.grow import board_sign
 from rcdn.boards.local import Grid
 from rcdn.types import Array
 
-GAP = 2
+GAP = 3
 """parts may lie this many squares apart"""
-OFF = 0.12
+OFF = 0.08
 """largest distance from a lattice point of the other part, squares, for each square of the gap"""
 STRETCH = 0.25
 """largest difference of the two lattices' steps where they face each other, squares"""

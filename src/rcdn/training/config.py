@@ -29,7 +29,6 @@ class TrainConfig:
 
     name: str
     architecture: str = "F"
-    batch_norm: bool = False
     loss: str = "safe"
     normalisation: str = "minmax"
     optimiser: str = "sgd"
@@ -44,6 +43,7 @@ class TrainConfig:
     seed: int = 1
     validate_every: int = 1000
     start: str = ""
+    batch_norm: bool = False
     pool: PoolConfig = field(default_factory=PoolConfig)
 
     def __post_init__(self) -> None:
