@@ -20,7 +20,10 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Ranges:
-    """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees."""
+    """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees.
+
+    `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere.
+    """
 
     pitch: tuple[float, float] = (14.0, 60.0)
     cells: tuple[int, int] = (4, 13)
@@ -36,6 +39,7 @@ class Ranges:
     bend_p: float = 0.0
     cover_p: float = 0.0
     shadow_p: float = 0.1
+    edge_shadow_p: float = 0.0
     glare_p: float = 0.05
     bleed_p: float = 0.1
     paint_p: float = 0.0
@@ -61,8 +65,8 @@ HARD = Ranges(
 )  # fmt: skip
 """The fixed hard validation set: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75°."""
 
-TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78, pitch=(5, 60))
-"""What networks learn from: HARD, with photographs behind the boards where the caller has some."""
+TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78, pitch=(5, 60), edge_shadow_p=0.3)
+"""What networks learn from: HARD, with photographs behind the boards where the caller has some, and more hard shadows."""
 
 PAPER = replace(
     HARD, pitch=(7, 60), tilt=65, noise=12, noise_tail_p=0, blur=(0.4, 1.6), wide_blur_p=0.1, motion_p=0.05,
@@ -94,7 +98,8 @@ def random_scene(
     for _ in range(count):
         spec = _board_in(rng, ranges, scene)
         scene = replace(scene, boards=(*scene.boards, spec))
-    return _with_covers(rng, ranges, scene)
+    scene = _with_covers(rng, ranges, scene)
+    return _with_edge_shadow(rng, scene) if ranges.edge_shadow_p and _chance(rng, ranges.edge_shadow_p) else scene
 
 
 def _chance(rng: Rng, p: float) -> bool:
@@ -128,19 +133,36 @@ def _light(rng: Rng, r: Ranges, width: int, height: int) -> Light:
     gx, gy = rng.normal(0, r.light / 2, 2)
     shadows, glares = [], []
     for _ in range(int(rng.integers(1, 3)) if _chance(rng, r.shadow_p) else 0):
-        a, far = rng.uniform(0, 2 * np.pi), 2.0 * width
+        a, far = float(rng.uniform(0, 2 * np.pi)), 2.0 * width
         x, y = rng.uniform(0.2, 0.8) * width, rng.uniform(0.2, 0.8) * height
         half = far if _chance(rng, 0.6) else _log(rng, 8, 150)
-        # a box whose long rim passes through (x, y): a half plane, or a bar
-        cx, cy = x - np.sin(a) * half, y + np.cos(a) * half
-        ends = (cx - np.cos(a) * far, cy - np.sin(a) * far, cx + np.cos(a) * far, cy + np.sin(a) * far)
-        x0, y0, x1, y1 = map(float, ends)
-        shadows.append(Cover(x0, y0, x1, y1, half, float(rng.uniform(0.15, 0.7)), True, _log(rng, 1, 25)))
+        shadows.append(_shade((x, y), a, half, far, float(rng.uniform(0.15, 0.7)), _log(rng, 1, 25)))
     for _ in range(int(rng.integers(1, 3)) if _chance(rng, r.glare_p) else 0):
         spot = (float(rng.uniform(0, width)), float(rng.uniform(0, height)))
         glares.append((*spot, _log(rng, 8, 90), float(rng.uniform(0.2, 1.2))))
     wave = float(rng.normal(0, r.light / 4)) if _chance(rng, 0.4) else 0.0
     return Light(float(gx), float(gy), wave, int(rng.integers(2**31)), tuple(shadows), tuple(glares))
+
+
+def _shade(at: tuple[float, float], angle: float, half: float, far: float, value: float, soft: float) -> Cover:
+    """A box 2 `half` px wide and 2 `far` px long, one long rim of which passes through `at`: a half plane, or a bar."""
+    c, s = np.cos(angle), np.sin(angle)
+    cx, cy = at[0] - s * half, at[1] + c * half
+    x0, y0, x1, y1 = map(float, (cx - c * far, cy - s * far, cx + c * far, cy + s * far))
+    return Cover(x0, y0, x1, y1, half, value, True, soft)
+
+
+def _with_edge_shadow(rng: Rng, scene: Scene) -> Scene:
+    """The scene with the edge of a shadow, mostly a sharp one, across the first board; corners lie on it or near it."""
+    spec, far = scene.boards[0], 2.0 * scene.width
+    uv = rng.uniform([-0.5, -0.5], [spec.cols - 0.5, spec.rows - 0.5], (1, 2))
+    x, y = board_to_pixels(spec, scene.camera, uv)[0]
+    half = far if _chance(rng, 0.7) else _log(rng, 4, 60)
+    if not np.isfinite(x + y):
+        return scene
+    value, soft = float(rng.uniform(0.1, 0.7)), _log(rng, 0.3, 8)
+    shadow = _shade((x, y), float(rng.uniform(0, 2 * np.pi)), half, far, value, soft)
+    return replace(scene, light=replace(scene.light, shadows=(*scene.light.shadows, shadow)))
 
 
 def _sensor(rng: Rng, r: Ranges) -> Sensor:
