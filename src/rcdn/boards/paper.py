@@ -1,0 +1,189 @@
+"""The paper's board recovery (section 3.4): initial matrices of 3 × 3 or 2 × 2 corners, grown by lines or by cells.
+
+Kept beside the link graph (`find_boards`) so that the paper's claims can be checked; docs/recovery.md shows where it fails.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import combinations
+
+import numpy as np
+
+from rcdn.boards import as_board, as_field
+from rcdn.boards.geiger import Pool, energy, grow_lines
+from rcdn.boards.graph import Label
+from rcdn.boards.local import Grid
+from rcdn.corners import Candidates
+from rcdn.corners.histogram import edge_directions
+from rcdn.types import Array, Board
+
+DIRECTIONS = (2, 4)
+"""A corner with fewer or more edge directions starts no board."""
+APART = 0.3
+"""radians between the two directions of a lattice, at least"""
+UNEVEN = 0.3
+"""largest standard deviation ÷ mean of the steps along one direction of a 3 × 3 matrix"""
+START_ENERGY = -6.0
+"""of a 3 × 3 matrix, at most"""
+RATIO = (0.8, 1.2)
+"""mean edge of a cell ÷ mean edge of the initial cell, where cells merge (the paper's figures)"""
+QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+CELL = 4
+"""corners of the smallest board"""
+Labels = dict[Label, int]
+
+
+def find_boards_paper(grey: Array, candidates: Candidates, least: int = CELL) -> list[Board]:
+    """Boards among the corners above the threshold by the paper's growth, the one with most corners first.
+
+    As `find_boards`: `grey` (H, W), `least` the fewest corners of a board, labels by docs/conventions.md, [] for no board. The
+    result doesn't depend on the order of the candidates. Paper section 3.4; what it leaves open is settled in docs/paper.md, P17.
+    """
+    found = candidates.all
+    index = np.flatnonzero(candidates.sure)
+    index = index[np.lexsort((found.xy[index, 1], found.xy[index, 0], -found.response[index]))]
+    angles, count = edge_directions(grey, found.xy[index])
+    field = as_field(grey, candidates)
+    grids = [
+        Grid({spot: int(index[c]) for spot, c in at.items()}, found.xy)
+        for at in recover(found.xy[index], angles, count)
+    ]
+    boards = [as_board(field, candidates, grid) for grid in grids if len(grid) >= least]
+    return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def recover(xy: Array, angles: Array, count: Array) -> list[Labels]:
+    """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of `edge_directions`.
+
+    Labels are right-handed, of any origin. Each corner starts a board at most once, and is in one board at most.
+    """
+    grids: list[Labels] = []
+    if len(xy) < CELL:
+        return grids
+    pool = Pool(xy, angles)
+    for seed in np.flatnonzero((count >= DIRECTIONS[0]) & (count <= DIRECTIONS[1])).tolist():
+        if pool.free.sum() < CELL:
+            break
+        if not pool.free[seed]:
+            continue
+        grid = _board_at(pool, seed)
+        if grid:
+            pool.free[list(grid.values())] = False
+            grids.append(grid)
+    return grids
+
+
+def _board_at(pool: Pool, seed: int) -> Labels | None:
+    """The board that grows from `seed`: from a 3 × 3 matrix if one of its pairs of directions has one, else from a cell."""
+    own = [float(a) for a in pool.angles[seed] if np.isfinite(a)]
+    pairs = [(min(p), max(p)) for p in combinations(own, 2)]
+    matrices = [_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
+    for at in matrices:
+        if len(at) == 9 and _even(pool, index := np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])):
+            rows, cols = np.indices((grown := grow_lines(pool, index)).shape)
+            return dict(
+                zip(zip(cols.ravel().tolist(), rows.ravel().tolist(), strict=True), grown.ravel().tolist(), strict=True)
+            )
+    for at in matrices:
+        for u, v in QUADRANTS:
+            ring = _ring((min(u, 0), min(v, 0)))
+            if all(spot in at for spot in ring) and _convex(pool.xy[[at[spot] for spot in ring]]):
+                return _grow_cells(pool, {spot: at[spot] for spot in ring}, ring[0])
+    return None
+
+
+def _matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
+    """Corners at labels −1..1 around `seed`: columns run along the angle `a`, rows along `b`, a < b.
+
+    The neighbours of the seed, then theirs: a diagonal counts if both ways to it end at one corner. No corner comes twice.
+    """
+    at, along, down = {(0, 0): seed}, {1: a, -1: a + np.pi}, {1: b, -1: b + np.pi}
+    for k in (1, -1):
+        for spot, angle in (((k, 0), along[k]), ((0, k), down[k])):
+            side = pool.neighbour(seed, angle)
+            if side is not None and side not in at.values():
+                at[spot] = side
+    for u, v in QUADRANTS:
+        if (u, 0) in at and (0, v) in at:
+            one, other = pool.toward(at[u, 0], down[v]), pool.toward(at[0, v], along[u])
+            if one is not None and one == other and one not in at.values():
+                at[u, v] = one
+    return at
+
+
+def _even(pool: Pool, index: Array) -> bool:
+    """Is a 3 × 3 matrix of corners (rows, columns) a start for growth: even steps along each direction, nearly straight lines?"""
+    xy = pool.xy[index]
+    steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1) for axis in (0, 1)]
+    cells = np.stack([xy[:-1, :-1], xy[:-1, 1:], xy[1:, 1:], xy[1:, :-1]], axis=2)
+    return _convex(cells) and all(s.std() <= UNEVEN * s.mean() for s in steps) and energy(xy) <= START_ENERGY
+
+
+def _convex(quads: Array) -> bool:
+    """Are all quads (..., 4, 2) convex, turning clockwise on the screen?"""
+    edge = np.roll(quads, -1, axis=-2) - quads
+    after = np.roll(edge, -1, axis=-2)
+    return bool((edge[..., 0] * after[..., 1] > edge[..., 1] * after[..., 0]).all())
+
+
+def _grow_cells(pool: Pool, at: Labels, first: Label) -> Labels:
+    """Cells beside the edges of cells, from the one whose least label is `first`, while their size is the first one's.
+
+    The literal rule: mean edge ÷ mean edge of the initial cell in [0.8, 1.2]. What contradicts a label is left out.
+    """
+    size = _mean_edge(pool.xy[[at[spot] for spot in _ring(first)]])
+    where = {corner: spot for spot, corner in at.items()}
+    done, queue = {first}, deque([first])
+    while queue:
+        u, v = queue.popleft()
+        for d, e in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+            cell = (u + d, v + e)
+            if cell in done:
+                continue
+            new = _beside(pool, at, where, (u, v), (d, e))
+            if not new:
+                continue
+            quad = pool.xy[[(at | new)[spot] for spot in _ring(cell)]]
+            if _convex(quad) and RATIO[0] <= _mean_edge(quad) / size <= RATIO[1]:
+                at |= new
+                where |= {corner: spot for spot, corner in new.items()}
+                done.add(cell)
+                queue.append(cell)
+    return at
+
+
+def _ring(cell: Label) -> list[Label]:
+    """Labels around a cell, by its least label; clockwise on the screen."""
+    u, v = cell
+    return [(u, v), (u + 1, v), (u + 1, v + 1), (u, v + 1)]
+
+
+def _mean_edge(quad: Array) -> float:
+    return float(np.linalg.norm(quad - np.roll(quad, 1, axis=0), axis=1).mean())
+
+
+def _beside(pool: Pool, at: Labels, where: dict[int, Label], cell: Label, step: Label) -> Labels | None:
+    """The two corners beyond the edge of `cell` that faces `step`, {label: corner}; None if there is no cell.
+
+    Found like the initial matrix: outward from both ends of the edge, and from each of the two to the other. Both ways must agree
+    with each other and with the labels that are given.
+    """
+    d, e = step
+    near = [spot for spot in _ring(cell) if (spot[0] - d, spot[1] - e) in _ring(cell)]
+    out: list[int] = []
+    for u, v in near:
+        corner = pool.toward(at[u, v], _angle(pool, at[u - d, v - e], at[u, v]))
+        spot = (u + d, v + e)
+        if corner is None or at.get(spot, corner) != corner or where.get(corner, spot) != spot:
+            return None
+        out.append(corner)
+    edge = _angle(pool, at[near[0]], at[near[1]])
+    if pool.toward(out[0], edge) != out[1] or pool.toward(out[1], edge + np.pi) != out[0]:
+        return None
+    return {(u + d, v + e): corner for (u, v), corner in zip(near, out, strict=True)}
+
+
+def _angle(pool: Pool, start: int, end: int) -> float:
+    dx, dy = pool.xy[end] - pool.xy[start]
+    return float(np.arctan2(dy, dx))
