@@ -95,12 +95,13 @@ class View:
         return np.where(gap < radius, index, -1)
 
     def wrong(self, found):
-        """How many corners of a recovered board are no corner, are on another board, or have a wrong label.
+        """How many corners of a recovered board are no corner, are on another board, or have a wrong label; half-covered ones don't count.
 
         Labels may differ from the printed ones by quarter turns and shifts, but by one of them for the whole board.
         """
         number = self.number(found.xy)
-        spurious = int((number < 0).sum())
+        doubtful = cKDTree(self.doubtful).query(found.xy)[0] < 4 if len(self.doubtful) else np.zeros(len(number), bool)
+        spurious = int(((number < 0) & ~doubtful).sum())
         number, ij = number[number >= 0], found.ij[number >= 0]
         return (
             spurious

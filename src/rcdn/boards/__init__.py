@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.boards.fill import fill
 from rcdn.boards.graph import Field, cells, label, links
-from rcdn.boards.grow import board_sign, grow
+from rcdn.boards.grow import board_sign, grow, hang
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
-from rcdn.boards.validate import believable, prune
+from rcdn.boards.validate import believable, plain, prune
 from rcdn.corners import Candidates
 from rcdn.types import Array, Board, Status
 
@@ -24,7 +25,7 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
 
     `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells. No board gives [].
     """
-    field = _field(grey, candidates)
+    field = as_field(grey, candidates)
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     free, parts = np.ones(len(field.xy), bool), []
     queue = [Grid(at, field.xy) for at in grids]
@@ -37,16 +38,24 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
             parts.append(grid)
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
+    usual = float(np.median(field.response[candidates.sure])) if candidates.sure.any() else 0.0
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
-        for part in _complete(
-            field, grid, free
-        ):  # of a merged grid, parts that no edge joins belong together all the same
-            if len(part) >= CELL:
-                grid.at |= part.at
-                free[list(part.at.values())] = False
-        if believable(grid, least):
-            boards.append(_board(field, candidates, grid))
+        _finish(field, grid, free)
+        if believable(grid, least) and plain(grid, field.response, usual):
+            hang(field, grid, free)
+            fill(grey, grid, board_sign(field, grid))
+            boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _finish(field: Field, grid: Grid, free: Array) -> None:
+    """Complete a merged grid once more, in place. What it held stays together, though no edge may join its parts."""
+    held = dict(grid.at)
+    for part in _complete(field, grid, free):
+        again = {spot: corner for spot, corner in part.at.items() if held.get(spot) == corner}
+        if len(again) >= CELL:
+            grid.at |= again
+            free[list(again.values())] = False
 
 
 def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
@@ -59,7 +68,8 @@ def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
     return rest
 
 
-def _field(grey: Array, candidates: Candidates) -> Field:
+def as_field(grey: Array, candidates: Candidates) -> Field:
+    """The candidates as the recovery sees them, in their order."""
     found, seen = candidates.all, candidates.orientation
     refined = found.status != Status.SEED
     return Field(
@@ -75,18 +85,21 @@ def _field(grey: Array, candidates: Candidates) -> Field:
     )
 
 
-def _board(field: Field, candidates: Candidates, grid: Grid) -> Board:
+def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
+    """A right-handed grid of corners as a board labelled by the contract. Filled corners have no response: 0."""
     ij = np.array(list(grid.at))
     index = np.array(list(grid.at.values()))
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
-    new = ordered(ij, field.xy[index], sign)
+    new = ordered(ij, grid.xy[index], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
     index, new = index[order], new[order]
     cols, rows = new.max(axis=0) + 1
-    found = candidates.all.take(index)
-    below = ~candidates.sure[index] & (found.status == Status.REFINED)
-    status = np.where(below, Status.COMPLETED, found.status)
+    filled = index >= len(field.xy)
+    row = np.where(filled, 0, index)
+    found = candidates.all.take(row)
+    below = ~candidates.sure[row] & (found.status == Status.REFINED)
+    status = np.where(below | filled, Status.COMPLETED, found.status)
     height, width = field.grey.shape
     turn = orientation(int(cols), int(rows)) if sign else "ambiguous_180"  # without colours nothing is settled
-    return Board(found.xy, new, (width, height), found.response, status, turn, found.sigma)
+    return Board(grid.xy[index], new, (width, height), np.where(filled, 0, found.response), status, turn)

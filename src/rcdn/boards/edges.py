@@ -1,4 +1,4 @@
-"""The link check: the one place where board recovery looks at pixels."""
+"""Where board recovery looks at pixels: is there an edge between two corners, and do two edges cross where a corner should be?"""
 
 from __future__ import annotations
 
@@ -40,3 +40,53 @@ def _sample(grey: Array, xy: Array) -> Array:
     flat = np.pad(flat, ((0, pad), (0, 0))).reshape(-1, min(columns, len(flat) + pad), 2)
     values = cv2.remap(grey, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values.reshape(-1)[: xy.size // 2].reshape(xy.shape[:-1]), np.float64)
+
+
+ROWS = np.linspace(0.08, 0.36, 8)
+"""where the sides of a crossing are sampled, squares from it"""
+SPAN, STEPS = 0.34, 35
+"""reach and samples of the profiles across an edge, squares to either side and in all"""
+WIDTH = 0.05
+"""smoothing of the profiles' slopes, squares"""
+DARK = 6.0
+"""grey levels added before the logarithm, so that noise in the dark doesn't count as contrast"""
+
+
+def crossings(grey: Array, xy: Array, du: Array, dv: Array, colour: Array) -> tuple[Array, Array]:
+    """Where a board's two edges cross near a spot that the board predicts, and how plainly they are seen.
+
+    `grey` (H, W); `xy` (N, 2) px the spots; `du`, `dv` (N, 2) px the board's steps there; `colour` (N,) ±1: the square towards
+    (+u, +v) is bright or dark. Returns offsets (N, 2) along u and v, squares, and strengths (N, 2): slopes of the logarithm of the
+    grey level, a square, the weaker of an edge's two halves. An X-corner's edge changes its sign in the crossing: the edge of a
+    shadow or of a cover doesn't, and is seen in neither half's company. The logarithm makes lit and shaded parts alike; the median
+    along an edge leaves out where a shadow crosses it, and sees nothing where most of it is covered.
+    """
+    if not len(xy):
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    across_u, seen_u = _edge_offset(grey, xy, du, dv, colour)
+    across_v, seen_v = _edge_offset(grey, xy, dv, du, colour)
+    return np.stack([across_u, across_v], axis=1), np.stack([seen_u, seen_v], axis=1)
+
+
+def _edge_offset(grey: Array, xy: Array, across: Array, along: Array, colour: Array) -> tuple[Array, Array]:
+    """Offset (N,) and strength (N,) of the edge that runs along `along`, searched along `across`."""
+    t = np.linspace(-SPAN, SPAN, STEPS)
+    halves = []
+    for side in (1, -1):
+        rows = xy[:, None] + side * ROWS[None, :, None] * along[:, None]
+        where = rows[:, :, None] + t[None, None, :, None] * across[:, None, None]
+        slope = _slope(np.log(_sample(grey, where) + DARK), t)
+        halves.append(side * colour[:, None] * np.median(slope, axis=1))
+    both = np.minimum(*halves)
+    row, best = np.arange(len(xy)), both[:, 1:-1].argmax(axis=1) + 1
+    before, peak, after = both[row, best - 1], both[row, best], both[row, best + 1]
+    bend = before - 2 * peak + after
+    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
+    return t[best] + np.clip(shift, -0.5, 0.5) * (t[1] - t[0]), peak
+
+
+def _slope(profile: Array, t: Array) -> Array:
+    """Smoothed slope (..., STEPS) of `profile` (..., STEPS) at `t`."""
+    gap = (t[:, None] - t) / WIDTH
+    kernel = -gap * np.exp(-0.5 * gap * gap)  # ends see less of it: edges there are another's
+    return np.asarray(profile @ (kernel / np.abs(kernel).sum(axis=1).max()).T * (2 / WIDTH))

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid
+from rcdn.types import Array
 
 HOLE = 3
 """squares; a corner is on the rim if nothing follows it within this reach"""
@@ -75,19 +76,23 @@ def worth(grid: Grid, field: Field, spot: Label, median: float) -> float:
 def _worst(grid: Grid) -> tuple[float, Label | None]:
     """The corner furthest beyond its limit: (distance ÷ limit, spot). An unpredictable corner counts as 2."""
     worst: tuple[float, Label | None] = (0.0, None)
-    for spot, corner in sorted(grid.at.items()):
-        guess = grid.predict(spot)
-        if guess is None:
-            excess = 2.0
-        else:
-            limit = RESIDUAL if _inner(grid, spot) else RESIDUAL_LOOSE
-            excess = float(np.linalg.norm(grid.xy[corner] - guess.xy)) / (limit * max(guess.pitch, 1e-9))
+    for spot in sorted(grid.at):
+        excess = predicted_excess(grid, spot)
         if excess > worst[0]:
             worst = (excess, spot)
     return worst
 
 
-def _inner(grid: Grid, spot: Label) -> bool:
+def predicted_excess(grid: Grid, spot: Label) -> float:
+    """Distance of a labelled corner from where its neighbours predict it ÷ what is allowed; 2 where they can't."""
+    guess = grid.predict(spot)
+    if guess is None:
+        return 2.0
+    limit = RESIDUAL if inner(grid, spot) else RESIDUAL_LOOSE
+    return float(np.linalg.norm(grid.xy[grid.at[spot]] - guess.xy)) / (limit * max(guess.pitch, 1e-9))
+
+
+def inner(grid: Grid, spot: Label) -> bool:
     """Neighbours on both sides, along at least one of the two directions."""
     u, v = spot
     return any((u - d, v - e) in grid.at and (u + d, v + e) in grid.at for d, e in ((1, 0), (0, 1)))
@@ -145,6 +150,15 @@ def believable(grid: Grid, least: int) -> bool:
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
+
+
+FAINT = 0.65
+"""least median response of a board, share of the picture's usual one: folds and slats near a real board have under 0.5"""
+
+
+def plain(grid: Grid, response: Array, usual: float) -> bool:
+    """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
+    return float(np.median(response[list(grid.at.values())])) >= FAINT * usual
 
 
 def cell_count(grid: Grid) -> int:

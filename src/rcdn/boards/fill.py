@@ -1,0 +1,143 @@
+"""Corners that the network missed, found in the picture where a finished board predicts them.
+
+A hard shadow, glare or a scratch across a corner may silence the network, and the frame or a cover leaves it little to
+see; the board's two edges still cross there, and that is looked for (`edges.crossings`). Nothing is invented: an edge
+must be seen on both sides of the crossing, about as plainly as at the labelled neighbours.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rcdn.boards.edges import crossings
+from rcdn.boards.graph import Label
+from rcdn.boards.local import Grid
+from rcdn.boards.validate import STEPS, inner, predicted_excess
+from rcdn.types import Array
+
+ROUNDS = 8
+LEAST_SUPPORT = 5
+"""labelled neighbours that a prediction stands on"""
+SEEN, SEEN_RIM = 0.35, 0.6
+"""strength of both edges, share of the neighbours' median; more where the board would grow beyond its rim"""
+SEEN_ONE, SEEN_OTHER = 0.6, 0.1
+"""the same for one edge and the other where both lie within `CLOSE` squares of the prediction: a shadow may run along one"""
+CLOSE = 0.06
+OFF, OFF_RIM = 0.14, 0.11
+"""largest offset from the prediction, squares"""
+
+
+ANSWERED = 0.06
+"""a candidate this close to a crossing is its own, squares"""
+BESIDE = 0.035
+"""a labelled corner further than this from its crossing lies on something else, squares"""
+
+
+class _Spot(NamedTuple):
+    at: Label
+    xy: Array
+    du: Array
+    dv: Array
+
+
+def fill(grey: Array, grid: Grid, sign: int) -> None:
+    """Add corners to `grid`, in place, and put those right that lie beside their crossing.
+
+    Positions of corners found here are appended to `grid.xy`. `grey` (H, W); `sign`: the board's colouring
+    (`grow.board_sign`); 0 changes nothing. No label moves to another corner.
+    """
+    if sign == 0:
+        return
+    known = _set_right(grey, grid, sign)
+    added: set[Label] = set()
+    refused: set[Label] = set()
+    for _ in range(ROUNDS):
+        frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at) - refused
+        spots = [s for at in sorted(frontier) if (s := _spot(grid, at))]
+        new = _accepted(grey, grid, sign, spots, known)
+        refused |= {s.at for s in spots if s.at not in new and inner(grid, s.at)}
+        if not new:
+            break
+        for at, (xy, strength) in new.items():
+            _put(grid, at, xy)
+            known[at] = strength
+        added |= set(new)
+    for at in sorted(added, key=lambda a: (-predicted_excess(grid, a), a)):
+        if predicted_excess(grid, at) > 1:
+            del grid.at[at]
+
+
+def _put(grid: Grid, at: Label, xy: Array) -> None:
+    grid.at[at] = len(grid.xy)
+    grid.xy = np.vstack([grid.xy, xy])
+
+
+def _set_right(grey: Array, grid: Grid, sign: int) -> dict[Label, Array]:
+    """Move corners to the crossing beside which they lie; returns the strengths (2,) at all.
+
+    The edge of a shadow makes a junction with each edge of the board that it crosses; one near a corner is taken for it.
+    """
+    spots = [s for at in sorted(grid.at) if (s := _spot(grid, at))]
+    offset, strength = _look(grey, spots, sign)
+    known = {s.at: k for s, k in zip(spots, strength, strict=True)}
+    moves = {}
+    for spot, found, seen in zip(spots, offset, strength, strict=True):
+        steps = np.stack([spot.du, spot.dv], axis=1)
+        own = np.linalg.solve(steps, grid.xy[grid.at[spot.at]] - spot.xy)
+        beside = np.abs(own - found).max() > BESIDE and np.abs(own).max() > 1.5 * np.abs(found).max()
+        if beside and np.abs(found).max() <= OFF and _shares(known, spot.at, seen)[0] >= SEEN:
+            moves[spot.at] = spot.xy + steps @ found
+    for at, xy in moves.items():
+        _put(grid, at, xy)
+    return known
+
+
+def _spot(grid: Grid, at: Label) -> _Spot | None:
+    """A label with its neighbours' prediction; None where they say too little about it."""
+    guess = grid.predict(at)
+    if guess is None or guess.count < LEAST_SUPPORT or guess.pitch < 2:
+        return None
+    area = abs(guess.du[0] * guess.dv[1] - guess.du[1] * guess.dv[0])
+    return _Spot(at, guess.xy, guess.du, guess.dv) if area > 1 else None
+
+
+def _look(grey: Array, spots: list[_Spot], sign: int) -> tuple[Array, Array]:
+    colour = np.array([sign * (-1) ** sum(s.at) for s in spots], float)
+    xy, du, dv = (np.array([getattr(s, name) for s in spots]).reshape(-1, 2) for name in ("xy", "du", "dv"))
+    return crossings(grey, xy, du, dv, colour)
+
+
+def _accepted(
+    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array]
+) -> dict[Label, tuple[Array, Array]]:
+    """Positions (2,) and strengths (2,) of the spots at which the board's edges are seen to cross."""
+    out = {}
+    for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
+        share, far = _shares(known, spot.at, strength), float(np.abs(offset).max())
+        plain = share[0] >= SEEN and far <= OFF
+        shaded = share[0] >= SEEN_OTHER and share[1] >= SEEN_ONE and far <= CLOSE
+        xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
+        rim = share[0] >= SEEN_RIM and far <= OFF_RIM and _answered(grid, spot, xy)
+        if (plain or shaded) if inner(grid, spot.at) else rim:
+            out[spot.at] = xy, strength
+    return out
+
+
+def _answered(grid: Grid, spot: _Spot, xy: Array) -> bool:
+    """Is there a candidate, however faint, that no label holds? Beyond its rim a board vouches for nothing by itself."""
+    pitch = min(np.linalg.norm(spot.du), np.linalg.norm(spot.dv))
+    gap = np.linalg.norm(grid.xy - xy, axis=1)
+    return bool(gap.min() < max(1.5, ANSWERED * pitch) and int(gap.argmin()) not in grid.at.values())
+
+
+def _shares(known: dict[Label, Array], at: Label, strength: Array) -> tuple[float, float]:
+    """How strongly the two edges are seen, the weaker one first, shares of what is usual near the label."""
+    span = range(-2, 3)
+    near = [known[s] for d in span for e in span if (d or e) and (s := (at[0] + d, at[1] + e)) in known]
+    usual = np.median(near, axis=0) if near else np.zeros(2)
+    if not (usual > 0).all():
+        return 0.0, 0.0
+    weak, strong = np.sort(strength / usual)
+    return float(weak), float(strong)
