@@ -1,0 +1,151 @@
+"""One picture at several scales: what to look at, and how what was found there becomes one answer.
+
+The network knows squares of about 6 to 60 px and blur to 4 px. A small picture, or a part of it with tiny squares, is
+looked at enlarged; a large one also reduced, where wide blur is narrow again. Each view is recovered by itself; where
+boards of two views are one, the fuller stands. Positions come back in pixels of the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rcdn.types import Array, Board, Corners
+
+SMALL_PICTURE = 330 * 250
+"""px; a picture up to this size is always looked at enlarged, too"""
+LEAST_REDUCED = 140 * 100
+"""px; a picture is halved, and halved again, as long as this is left of it"""
+MOST_HALVINGS = 3
+TINY = 8.5
+"""px; squares under this deserve a closer look"""
+LEAST_TINY = 12
+"""strong corners so close together that make a closer look worth its time"""
+MOST_ENLARGED = 500 * 400
+"""px; largest part of a picture that is enlarged"""
+SAME = 0.35
+"""corners closer than this share of the squares are one"""
+
+
+@dataclass(frozen=True)
+class View:
+    """A part of the picture, enlarged or reduced. `box` (x0, y0, x1, y1) px of the picture, ends excluded."""
+
+    box: tuple[int, int, int, int]
+    scale: float = 1.0
+
+    def of(self, grey: Array) -> Array:
+        """The view of `grey` (H, W)."""
+        x0, y0, x1, y1 = self.box
+        part = grey[y0:y1, x0:x1]
+        if self.scale == 1:
+            return part
+        method = cv2.INTER_CUBIC if self.scale > 1 else cv2.INTER_AREA
+        size = tuple(max(1, round(n * self.scale)) for n in part.shape[::-1])
+        return np.asarray(cv2.resize(part, size, interpolation=method))
+
+    def ratio(self) -> Array:
+        """Pixels of the view for one of the picture, (2,); not quite `scale`, since views have whole sizes."""
+        x0, y0, x1, y1 = self.box
+        return np.array([max(1, round(n * self.scale)) / n for n in (x1 - x0, y1 - y0)])
+
+    def to_picture(self, xy: Array) -> Array:
+        """Positions (N, 2) of the view in the picture."""
+        if self.scale == 1:
+            return np.asarray(xy + np.array(self.box[:2], float))
+        return (xy + 0.5) / self.ratio() - 0.5 + np.array(self.box[:2])
+
+
+def whole_views(shape: tuple[int, ...]) -> list[View]:
+    """Views of a whole picture (H, W), as it is first."""
+    height, width = shape[:2]
+    box = (0, 0, width, height)
+    views = [View(box)]
+    if height * width <= SMALL_PICTURE:
+        views.append(View(box, 2.0))
+    for k in range(1, MOST_HALVINGS + 1):
+        if height * width / 4**k >= LEAST_REDUCED:
+            views.append(View(box, 0.5**k))
+    return views
+
+
+def closer_view(xy: Array, shape: tuple[int, ...]) -> View | None:
+    """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None."""
+    height, width = shape[:2]
+    if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
+        return None
+    distance = cKDTree(xy).query(xy, k=4)[0]
+    tiny = xy[(distance[:, 1:] < TINY).sum(axis=1) >= 2]
+    if len(tiny) < LEAST_TINY:
+        return None
+    low, high = np.percentile(tiny, [5, 95], axis=0)
+    pad = 0.25 * (high - low) + 4 * TINY
+    x0, y0 = np.maximum(np.floor(low - pad), 0).astype(int)
+    x1, y1 = np.minimum(np.ceil(high + pad) + 1, [width, height]).astype(int)
+    if (x1 - x0) * (y1 - y0) > MOST_ENLARGED:
+        return None
+    return View((int(x0), int(y0), int(x1), int(y1)), 2.0)
+
+
+def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
+    """Boards of a view as boards of the picture (H, W)."""
+    size = (int(shape[1]), int(shape[0]))
+    return [replace(b, xy=view.to_picture(b.xy), image_size=size) for b in boards]
+
+
+def corners_in_picture(view: View, corners: Corners) -> Corners:
+    """Corners of a view as corners of the picture."""
+    return replace(corners, xy=view.to_picture(corners.xy)) if len(corners) else corners
+
+
+def distinct_boards(found: list[list[Board]]) -> list[Board]:
+    """The boards of all views (the picture as it is first), each once: the fuller of two that share corners.
+
+    What lies inside a fuller board is none: markers and glyphs in its squares.
+    """
+    ranked = sorted(((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True)
+    kept: list[Board] = []
+    for _, _, board in ranked:
+        if not any(_shares(board, other) for other in kept):
+            kept.append(board)
+    return sorted(kept, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _shares(board: Board, other: Board) -> bool:
+    """Is a quarter of `board` made of corners of the fuller `other`, or half of it inside that one?"""
+    reach = SAME * np.median(cKDTree(other.xy).query(other.xy, k=2)[0][:, 1])
+    common = cKDTree(other.xy).query(board.xy)[0] < reach
+    if common.mean() > 0.25:
+        return True
+    hull = cv2.convexHull(other.xy.astype(np.float32))
+    inside = [cv2.pointPolygonTest(hull, (float(x), float(y)), False) > 0 for x, y in board.xy]
+    return float(np.mean(inside)) > 0.5
+
+
+def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
+    """Corners of several lists, each once: of two closer than `reach` px the one in the earlier list stands."""
+    out = parts[0]
+    for more in parts[1:]:
+        if len(out) and len(more):
+            more = more.take(cKDTree(out.xy).query(more.xy)[0] >= reach)
+        if len(more):
+            out = joined(out, more)
+    return out.sort()
+
+
+def joined(one: Corners, two: Corners) -> Corners:
+    """Both lists in one; what only one of them knows (axes, sigma) is NaN in the other's rows."""
+
+    def both(name: str) -> Array | None:
+        a, b = getattr(one, name), getattr(two, name)
+        if a is None and b is None:
+            return None
+        tail = (a if a is not None else b).shape[1:]
+        fill = [np.full((len(c), *tail), np.nan) if v is None else v for c, v in ((one, a), (two, b))]
+        return np.concatenate(fill)
+
+    values = {name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("xy", "response", "status")}
+    return Corners(**values, axes=both("axes"), sigma=both("sigma"))

@@ -1,0 +1,122 @@
+"""Looking at one picture at several scales: geometry of the views, and what becomes of boards seen twice."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rcdn
+from rcdn.config import DetectorConfig
+from rcdn.metrics import match
+from rcdn.pyramid import View, closer_view, distinct_boards, distinct_corners, whole_views
+from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render, truth
+from rcdn.types import Board, Corners, Status
+
+
+def lattice(cols, rows, pitch, at=(50.0, 40.0), response=0.9):
+    ij = np.array([(i, j) for j in range(rows) for i in range(cols)])
+    status = np.full(len(ij), Status.REFINED)
+    return Board(ij * pitch + at, ij, (640, 480), np.full(len(ij), response), status, "unique")
+
+
+def front(cols, rows, pitch, size, noise=2.0, blur=0.7):
+    """A board face on, its middle off the frame's by a few pixels."""
+    t = (3.3 / pitch - (cols - 1) / 2, -2.2 / pitch - (rows - 1) / 2, 500 / pitch)
+    centre = ((size[0] - 1) / 2, (size[1] - 1) / 2)
+    sensor = Sensor(blur=blur, noise=noise)
+    boards = (BoardSpec(cols, rows, (0.0, 0.0, 0.0), t),)
+    return Scene(*size, 500, centre, boards=boards, sensor=sensor, background=Background("plain", 3), seed=4)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(0, 90), st.integers(0, 70), st.integers(24, 120), st.integers(24, 110), st.sampled_from([2.0, 1.0, 0.5, 0.25]))
+def test_a_blob_is_where_its_view_says(x, y, width, height, scale):
+    """A smooth blob's centre of mass in the view, taken back, is its place in the picture."""
+    spot = np.array([x + width / 2, y + height / 2])
+    rows, cols = np.mgrid[:200, :240]
+    grey = np.exp(-((cols - spot[0]) ** 2 + (rows - spot[1]) ** 2) / (2 * (min(width, height) / 8) ** 2)).astype(np.float32)
+    view = View((x, y, x + width, y + height), scale)
+    part = view.of(grey).astype(float)
+    py, px = np.mgrid[: part.shape[0], : part.shape[1]]
+    centre = np.array([(part * px).sum(), (part * py).sum()]) / part.sum()
+    assert np.abs(view.to_picture(centre[None]) - spot).max() < 0.05
+
+
+def test_the_picture_as_it_is_comes_first_and_nothing_moves_in_it():
+    views = whole_views((480, 640))
+    grey = np.arange(480 * 640).reshape(480, 640) % 251
+    assert views[0].scale == 1
+    assert views[0].of(grey) is not None
+    assert np.array_equal(views[0].of(grey), grey)
+    xy = np.random.default_rng(0).uniform(0, 400, (50, 2))
+    assert np.array_equal(views[0].to_picture(xy), xy)
+
+
+@pytest.mark.parametrize(
+    ("shape", "scales"),
+    [((120, 160), [1, 2]), ((480, 640), [1, 0.5, 0.25]), ((3000, 4000), [1, 0.5, 0.25, 0.125]), ((5, 5), [1, 2])],
+)
+def test_small_pictures_are_enlarged_and_large_ones_reduced(shape, scales):
+    assert [v.scale for v in whole_views(shape)] == scales
+
+
+def test_a_closer_look_goes_where_tiny_squares_are():
+    tiny = lattice(9, 6, 6.0, at=(300, 200)).xy
+    wide = lattice(7, 5, 40.0, at=(100, 100)).xy
+    assert closer_view(wide, (480, 640)) is None
+    assert closer_view(tiny[:8], (480, 640)) is None
+    view = closer_view(np.concatenate([tiny, wide]), (480, 640))
+    x0, y0, x1, y1 = view.box
+    assert view.scale == 2
+    assert x0 < 300 - 6 < 300 + 54 < x1 < 500
+    assert y0 < 200 - 6 < 200 + 36 < y1 < 400
+
+
+def test_of_a_board_seen_twice_the_fuller_stands():
+    full, part = lattice(9, 6, 20.0), lattice(6, 6, 20.0, at=(50.4, 40.3))
+    away = lattice(4, 4, 20.0, at=(400, 300))
+    assert [len(b) for b in distinct_boards([[part, away], [full]])] == [54, 16]
+    assert distinct_boards([[full], [lattice(9, 6, 20.0, at=(50.2, 40.0))]])[0] is full
+
+
+def test_markers_inside_a_board_are_no_boards():
+    full, inner = lattice(9, 6, 20.0), lattice(3, 3, 4.0, at=(75, 65))
+    assert distinct_boards([[full], [inner]]) == [full]
+
+
+def test_corners_of_several_lists_are_kept_once_and_sorted():
+    rng = np.random.default_rng(1)
+    a = Corners(rng.uniform(0, 500, (40, 2)), rng.uniform(0, 1, 40), np.zeros(40), axes=np.tile([0.1, 1.6], (40, 1)))
+    b = Corners(np.concatenate([a.xy + 0.5, [[600, 400]]]), np.ones(41), np.zeros(41))
+    out = distinct_corners([a, b])
+    assert len(out) == 41
+    assert (np.diff(out.response) <= 0).all()
+    assert np.isnan(out.axes[(out.xy == [600, 400]).all(axis=1)]).all()
+    assert {tuple(p) for p in a.xy} < {tuple(p) for p in out.xy}
+
+
+@pytest.mark.parametrize(("pitch", "size"), [(3.6, (160, 120)), (4.6, (160, 120)), (5.0, (640, 480))])
+def test_boards_of_tiny_squares_are_found_whole(pitch, size):
+    scene = front(9, 6, pitch, size, blur=0.5)
+    (board,) = rcdn.Detector().boards(render(scene))
+    pairs, gaps = match(board.xy, truth(scene)[0].xy, 0.4 * pitch)
+    assert len(pairs) == len(board) == 54
+    assert gaps.mean() < 0.06
+
+
+def test_boards_too_blurred_for_full_size_are_found_reduced():
+    scene = front(7, 5, 110.0, (1200, 900), blur=15.0)
+    grey = render(scene, samples=1)
+    (board,) = rcdn.Detector().boards(grey)
+    pairs, gaps = match(board.xy, truth(scene)[0].xy, 10)
+    assert len(pairs) == len(board) == 35
+    assert gaps.mean() < 0.5
+    assert len(rcdn.Detector(DetectorConfig.auto(pyramid=False)).boards(grey)) == 0
+
+
+def test_every_corner_of_a_board_is_among_the_corners():
+    grey = cv2.resize(render(front(9, 6, 30.0, (640, 480))), None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    found = rcdn.Detector().detect(grey)
+    assert len(found.boards) == 1
+    assert {tuple(p) for p in found.boards[0].xy} <= {tuple(p) for p in found.corners.xy}
