@@ -4,13 +4,14 @@ import json
 
 import pytest
 
-from rcdn.config import Adaptive, Cluster, DetectorConfig, Fixed, MaxFraction, Nms, Refine, Std
+from rcdn.config import Adaptive, Cluster, DetectorConfig, Fixed, MaxFraction, Nms, Refine, Sharpen, Std
 from rcdn.errors import ConfigError
 
 CONFIGS = [
     DetectorConfig(), DetectorConfig.auto(threads=3), DetectorConfig.paper(), DetectorConfig.paper(threshold=Std(1.7)),
     DetectorConfig(threshold=Fixed(0.2), nms=Nms(7, 0.3), cluster=Cluster(k=4), refine=Refine("peak", 3)),
     DetectorConfig(threshold=MaxFraction(), model="folder/some.onnx", border=0, seed=1, weak=0.5, min_corners=4),
+    DetectorConfig(sharpen=Sharpen(geometry=False)), DetectorConfig(sharpen=None),
 ]  # fmt: skip
 
 
@@ -28,6 +29,7 @@ def test_presets():
     assert paper == DetectorConfig.paper(threads=2)
     assert (paper.threshold, paper.nms, paper.cluster) == (Adaptive(0.5), Nms(9, 0.5), Cluster(10, 2, 30))
     assert (paper.refine, paper.seed, paper.weak) == (Refine("mixed", 2), 1, 1)
+    assert (DetectorConfig().sharpen, paper.sharpen) == (Sharpen(True), None)
     with pytest.raises(ConfigError, match="'fast'"):
         DetectorConfig.preset("fast")
 
@@ -55,6 +57,7 @@ def changed(*path, to):
         (changed("threshold", to=0.5), "DetectorConfig.threshold"),
         (changed("nms", to={"type": "Cluster"}), "DetectorConfig.nms"),
         (changed("model", to=None), "DetectorConfig.model"),
+        (changed("sharpen", to=True), "DetectorConfig.sharpen"),
         (changed("nms", "box", to="9"), "Nms.box"),
         (changed("threads", to=True), "DetectorConfig.threads"),
     ],
@@ -74,6 +77,7 @@ def test_from_json_names_what_is_wrong(text, words):
         (Nms, {"overlap": 1.0}, "Nms.overlap"),
         (Refine, {"method": "best"}, "Refine.method.*'best'"),
         (Refine, {"half": 0}, "Refine.half"),
+        (Sharpen, {"geometry": 1}, "Sharpen.geometry"),
         (Cluster, {"k": 0}, "Cluster.k"),
         (Cluster, {"seed": -1}, "Cluster.seed"),
         (Fixed, {"value": float("nan")}, "Fixed.value"),

@@ -74,6 +74,34 @@ def test_fisheye_there_and_back(distortion):
     assert there_and_back(Camera(K, distortion, (640, 480), "fisheye"), rays(0.98 * last)) < 1e-9
 
 
+@pytest.mark.parametrize("k", [-2.5, -0.5, 0.0, 0.3])
+def test_division_there_and_back(k):
+    """A barrel up to 170° off the axis; a cushion to its fold at |d|² = 1 / k, where |x / z| is 1 / (2 √k)."""
+    widest = {-2.5: 2.96, -0.5: 2.96, 0.0: 1.5, 0.3: np.arctan(0.99 / (2 * np.sqrt(0.3)))}[k]
+    assert there_and_back(Camera(K, (k,), (640, 480), "division"), rays(widest)) < 1e-9
+
+
+def test_division_is_its_definition():
+    camera = Camera(K, (-0.8,), (640, 480), "division")
+    d = np.random.default_rng(2).uniform(-0.6, 0.6, (50, 2))
+    n = d / (1 - 0.8 * (d**2).sum(axis=1, keepdims=True))
+    seen = project(camera, 7 * np.column_stack([n, np.ones(50)]))
+    assert seen == pytest.approx(d @ K[:2, :2].T + K[:2, 2], abs=1e-9)
+    assert np.linalg.norm(d, axis=1).max() < np.linalg.norm(n, axis=1).max()  # a barrel pulls towards the middle
+
+
+def test_division_without_distortion_is_a_pinhole():
+    points = rays(1.2) * 3
+    pinhole = project(Camera(K, (), (640, 480), "pinhole"), points)
+    assert project(Camera(K, (0.0,), (640, 480), "division"), points) == pytest.approx(pinhole, abs=1e-9)
+
+
+def test_a_cushion_of_the_division_model_folds():
+    camera = Camera(K, (0.25,), (640, 480), "division")  # at |d| = 2
+    pixels = np.array([[320 + 600 * 1.999, 240], [320 + 600 * 2.001, 240]])
+    assert np.isfinite(unproject(camera, pixels)).all(axis=1).tolist() == [True, False]
+
+
 def test_random_lenses_there_and_back():
     rng = np.random.default_rng(3)
     for _ in range(40):
@@ -106,17 +134,22 @@ def test_a_lens_that_rises_again_gives_the_ray_before_its_fold():
 
 def test_behind_the_camera():
     points = np.array([[0.1, 0.1, -1], [0.1, 0.1, 0.0], [0.1, 0.1, 1]])
-    for model, k in (("pinhole", ()), ("brown", BROWN[0])):
+    for model, k in (("pinhole", ()), ("brown", BROWN[0]), ("division", (0.1,)), ("division", (0,))):
         assert np.isfinite(project(Camera(K, k, (640, 480), model), points)).all(axis=1).tolist() == [
             False,
             False,
             True,
         ]
     assert np.isfinite(project(Camera(K, FISHEYE[2], (640, 480), "fisheye"), points)).all()
+    assert np.isfinite(project(Camera(K, (-0.1,), (640, 480), "division"), points)).all()
 
 
 def test_shapes_are_kept():
-    for camera in (Camera(K, BROWN[0], (640, 480)), Camera(K, FISHEYE[0], (640, 480), "fisheye")):
+    for camera in (
+        Camera(K, BROWN[0], (640, 480)),
+        Camera(K, FISHEYE[0], (640, 480), "fisheye"),
+        Camera(K, (-0.4,), (640, 480), "division"),
+    ):
         pixels = np.full((2, 3, 2), 300.0)
         assert unproject(camera, pixels).shape == (2, 3, 3)
         assert unproject(camera, pixels[0, 0]) == pytest.approx(unproject(camera, pixels)[0, 0], abs=1e-15)

@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 from rcdn.errors import ConfigError
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
+Recovery = Literal["graph", "growth"]
 
 
 def _require(ok: bool, message: str) -> None:
@@ -122,6 +123,19 @@ class Refine:
 
 
 @dataclass(frozen=True)
+class Sharpen:
+    """A second refinement that knows the board: a model of the picture fitted to all its corners (docs/decisions/0007).
+
+    `geometry`: corners also learn from the smoothness of their board.
+    """
+
+    geometry: bool = True
+
+    def __post_init__(self) -> None:
+        _require(isinstance(self.geometry, bool), f"Sharpen.geometry must be true or false, not {self.geometry!r}")
+
+
+@dataclass(frozen=True)
 class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
@@ -131,6 +145,8 @@ class DetectorConfig:
     `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
+    `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
+    `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
     """
 
@@ -139,10 +155,13 @@ class DetectorConfig:
     nms: Nms = field(default_factory=lambda: Nms(box=5, peaks=True))
     cluster: Cluster | None = None
     refine: Refine = field(default_factory=Refine)
+    sharpen: Sharpen | None = field(default_factory=Sharpen)
     border: float = 3.0
     rescue: bool = True
     seed: float = 0.45
     weak: float = 0.12
+    recovery: Recovery = "graph"
+    pyramid: bool = True
     min_corners: int = 9
     threads: int = 0
 
@@ -153,10 +172,14 @@ class DetectorConfig:
             ("nms", Nms),
             ("cluster", Cluster | None),
             ("refine", Refine),
+            ("sharpen", Sharpen | None),
         )
         for name, kind in kinds:
             value = getattr(self, name)
             _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {value!r}")
+        known = get_args(Recovery)
+        _require(self.recovery in known, f"DetectorConfig.recovery must be one of {known}, not {self.recovery!r}")
+        _require(isinstance(self.pyramid, bool), f"DetectorConfig.pyramid must be true or false, not {self.pyramid!r}")
         _bounded(self, "border", 0)
         _bounded(self, "seed", 0.01, 1)
         _bounded(self, "weak", 0.01, 1)
@@ -173,7 +196,8 @@ class DetectorConfig:
         """What the paper says, literally: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
-            "refine": Refine("mixed", half=2), "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
+            "refine": Refine("mixed", half=2), "sharpen": None, "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
+            "recovery": "growth", "pyramid": False,
         }  # fmt: skip
         return cls(**(base | changes))
 
@@ -199,7 +223,7 @@ class DetectorConfig:
         return value
 
 
-_PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Cluster, Refine, DetectorConfig)}
+_PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Cluster, Refine, Sharpen, DetectorConfig)}
 
 
 def _to_plain(value: Any) -> Any:

@@ -8,11 +8,22 @@ from typing import Any
 import numpy as np
 
 from rcdn.boards import find_boards
+from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, find_candidates
 from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError
 from rcdn.io import as_grey
+from rcdn.precision import sharpen
+from rcdn.pyramid import (
+    View,
+    boards_in_picture,
+    closer_view,
+    corners_in_picture,
+    distinct_boards,
+    distinct_corners,
+    whole_views,
+)
 from rcdn.types import Array, Board, Corners
 
 
@@ -42,7 +53,7 @@ class Detector:
 
     def corners(self, image: Any) -> Corners:
         """X-corners at sub-pixel positions, by falling response."""
-        return self._candidates(as_grey(image)).corners
+        return self.detect(image).corners
 
     def boards(self, image: Any) -> list[Board]:
         """Recovered boards, the one with most corners first; [] if there is none."""
@@ -51,21 +62,71 @@ class Detector:
     def detect(self, image: Any) -> Detection:
         """Corners and boards of one picture at the cost of one."""
         grey = as_grey(image)
-        found = self._candidates(grey)
-        boards = find_boards(grey, found, self.config.min_corners)
-        return Detection(_with_members(found, boards), boards)
+        views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
+        looks = [self._look(grey, view) for view in views]
+        if self.config.pyramid and (closer := closer_view(looks[0].strong, grey.shape)):
+            looks.append(self._look(grey, closer))
+        boards = distinct_boards([look.boards for look in looks])
+        inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
+        whole = [look.corners for look in looks if look.view.scale >= 1]
+        corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
+        if self.config.sharpen is None:
+            return Detection(corners, boards)
+        sharp = [sharpen(grey, board, self.config.sharpen.geometry) for board in boards]
+        return Detection(_moved(corners, boards, sharp), sharp)
+
+    def _look(self, grey: Array, view: View) -> _Look:
+        """What one view shows, in pixels of the picture."""
+        part = view.of(grey)
+        found = self._candidates(part)
+        recover = find_boards_paper if self.config.recovery == "growth" else find_boards
+        boards = recover(part, found, self.config.min_corners)
+        corners = corners_in_picture(view, _with_members(found, boards))
+        strong = view.to_picture(found.all.xy[found.seed])
+        return _Look(view, corners, boards_in_picture(view, boards, grey.shape), strong)
 
     def _candidates(self, grey: Array) -> Candidates:
         return find_candidates(grey, self._model(grey, self.config.threads), self.config)
 
 
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """One view: its corners and boards, and the positions `strong` (N, 2) at which boards may start."""
+
+    view: View
+    corners: Corners
+    boards: list[Board]
+    strong: Array
+
+
+def _members(corners: Corners, boards: list[Board]) -> Array:
+    """(N,) bool: which corners are in a board."""
+    held = {(x, y) for board in boards for x, y in board.xy.tolist()}
+    return np.array([(x, y) in held for x, y in corners.xy.tolist()], bool)
+
+
+def _moved(corners: Corners, before: list[Board], after: list[Board]) -> Corners:
+    """The corners with those of boards where their boards have them now, and with their sigma; NaN for the others."""
+    rows = {spot: k for k, spot in enumerate(map(tuple, corners.xy.tolist()))}
+    xy, sigma = corners.xy.copy(), np.full(len(corners), np.nan)
+    for old, new in zip(before, after, strict=True):
+        index = np.array([rows[spot] for spot in map(tuple, old.xy.tolist())], int)
+        xy[index] = new.xy
+        if new.sigma is not None:
+            sigma[index] = new.sigma
+    return replace(corners, xy=xy, sigma=sigma).sort()
+
+
 def _with_members(found: Candidates, boards: list[Board]) -> Corners:
-    """The corners above the threshold and those below it that are in a board."""
+    """The corners above the threshold, and those below it or without a response that are in a board."""
     member = {(x, y): status for b in boards for (x, y), status in zip(b.xy.tolist(), b.status.tolist(), strict=True)}
     spots = [(x, y) for x, y in found.all.xy.tolist()]
     status = np.array([member.get(s, own) for s, own in zip(spots, found.all.status.tolist(), strict=True)], np.uint8)
     keep = found.sure | np.array([s in member for s in spots], bool)
-    return replace(found.all, status=status).take(keep)
+    known = replace(found.all, status=status).take(keep)
+    filled = [b.response == 0 for b in boards]  # no candidates: the board alone found them
+    more = [Corners(b.xy[f], b.response[f], b.status[f]) for b, f in zip(boards, filled, strict=True) if f.any()]
+    return distinct_corners([known, *more], reach=0)
 
 
 def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:

@@ -50,7 +50,8 @@ def transform(pose: Pose, points: Array) -> Array:
 
 
 def project(camera: Camera, points: Array) -> Array:
-    """Camera points (..., 3) to pixels (..., 2). z ≤ 0 gives NaN (but for `fisheye`, which sees behind itself).
+    """Camera points (..., 3) to pixels (..., 2). z ≤ 0 gives NaN (but for `fisheye` and a barrel of
+    the `division` model, which see behind themselves).
 
     Beyond the fold of a lens polynomial the pixel is still the polynomial's, though no light from that point gets
     there: `unproject` gives another ray for it, or NaN.
@@ -62,6 +63,8 @@ def project(camera: Camera, points: Array) -> Array:
         theta = np.arctan2(r, z)
         scale = np.where(r > 1e-12, _radial(theta, camera.distortion) / np.maximum(r, 1e-12), 1.0)
         d = np.stack([x * scale, y * scale], axis=-1)
+    elif camera.model == "division":
+        d = _division(points, float(camera.distortion[0]))
     else:
         with np.errstate(divide="ignore", invalid="ignore"):
             n = np.where((z > 0)[..., None], points[..., :2] / z[..., None], np.nan)
@@ -70,7 +73,7 @@ def project(camera: Camera, points: Array) -> Array:
 
 
 def unproject(camera: Camera, pixels: Array) -> Array:
-    """Pixels (..., 2) to viewing rays (..., 3) of unit z (`fisheye`: unit length).
+    """Pixels (..., 2) to viewing rays (..., 3) of unit z (`fisheye` and `division`: unit length).
 
     Exact to 1e-10 where the lens model can be inverted, else NaN: beyond the fold, where the polynomial turns back.
     """
@@ -80,6 +83,8 @@ def unproject(camera: Camera, pixels: Array) -> Array:
     d = np.stack([(pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y], axis=-1)
     if camera.model == "fisheye":
         return _fisheye_ray(d, camera.distortion)
+    if camera.model == "division":
+        return _division_ray(d, float(camera.distortion[0]))
     n = d if camera.model == "pinhole" else _brown_inverse(d, camera.distortion)
     return np.concatenate([n, np.ones_like(n[..., :1])], axis=-1)
 
@@ -125,6 +130,23 @@ def _fisheye_ray(d: Array, k: Array) -> Array:
     theta[lost] = _radial_inverse(k, r[lost], limit)
     s = np.where(r > 1e-12, np.sin(theta) / np.maximum(r, 1e-12), 1.0)
     return np.stack([d[..., 0] * s, d[..., 1] * s, np.cos(theta)], axis=-1)
+
+
+def _division(points: Array, k: float) -> Array:
+    """Distorted points (..., 2) of camera points (..., 3) under d ÷ (1 + k·|d|²) ∝ (x, y) ÷ z: the root that is 0 on the axis."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 2 / (z + np.sqrt(z * z - 4 * k * (x * x + y * y)))
+    seen = np.isfinite(scale) & (scale > 0) & ((z > 0) | (k < 0))
+    return np.stack([x, y], axis=-1) * np.where(seen, scale, np.nan)[..., None]
+
+
+def _division_ray(d: Array, k: float) -> Array:
+    """Unit rays (..., 3) of distorted points (..., 2); NaN beyond the fold at k·|d|² = 1 (k > 0)."""
+    r2 = (d * d).sum(axis=-1)
+    ray = np.concatenate([d, (1 + k * r2)[..., None]], axis=-1)
+    length = np.where(k * r2 <= 1, np.linalg.norm(ray, axis=-1), np.nan)
+    return np.asarray(ray / length[..., None])
 
 
 def _brown(n: Array, dist: Array) -> Array:

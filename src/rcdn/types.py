@@ -151,7 +151,7 @@ class Board:
         return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)
 
 
-CameraModel = Literal["pinhole", "brown", "fisheye"]
+CameraModel = Literal["pinhole", "brown", "fisheye", "division"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,9 @@ class Camera:
     """Intrinsics of one camera.
 
     `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`; Kannala–Brandt k1..k4 for
-    `fisheye` (OpenCV's fisheye). `image_size` (width, height) px. Pixel centres at integers.
+    `fisheye` (OpenCV's fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted
+    point in focal lengths, so that λ < 0 is a barrel (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres
+    at integers.
     """
 
     K: Array
@@ -170,7 +172,7 @@ class Camera:
     def __post_init__(self) -> None:
         _freeze(self, "K", self.K, np.float64, (3,))
         _freeze(self, "distortion", self.distortion, np.float64, ())
-        allowed = {"pinhole": (0,), "brown": (4, 5), "fisheye": (4,)}[self.model]
+        allowed = {"pinhole": (0,), "brown": (4, 5), "fisheye": (4,), "division": (1,)}[self.model]
         if len(self.distortion) not in allowed:
             raise RcdnError(
                 f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}"

@@ -81,8 +81,8 @@ def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array) -> Array:
     return np.asarray((contrast >= 6) & (bound <= 0.6))
 
 
-def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
-    """Irradiance (H, W) float32 to grey levels (H, W) uint8."""
+def focus(image: Array, sensor: Sensor) -> Array:
+    """Irradiance (H, W) float32 to the exact grey levels (H, W) float32 that a sensor without noise would see."""
     border = cv2.BORDER_REFLECT_101
     if sensor.blur > 0:
         image = cv2.GaussianBlur(image, (0, 0), sensor.blur, borderType=border)
@@ -93,7 +93,12 @@ def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
     image = np.clip(F32(sensor.offset) + F32(sensor.gain) * image, 0, 1)
     if sensor.gamma != 1:
         image = image ** F32(sensor.gamma)
-    grey: Array = image * F32(255)
+    return np.asarray(image * F32(255))
+
+
+def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
+    """Irradiance (H, W) float32 to grey levels (H, W) uint8."""
+    grey = focus(image, sensor)
     if sensor.noise or sensor.shot:
         flat, shot = F32(sensor.noise), F32(sensor.shot)
         sigma = np.sqrt(flat**2 + shot**2 * grey / 255) if sensor.shot else flat

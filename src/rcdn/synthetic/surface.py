@@ -80,4 +80,6 @@ def _meet_sheet(spec: BoardSpec, bend: Bend, origin: Array, e: Array, depth: Arr
         f = origin[2] + depth * e[..., 2] - h
         df = e[..., 2] - slope * (c * e[..., 0] + s * e[..., 1])
         depth = np.where(far | (np.abs(df) < 1e-3), np.nan, depth - f / df)
-    return depth
+    x, y = origin[0] + depth * e[..., 0], origin[1] + depth * e[..., 1]
+    missed = np.abs(origin[2] + depth * e[..., 2] - _height(bend, x, y, centre)[0]) > 1e-6  # a ray that passes by
+    return np.where(missed, np.nan, depth)

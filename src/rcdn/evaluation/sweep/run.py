@@ -1,0 +1,146 @@
+"""Settings × pictures × detectors → rows."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from rcdn.config import DetectorConfig
+from rcdn.detector import Detector
+from rcdn.errors import ConfigError
+from rcdn.evaluation.sweep.bound import bounds
+from rcdn.evaluation.sweep.pictures import FIRST, picture, seed_of
+from rcdn.evaluation.sweep.score import MOST, SHARE, Answers, Score, row, score
+from rcdn.evaluation.sweep.settings import FACTORS
+from rcdn.peers import PEERS, Find, Grid, quiet
+from rcdn.types import Array
+
+OURS = "rcdn"
+SIZE = (9, 6)
+Task = tuple[str, str, int, tuple[str, ...]]
+"""factor, level, index of the picture, names of the detectors"""
+Scores = dict[str, Score | None]
+"""detector → what it made of one picture; None: it failed"""
+
+_loaded: dict[str, Find] = {}
+"""The detectors of this process, each made once."""
+
+
+def contestants(peers: Sequence[str] = ("auto",)) -> tuple[list[str], dict[str, str]]:
+    """Names of the peers that can run here, and why each of the others can't.
+
+    `peers`: names, `auto` for all, `none` or nothing for none. Raises ConfigError for an unknown name.
+    """
+    wanted = list(PEERS) if "auto" in peers else [name for name in peers if name != "none"]
+    unknown = sorted(set(wanted) - set(PEERS))
+    if unknown:
+        raise ConfigError(f"--peers: no peer is called {', '.join(unknown)}; known: auto, none, {', '.join(PEERS)}")
+    reasons = {name: PEERS[name].missing() for name in dict.fromkeys(wanted)}
+    return [n for n, why in reasons.items() if why is None], {n: why for n, why in reasons.items() if why is not None}
+
+
+def settings_of(count: int, preset: str, peers: Sequence[str]) -> dict[str, Any]:
+    """What to write beside the figures."""
+    return {
+        "count": count, "preset": preset, "first seed": FIRST, "board": SIZE,
+        "hit": f"within {SHARE} of the distance to the nearest neighbour, at most {MOST} px",
+        "peers": {name: PEERS[name].version() for name in peers},
+    }  # fmt: skip
+
+
+def table(
+    count: int = 20,
+    factors: Sequence[str] = (),
+    peers: Sequence[str] = (),
+    preset: str = "auto",
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """One row for each factor, level and detector, of `count` pictures each.
+
+    `factors`: of `FACTORS`, none: all; `peers`: names from `contestants`; `progress` is called with the pictures done and
+    those to do. The same arguments give the same rows, whatever `workers`. Raises ConfigError for an unknown factor.
+    """
+    unknown = sorted(set(factors) - set(FACTORS))
+    if unknown:
+        raise ConfigError(f"--factor: nothing is called {', '.join(unknown)}; known: {', '.join(FACTORS)}")
+    names = (OURS, *peers)
+    levels = [(f, v) for f in (factors or FACTORS) for v in FACTORS[f]]
+    tasks = [(factor, level, k, names) for factor, level in levels for k in range(count)]
+    found: dict[tuple[str, str, str], list[Score | None]] = {(f, v, n): [] for f, v in levels for n in names}
+    with _mapper(workers, names, preset) as run:
+        for done, ((factor, level, _, _), scores) in enumerate(zip(tasks, run(tasks), strict=True), start=1):
+            for name, value in scores.items():
+                found[factor, level, name].append(value)
+            if progress:
+                progress(done, len(tasks))
+    return [_named_row(*key, scores) for key, scores in found.items()]
+
+
+def _named_row(factor: str, level: str, name: str, scores: list[Score | None]) -> dict[str, Any]:
+    peer = PEERS.get(name)
+    size: str = "free" if peer is None else peer.size
+    if peer is not None and peer.board:
+        size += f" {peer.board[0]}x{peer.board[1]}"
+    figures = row([s for s in scores if s is not None])
+    head = {"factor": factor, "level": level, "detector": name, "size": size}
+    return head | figures | {"failed": sum(s is None for s in scores)}
+
+
+@contextmanager
+def _mapper(workers: int, names: tuple[str, ...], preset: str) -> Iterator[Callable[[list[Task]], Iterable[Scores]]]:
+    if workers == 1:
+        _load(names, preset)
+        yield lambda tasks: map(_one, tasks)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, _load, (names, preset)) as pool:
+        try:
+            yield lambda tasks: pool.map(_one, tasks, chunksize=4)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _load(names: tuple[str, ...], preset: str) -> None:
+    """Make the detectors of this process."""
+    _loaded.clear()
+    with quiet():
+        _loaded.update({name: _ours(preset) if name == OURS else PEERS[name].load() for name in names})
+
+
+def _ours(preset: str) -> Find:
+    detector = Detector(DetectorConfig.preset(preset, threads=1))
+
+    def find(image: Array, _size: tuple[int, int]) -> list[Grid]:
+        return [Grid(b.xy, b.ij, b.sigma) for b in detector.boards(image)]
+
+    return find
+
+
+def _one(task: Task) -> Scores:
+    """All detectors on one picture, or on one for each size of board that they ask for."""
+    factor, level, index, names = task
+    sizes = {name: (PEERS[name].board if name in PEERS else None) or SIZE for name in names}
+    out: Scores = {}
+    for size in dict.fromkeys(sizes.values()):
+        made = picture(FACTORS[factor][level], seed_of(factor, level, index), size)
+        answers = Answers(made.boards, bounds(made.scene))
+        for name in (n for n in names if sizes[n] == size):
+            raw = name in PEERS and PEERS[name].raw
+            out[name] = _judged(name, made.image, size, answers, raw)
+    return {name: out[name] for name in names}
+
+
+def _judged(name: str, image: Array, size: tuple[int, int], answers: Answers, raw: bool) -> Score | None:
+    try:
+        with quiet():
+            grids = _loaded[name](image, size)
+    except Exception:
+        if name == OURS:
+            raise
+        return None  # a peer that fails is counted, and the others go on
+    return score(grids, answers, raw)

@@ -1,0 +1,60 @@
+"""The last decimals: corners of a recovered board, fitted again with the board known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rcdn.precision.fit import Fit, fit_corners
+from rcdn.precision.model import CONTRAST
+from rcdn.precision.smooth import smooth
+from rcdn.types import Array, Board, Status
+
+__all__ = ["sharpen"]
+
+FAR = 0.15
+"""share of the pitch that the fit may move a refined corner"""
+FAINT = 0.2
+"""least contrast, share of the board's median"""
+NOISY = 9.0
+"""largest residual variance, × the board's median"""
+KEPT = 0.5
+"""least share of the pixels that must agree with the model"""
+DOUBTFUL = 3.0
+"""standard deviation of a corner whose fit failed, × the board's median"""
+
+
+def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
+    """The same board with its corners where a model of the picture says, and their `sigma` (M,), px an axis.
+
+    `grey` (H, W), 0..255; `geometry`: corners also learn from the smoothness of their board. No corner comes, goes or is
+    renamed. Where the fit fails, a corner stays where it was, with a sigma that says so.
+    """
+    if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
+        return board
+    fit = fit_corners(grey, board.ij, board.xy)
+    good = _good(board, fit)
+    if not good.any():
+        return board
+    xy = np.where(good[:, None], fit.xy, board.xy)
+    plain = np.sqrt(np.trace(fit.cov, axis1=1, axis2=2) / 2)
+    lost = np.maximum(DOUBTFUL * np.median(plain[good]), np.linalg.norm(fit.xy - board.xy, axis=1) / np.sqrt(2))
+    cov = np.where(good[:, None, None], fit.cov, (np.nan_to_num(lost, nan=1.0) ** 2)[:, None, None] * np.eye(2))
+    if geometry:
+        xy, cov = smooth(board.ij, xy, cov, good)
+    return replace(board, xy=xy, sigma=np.sqrt(np.trace(cov, axis1=1, axis2=2) / 2))
+
+
+def _good(board: Board, fit: Fit) -> Array:
+    """Fits (M,) that may be believed."""
+    pitch = cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]
+    move = np.linalg.norm(fit.xy - board.xy, axis=1)
+    contrast = fit.state[:, CONTRAST] * (1 - 2.0 * (board.ij.sum(axis=1) % 2))
+    typical = float(np.median(contrast))
+    good = np.isfinite(fit.xy).all(axis=1) & np.isfinite(fit.cov).all(axis=(1, 2)) & (fit.kept > KEPT)
+    good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
+    good &= contrast * np.sign(typical) > FAINT * abs(typical)
+    good &= fit.variance < NOISY * np.median(fit.variance)
+    return good

@@ -1,0 +1,115 @@
+"""Board coordinates of the pixels around a corner, from the labelled corners near it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.geometry import apply_homography, homography
+from rcdn.types import Array
+
+REACH = 2
+"""neighbours up to this many squares away tell a corner's map"""
+OWN, FAR = 5.0, 0.05
+"""weight of the corner itself and of those two squares away, against those next to it"""
+STIFF = 1e-3
+"""pull of the quadratic terms towards 0, which decides where neighbours lack on one side"""
+TERMS = 6
+HORIZON = 0.1
+"""least ratio of depths on the board under which its homography is not used"""
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Local maps from pixels to board coordinates around each of N corners.
+
+    A homography of the whole board takes out perspective; on top of it each corner has a quadratic of its own, for lens
+    and bent sheet. `flat` (3, 3): pixels → rectified squares; `origin` (N, 2): the corners there; `terms` (N, 6, 2).
+    """
+
+    flat: Array
+    origin: Array
+    terms: Array
+
+    def __call__(self, which: Array, xy: Array) -> Array:
+        """Board coordinates (K, ..., 2), squares from corner `which` (K,), of pixels `xy` (K, ..., 2)."""
+        return self.with_slopes(which, xy)[0]
+
+    def with_slopes(self, which: Array, xy: Array) -> tuple[Array, Array]:
+        """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
+        lift = (len(which),) + (1,) * (xy.ndim - 2)
+        H, x, y = self.flat, xy[..., 0], xy[..., 1]
+        depth = 1 / (H[2, 0] * x + H[2, 1] * y + H[2, 2])
+        flat = [(H[k, 0] * x + H[k, 1] * y + H[k, 2]) * depth for k in (0, 1)]
+        s, t = (flat[k] - self.origin[which, k].reshape(lift) for k in (0, 1))
+        uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
+        for k in (0, 1):
+            a = [self.terms[which, n, k].reshape(lift) for n in range(TERMS)]
+            by_s, by_t = a[1] + 2 * a[3] * s + a[4] * t, a[2] + a[4] * s + 2 * a[5] * t
+            uv[..., k] = a[0] + 0.5 * (s * (a[1] + by_s) + t * (a[2] + by_t))
+            for axis in (0, 1):
+                slopes[..., k, axis] = depth * (
+                    by_s * (H[0, axis] - flat[0] * H[2, axis]) + by_t * (H[1, axis] - flat[1] * H[2, axis])
+                )
+        return uv, slopes
+
+    def pixels(self, which: Array, uv: Array, start: Array, repeats: int = 4) -> Array:
+        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px."""
+        xy = start.copy()
+        for _ in range(repeats):
+            at, slopes = self.with_slopes(which, xy)
+            xy += np.linalg.solve(slopes, (uv - at)[..., None])[..., 0]
+        return xy
+
+
+def lattice(ij: Array, xy: Array) -> Lattice:
+    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px."""
+    flat = _rectifier(ij, xy)
+    origin = apply_homography(flat, xy)
+    near, there = neighbours(ij)
+    step = (ij[near] - ij[:, None]).astype(float)
+    s, t = (origin[near] - origin[:, None]).transpose(2, 0, 1)
+    basis = np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=-1)
+    weight = np.array([OWN, 1.0, FAR])[np.minimum(np.abs(step).max(axis=-1), REACH).astype(int)] * there
+    normal = np.einsum("nk,nki,nkj->nij", weight, basis, basis)
+    normal += np.diag([1e-9, 1e-9, 1e-9, STIFF, STIFF, STIFF])
+    pull = np.einsum("nk,nki,nkc->nic", weight, basis, step)
+    return Lattice(flat, origin, np.linalg.solve(normal, pull))
+
+
+def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
+    """How far a board's corners lie off their neighbours' maps, median RMS along an axis, squares: what is too crooked for them.
+
+    Of corners with all eight neighbours, and beyond what `noise` (variance of positions, squares²) explains; 0 if there are none.
+    """
+    near, there = neighbours(ij, 1)
+    inner = np.flatnonzero(there.all(axis=1))
+    if not len(inner):
+        return 0.0
+    off = maps(inner, xy[near[inner]]) - (ij[near[inner]] - ij[inner, None])
+    left = (off**2).sum(axis=(1, 2)) / (2 * (near.shape[1] - TERMS))
+    return float(np.sqrt(max(np.median(left) - noise, 0.0)))
+
+
+def _rectifier(ij: Array, xy: Array) -> Array:
+    """Homography from pixels to squares; an affine map where the homography has its horizon on the board."""
+    try:
+        flat = np.linalg.inv(homography(ij, xy))
+        depth = xy @ flat[2, :2] + flat[2, 2]
+        if (depth > HORIZON * np.abs(depth).max()).all() or (-depth > HORIZON * np.abs(depth).max()).all():
+            return flat
+    except np.linalg.LinAlgError:
+        pass
+    affine = np.linalg.lstsq(np.column_stack([xy, np.ones(len(xy))]), ij.astype(float), rcond=None)[0].T
+    return np.vstack([affine, [0, 0, 1]])
+
+
+def neighbours(ij: Array, reach: int = REACH) -> tuple[Array, Array]:
+    """Indices (N, K) of the corners within `reach` squares, itself included, and whether each exists, (N, K) bool."""
+    ij = ij - ij.min(axis=0)
+    grid = np.full(ij.max(axis=0) + 1 + 2 * reach, -1)
+    grid[tuple((ij + reach).T)] = np.arange(len(ij))
+    span = np.arange(2 * reach + 1)
+    near = grid[ij[:, 0, None, None] + span[:, None], ij[:, 1, None, None] + span].reshape(len(ij), -1)
+    return np.maximum(near, 0), near >= 0
