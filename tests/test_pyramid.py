@@ -30,12 +30,20 @@ def front(cols, rows, pitch, size, noise=2.0, blur=0.7):
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(st.integers(0, 90), st.integers(0, 70), st.integers(24, 120), st.integers(24, 110), st.sampled_from([2.0, 1.0, 0.5, 0.25]))
+@given(
+    st.integers(0, 90),
+    st.integers(0, 70),
+    st.integers(24, 120),
+    st.integers(24, 110),
+    st.sampled_from([2.0, 1.0, 0.5, 0.25]),
+)
 def test_a_blob_is_where_its_view_says(x, y, width, height, scale):
     """A smooth blob's centre of mass in the view, taken back, is its place in the picture."""
     spot = np.array([x + width / 2, y + height / 2])
     rows, cols = np.mgrid[:200, :240]
-    grey = np.exp(-((cols - spot[0]) ** 2 + (rows - spot[1]) ** 2) / (2 * (min(width, height) / 8) ** 2)).astype(np.float32)
+    grey = np.exp(-((cols - spot[0]) ** 2 + (rows - spot[1]) ** 2) / (2 * (min(width, height) / 8) ** 2)).astype(
+        np.float32
+    )
     view = View((x, y, x + width, y + height), scale)
     part = view.of(grey).astype(float)
     py, px = np.mgrid[: part.shape[0], : part.shape[1]]
@@ -64,13 +72,14 @@ def test_small_pictures_are_enlarged_and_large_ones_reduced(shape, scales):
 def test_a_closer_look_goes_where_tiny_squares_are():
     tiny = lattice(9, 6, 6.0, at=(300, 200)).xy
     wide = lattice(7, 5, 40.0, at=(100, 100)).xy
-    assert closer_view(wide, (480, 640)) is None
-    assert closer_view(tiny[:8], (480, 640)) is None
-    view = closer_view(np.concatenate([tiny, wide]), (480, 640))
+    assert closer_view(wide, [], (480, 640)) is None
+    assert closer_view(tiny[:8], [], (480, 640)) is None
+    view = closer_view(np.concatenate([tiny, wide]), [], (480, 640))
     x0, y0, x1, y1 = view.box
     assert view.scale == 2
     assert x0 < 300 - 6 < 300 + 54 < x1 < 500
     assert y0 < 200 - 6 < 200 + 36 < y1 < 400
+    assert closer_view(tiny, [lattice(9, 6, 20.0, at=(260, 180))], (480, 640)) is None
 
 
 def test_of_a_board_seen_twice_the_fuller_stands():

@@ -64,7 +64,7 @@ class Detector:
         grey = as_grey(image)
         views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
         looks = [self._look(grey, view) for view in views]
-        if self.config.pyramid and (closer := closer_view(looks[0].strong, grey.shape)):
+        if self.config.pyramid and (closer := closer_view(looks[0].strong, looks[0].boards, grey.shape)):
             looks.append(self._look(grey, closer))
         boards = distinct_boards([look.boards for look in looks])
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
@@ -79,10 +79,12 @@ class Detector:
         """What one view shows, in pixels of the picture."""
         part = view.of(grey)
         found = self._candidates(part)
-        recover = find_boards_paper if self.config.recovery == "growth" else find_boards
-        boards = recover(part, found, self.config.min_corners)
+        if self.config.recovery == "growth":
+            boards = find_boards_paper(part, found, self.config.min_corners)
+        else:
+            boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0))
         corners = corners_in_picture(view, _with_members(found, boards))
-        strong = view.to_picture(found.all.xy[found.seed])
+        strong = view.to_picture(found.corners.xy)
         return _Look(view, corners, boards_in_picture(view, boards, grey.shape), strong)
 
     def _candidates(self, grey: Array) -> Candidates:
@@ -91,7 +93,7 @@ class Detector:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """One view: its corners and boards, and the positions `strong` (N, 2) at which boards may start."""
+    """One view: its corners and boards, and the positions `strong` (N, 2) of the surest."""
 
     view: View
     corners: Corners

@@ -72,9 +72,15 @@ def whole_views(shape: tuple[int, ...]) -> list[View]:
     return views
 
 
-def closer_view(xy: Array, shape: tuple[int, ...]) -> View | None:
-    """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None."""
+def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View | None:
+    """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None.
+
+    Corners in `boards` of larger squares, or between their corners, don't count.
+    """
     height, width = shape[:2]
+    for board in boards:
+        if len(xy) and np.median(cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]) >= TINY:
+            xy = xy[~_inside(board, xy)]
     if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
         return None
     distance = cKDTree(xy).query(xy, k=4)[0]
@@ -106,7 +112,9 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
 
     What lies inside a fuller board is none: markers and glyphs in its squares.
     """
-    ranked = sorted(((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True)
+    ranked = sorted(
+        ((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True
+    )
     kept: list[Board] = []
     for _, _, board in ranked:
         if not any(_shares(board, other) for other in kept):
@@ -120,9 +128,13 @@ def _shares(board: Board, other: Board) -> bool:
     common = cKDTree(other.xy).query(board.xy)[0] < reach
     if common.mean() > 0.25:
         return True
-    hull = cv2.convexHull(other.xy.astype(np.float32))
-    inside = [cv2.pointPolygonTest(hull, (float(x), float(y)), False) > 0 for x, y in board.xy]
-    return float(np.mean(inside)) > 0.5
+    return float(_inside(other, board.xy).mean()) > 0.5
+
+
+def _inside(board: Board, xy: Array) -> Array:
+    """(N,) bool: which positions lie within the hull of a board's corners."""
+    hull = cv2.convexHull(board.xy.astype(np.float32))
+    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), False) >= 0 for x, y in xy], bool)
 
 
 def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:

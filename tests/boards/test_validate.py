@@ -6,9 +6,10 @@ from board_scene import view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid
-from rcdn.boards.validate import believable, cell_count, prune
+from rcdn.boards.validate import believable, cell_count, distinct, plain, prune
 
 COLS, ROWS, PITCH = 7, 5, 20.0
 
@@ -160,7 +161,7 @@ def test_believable(size, pitch, least, answer):
 
 @pytest.mark.parametrize(
     ("pitch", "missing", "answer"),
-    [(6.5, 1, True), (6.5, 9, False), (5.2, 0, True), (5.2, 1, False), (4.5, 0, False), (7.5, 9, True)],
+    [(6.5, 1, True), (6.5, 9, False), (5.2, 0, True), (5.2, 1, False), (4.5, 0, True), (4.5, 1, False), (7.5, 9, True)],
 )
 def test_small_squares_must_fill_their_box(pitch, missing, answer):
     """Keyboards look like boards of 5 px squares, but seldom like whole ones."""
@@ -172,3 +173,36 @@ def test_small_squares_must_fill_their_box(pitch, missing, answer):
 def test_cell_count():
     assert cell_count(lattice()[1]) == (COLS - 1) * (ROWS - 1)
     assert cell_count(lattice(spots=[(0, 0), (1, 0), (0, 1)])[1]) == 0
+
+
+@pytest.mark.parametrize(("shape", "low", "high"), [("step", 0.9, 1.05), ("ramp", 0.28, 0.38), ("sine", 0.33, 0.43)])
+def test_sharpness_of_known_profiles(shape, low, high):
+    """Links of 20 px down the middle of an edge that runs along y."""
+    x = (np.arange(101) - 50.0) / 20
+    profile = {"step": np.tanh(40 * x), "ramp": np.clip(x, -0.5, 0.5), "sine": np.sin(np.pi * x)}[shape]
+    grey = np.tile(128 + 100 * profile, (101, 1)).astype(np.float32)
+    start = np.array([[50.0, y] for y in (20, 40, 60)])
+    assert low < edge_sharpness(grey, start, start + [0, 20]) < high
+
+
+@pytest.mark.parametrize(
+    ("cols", "rows", "blur", "answer"), [(4, 4, 0.02, True), (4, 4, 0.4, False), (5, 5, 0.4, True), (3, 3, 0.02, True)]
+)
+def test_boards_of_soft_edges_must_be_larger(cols, rows, blur, answer):
+    """A checkerboard of 20 px squares under a blur of that many squares."""
+    field, grid = lattice(cols, rows)
+    spots = np.linalg.inv([[PITCH, 0.1 * PITCH], [-0.1 * PITCH, PITCH]])
+    y, x = np.mgrid[:200, :200]
+    u, v = np.moveaxis(np.stack([x - 40, y - 40], axis=-1) @ spots, -1, 0)
+    wave = np.sin(np.pi * u) * np.sin(np.pi * v)
+    grey = (128 + 100 * np.tanh(wave / blur / 2 if blur < 0.1 else wave)).astype(np.float32)
+    assert distinct(grid, grey) == answer
+
+
+@pytest.mark.parametrize(
+    ("cols", "response", "usual", "answer"),
+    [(7, 0.8, 0.8, True), (7, 0.4, 0.8, False), (7, 0.5, 0.6, True), (3, 0.5, 0.5, False), (3, 0.7, 0.8, True)],
+)
+def test_corners_of_a_board_answer_about_as_usual(cols, response, usual, answer):
+    _, grid = lattice(cols)
+    assert plain(grid, np.full(35, response), usual) == answer

@@ -10,7 +10,7 @@ from rcdn.boards.grow import board_sign, grow, hang
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
-from rcdn.boards.validate import believable, plain, prune
+from rcdn.boards.validate import believable, distinct, plain, prune
 from rcdn.corners import Candidates
 from rcdn.types import Array, Board, Status
 
@@ -20,10 +20,11 @@ CELL = 4
 """corners of the smallest grid"""
 
 
-def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Board]:
+def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
     """Boards among corners, the one with most corners first.
 
-    `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells. No board gives [].
+    `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells;
+    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives [].
     """
     field = as_field(grey, candidates)
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
@@ -41,10 +42,11 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9) -> list[Boa
     usual = float(np.median(field.response[candidates.sure])) if candidates.sure.any() else 0.0
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         _finish(field, grid, free)
-        if believable(grid, least) and plain(grid, field.response, usual):
+        if believable(grid, least, scale) and plain(grid, field.response, usual):
             hang(field, grid, free)
             fill(grey, grid, board_sign(field, grid))
-            boards.append(as_board(field, candidates, grid))
+            if distinct(grid, grey):
+                boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 

@@ -32,6 +32,22 @@ def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
     return np.asarray((near - far).reshape(len(start), 3, ALONG // 3).mean(axis=2))
 
 
+def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
+    """How sudden the edges of links are: the step within 0.2 of a link's length, share of that within 0.6; their median.
+
+    `start`, `end` (L, 2) px. Near 1 for a printed edge in focus, 0.33 for a ramp, 0.38 where grey levels wave like a sine.
+    """
+    step = end - start
+    normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
+    middle = start[:, None] + np.linspace(0.25, 0.75, ALONG)[None, :, None] * step[:, None]
+    near, far = (
+        (_sample(grey, middle + r * normal[:, None]) - _sample(grey, middle - r * normal[:, None])).mean(axis=1)
+        for r in (0.1, 0.3)
+    )
+    share = near / np.where(np.abs(far) > 1e-6, far, np.inf)
+    return float(np.median(share)) if len(share) else 0.0
+
+
 def _sample(grey: Array, xy: Array) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
     flat: Array = xy.reshape(-1, 2).astype(np.float32)

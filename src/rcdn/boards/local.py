@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from rcdn.boards.graph import Label
@@ -20,15 +22,14 @@ class Grid:
     def __len__(self) -> int:
         return len(self.at)
 
-    def support(self, spot: Label) -> tuple[Array, Array]:
-        """Offsets (K, 2) from `spot` and positions (K, 2) of its labelled neighbours, itself left out; one ring more if they are few."""
-        for reach in (REACH, REACH + 1):
-            span = range(-reach, reach + 1)
-            near = [(d, e) for e in span for d in span if (d or e) and (spot[0] + d, spot[1] + e) in self.at]
+    def support(self, spot: Label) -> tuple[tuple[Label, ...], Array]:
+        """Offsets (K) from `spot` and positions (K, 2) of its labelled neighbours, itself left out; one ring more if they are few."""
+        u, v = spot
+        for ring in _RINGS:
+            near = tuple((d, e) for d, e in ring if (u + d, v + e) in self.at)
             if len(near) >= 6:
                 break
-        index = [self.at[spot[0] + d, spot[1] + e] for d, e in near]
-        return np.array(near, float).reshape(-1, 2), self.xy[index]
+        return near, self.xy[[self.at[u + d, v + e] for d, e in near]]
 
     def neighbours(self, spot: Label) -> list[int]:
         """Labelled corners up to two squares from `spot`, itself left out."""
@@ -37,26 +38,46 @@ class Grid:
 
     def predict(self, spot: Label) -> Prediction | None:
         """Where the corner of `spot` should be; None if its neighbours don't span the plane."""
-        offset, xy = self.support(spot)
-        if len(offset) < 3:
+        near, xy = self.support(spot)
+        solver = _solver(near)
+        if solver is None:
             return None
-        u, v = offset.T
-        terms = [np.ones(len(u)), u, v]
-        columns, rows = len(np.unique(u)), len(np.unique(v))
-        if min(columns, rows) < 2:
-            return None
-        if len(u) >= 4:
-            terms.append(u * v)
-        if len(u) >= 6 and columns >= 3:
-            terms.append(u * u)
-        if len(u) >= 7 and rows >= 3:
-            terms.append(v * v)
-        basis = np.stack(terms, axis=1)
-        weight = 1 / (1 + (offset**2).sum(axis=1))
-        solution, _, rank, _ = np.linalg.lstsq(basis * weight[:, None], xy * weight[:, None], rcond=1e-6)
-        if rank < 3:
-            return None
-        return Prediction(solution[0], solution[1], solution[2], len(u))
+        at, du, dv = solver @ xy
+        return Prediction(at, du, dv, len(near))
+
+
+def _ring(reach: int) -> tuple[Label, ...]:
+    span = range(-reach, reach + 1)
+    return tuple((d, e) for e in span for d in span if d or e)
+
+
+_RINGS = (_ring(REACH), _ring(REACH + 1))
+
+
+@lru_cache(maxsize=4096)
+def _solver(near: tuple[Label, ...]) -> Array | None:
+    """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, by weighted least squares.
+
+    Bilinear with four neighbours, quadratic along an axis on which they take three places. None if they don't span the plane.
+    """
+    if len(near) < 3:
+        return None
+    u, v = np.array(near, float).T
+    columns, rows = len(np.unique(u)), len(np.unique(v))
+    if min(columns, rows) < 2:
+        return None
+    terms = [np.ones(len(u)), u, v]
+    if len(u) >= 4:
+        terms.append(u * v)
+    if len(u) >= 6 and columns >= 3:
+        terms.append(u * u)
+    if len(u) >= 7 and rows >= 3:
+        terms.append(v * v)
+    weight = 1 / (1 + u * u + v * v)
+    basis = np.stack(terms, axis=1) * weight[:, None]
+    if np.linalg.matrix_rank(basis) < 3:
+        return None
+    return np.asarray((np.linalg.pinv(basis, rcond=1e-6) * weight)[:3])
 
 
 class Prediction:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid
+from rcdn.boards.local import REACH, Grid
 from rcdn.types import Array
 
 HOLE = 3
@@ -40,11 +41,17 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
 
 
 def _drop_misfits(grid: Grid) -> None:
-    for _ in range(len(grid)):
-        worst, spot = _worst(grid)
-        if spot is None or worst <= 1:
+    excess = {spot: predicted_excess(grid, spot) for spot in sorted(grid.at)}
+    while excess:
+        spot = max(excess, key=lambda s: (excess[s], (-s[0], -s[1])))
+        if excess[spot] <= 1:
             return
-        del grid.at[spot]
+        del grid.at[spot], excess[spot]
+        for d in range(-REACH - 1, REACH + 2):
+            for e in range(-REACH - 1, REACH + 2):
+                near = (spot[0] + d, spot[1] + e)
+                if near in excess:
+                    excess[near] = predicted_excess(grid, near)
 
 
 def _drop_poor_rim(grid: Grid, field: Field) -> None:
@@ -71,16 +78,6 @@ def worth(grid: Grid, field: Field, spot: Label, median: float) -> float:
     near = grid.neighbours(spot)
     share = field.contrast[corner] / max(float(np.median(field.contrast[near])), 1e-9) if near else 1.0
     return float(field.quality[corner] / max(median, 1e-9) * np.clip(share, LEAST_SHARE, 1))
-
-
-def _worst(grid: Grid) -> tuple[float, Label | None]:
-    """The corner furthest beyond its limit: (distance ÷ limit, spot). An unpredictable corner counts as 2."""
-    worst: tuple[float, Label | None] = (0.0, None)
-    for spot in sorted(grid.at):
-        excess = predicted_excess(grid, spot)
-        if excess > worst[0]:
-            worst = (excess, spot)
-    return worst
 
 
 def predicted_excess(grid: Grid, spot: Label) -> float:
@@ -131,22 +128,22 @@ def _split(grid: Grid) -> list[Grid]:
     return others
 
 
-SMALL = ((4.9, 1.1), (5.6, 1.0), (7.0, 0.9))
-"""(pitch px, share of its box that a board of smaller squares must fill); over 1: none is believed"""
+SMALL = ((5.6, 1.0), (7.0, 0.9))
+"""(pitch px, share of its box that a board of smaller squares must fill)"""
 SMALL_LEAST = 20
 """corners of a board of such squares"""
 
 
-def believable(grid: Grid, least: int) -> bool:
-    """Is it a board? At least `least` corners and four whole cells.
+def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
+    """Is it a board? At least `least` corners and four whole cells. `scale`: px of the grid for one of the picture.
 
-    Where squares are under 7 px, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly all of
-    their box, under 5.6 px all of it, and under 4.9 px nothing is believed.
+    Where squares are under 7 px of the picture, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly
+    all of their box, under 5.6 px all of it.
     """
     if len(grid) < least or cell_count(grid) < 4:
         return False
     spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
-    pitch = float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1]))
+    pitch = float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1])) / scale
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
@@ -156,9 +153,27 @@ FAINT = 0.65
 """least median response of a board, share of the picture's usual one: folds and slats near a real board have under 0.5"""
 
 
+FEW, FEW_FAINT = 16, 0.6
+"""a board of fewer corners needs this median response whatever is usual: staggered tiles have saddles with 0.55"""
+
+
 def plain(grid: Grid, response: Array, usual: float) -> bool:
     """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
-    return float(np.median(response[list(grid.at.values())])) >= FAINT * usual
+    median = float(np.median(response[list(grid.at.values())]))
+    return median >= FAINT * usual and (len(grid) >= FEW or median >= FEW_FAINT)
+
+
+SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8
+"""sharpness of its edges under which a board must have so many corners and fill so much of its box"""
+
+
+def distinct(grid: Grid, grey: Array) -> bool:
+    """Has the board sharp edges, or enough corners to be told from folds and tartans, which wave like a blurred board?"""
+    links = [(at, to) for at in grid.at for d, e in STEPS[:2] if (to := (at[0] + d, at[1] + e)) in grid.at]
+    start, end = (grid.xy[[grid.at[link[k]] for link in links]] for k in (0, 1))
+    if edge_sharpness(grey, start, end) >= SOFT:
+        return True
+    return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(list(grid.at), axis=0) + 1))
 
 
 def cell_count(grid: Grid) -> int:
