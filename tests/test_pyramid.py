@@ -105,7 +105,7 @@ def test_corners_of_several_lists_are_kept_once_and_sorted():
     assert {tuple(p) for p in a.xy} < {tuple(p) for p in out.xy}
 
 
-@pytest.mark.parametrize(("pitch", "size"), [(3.6, (160, 120)), (4.6, (160, 120)), (5.0, (640, 480))])
+@pytest.mark.parametrize(("pitch", "size"), [(3.6, (160, 120)), (4.6, (160, 120)), (6.0, (640, 480))])
 def test_boards_of_tiny_squares_are_found_whole(pitch, size):
     scene = front(9, 6, pitch, size, blur=0.5)
     (board,) = rcdn.Detector().boards(render(scene))

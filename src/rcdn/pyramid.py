@@ -29,6 +29,9 @@ MOST_ENLARGED = 500 * 400
 SAME = 0.35
 """corners closer than this share of the squares are one"""
 
+SPECK_PITCH, SPECK = 5.6, 0.1
+"""px; a board of smaller squares must span this share of the picture's diagonal"""
+
 
 @dataclass(frozen=True)
 class View:
@@ -79,7 +82,7 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
     """
     height, width = shape[:2]
     for board in boards:
-        if len(xy) and np.median(cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]) >= TINY:
+        if len(xy) and _pitch(board) >= TINY:
             xy = xy[~_inside(board, xy)]
     if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
         return None
@@ -97,9 +100,20 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
-    """Boards of a view as boards of the picture (H, W)."""
+    """Boards of a view as boards of the picture (H, W), without specks: tiny squares in a corner of it are a grille."""
     size = (int(shape[1]), int(shape[0]))
-    return [replace(b, xy=view.to_picture(b.xy), image_size=size) for b in boards]
+    moved = [replace(b, xy=view.to_picture(b.xy), image_size=size) for b in boards]
+    return [b for b in moved if not _speck(b)]
+
+
+def _speck(board: Board) -> bool:
+    span = float(np.linalg.norm(np.ptp(board.xy, axis=0)))
+    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.hypot(*board.image_size))
+
+
+def _pitch(board: Board) -> float:
+    """Usual distance to the next corner, px."""
+    return float(np.median(cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]))
 
 
 def corners_in_picture(view: View, corners: Corners) -> Corners:
@@ -124,7 +138,7 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
 
 def _shares(board: Board, other: Board) -> bool:
     """Is a quarter of `board` made of corners of the fuller `other`, or half of it inside that one?"""
-    reach = SAME * np.median(cKDTree(other.xy).query(other.xy, k=2)[0][:, 1])
+    reach = SAME * _pitch(other)
     common = cKDTree(other.xy).query(board.xy)[0] < reach
     if common.mean() > 0.25:
         return True

@@ -18,6 +18,12 @@ def whole(shown, without=(), **changes):
     return field, Grid({tuple(shown.ij[n].tolist()): k for k, n in enumerate(number) if n >= 0}, field.xy)
 
 
+def unused(field, grid):
+    free = np.ones(len(field.xy), bool)
+    free[list(grid.at.values())] = False
+    return free
+
+
 def shaded(value, angle, soft=0.5, at=(240.0, 180.0)):
     """A flat board with the edge of a shadow through `at`, of `value` of the light."""
     c, s = np.cos(angle), np.sin(angle)
@@ -83,7 +89,7 @@ def test_nothing_is_added_to_a_whole_board(name):
     shown = view(name)
     field, grid = whole(shown)
     before = dict(grid.at)
-    fill(shown.grey, grid, board_sign(field, grid))
+    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
     assert grid.at == before
 
 
@@ -95,7 +101,7 @@ def test_lost_corners_come_back_with_their_own_labels(name):
     lost = rng.choice(np.flatnonzero(inside), len(shown) // 8, replace=False)
     field, grid = whole(shown, without=lost, extra=clutter(shown, 20, 1, apart=10))
     before = dict(grid.at)
-    fill(shown.grey, grid, board_sign(field, grid))
+    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
     assert before.items() <= grid.at.items()
     for spot, corner in grid.at.items():
         n = shown.number(grid.xy[[corner]])[0]
@@ -108,15 +114,15 @@ def test_beyond_its_rim_a_board_takes_nothing_that_the_network_did_not_answer():
     shown = view("flat")
     rim = [shown.index(6, v) for v in range(5)]
     field, grid = whole(shown, without=rim)
-    fill(shown.grey, grid, board_sign(field, grid))
+    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
     assert len(grid) == len(shown) - 5
 
 
 def test_without_colours_nothing_is_filled():
     shown = view("flat")
-    _, grid = whole(shown, without=[shown.index(3, 2)])
+    field, grid = whole(shown, without=[shown.index(3, 2)])
     count = len(grid)
-    fill(shown.grey, grid, 0)
+    fill(shown.grey, grid, 0, unused(field, grid))
     assert len(grid) == count
 
 

@@ -182,7 +182,7 @@ def test_sharpness_of_known_profiles(shape, low, high):
     profile = {"step": np.tanh(40 * x), "ramp": np.clip(x, -0.5, 0.5), "sine": np.sin(np.pi * x)}[shape]
     grey = np.tile(128 + 100 * profile, (101, 1)).astype(np.float32)
     start = np.array([[50.0, y] for y in (20, 40, 60)])
-    assert low < edge_sharpness(grey, start, start + [0, 20]) < high
+    assert low < edge_sharpness(grey, start, start + np.array([0.0, 20.0])) < high
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_sharpness_of_known_profiles(shape, low, high):
 )
 def test_boards_of_soft_edges_must_be_larger(cols, rows, blur, answer):
     """A checkerboard of 20 px squares under a blur of that many squares."""
-    field, grid = lattice(cols, rows)
+    _, grid = lattice(cols, rows)
     spots = np.linalg.inv([[PITCH, 0.1 * PITCH], [-0.1 * PITCH, PITCH]])
     y, x = np.mgrid[:200, :200]
     u, v = np.moveaxis(np.stack([x - 40, y - 40], axis=-1) @ spots, -1, 0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.boards.fill import fill
 from rcdn.boards.graph import Field, cells, label, links
-from rcdn.boards.grow import board_sign, grow, hang
+from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
@@ -43,8 +43,7 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
-            hang(field, grid, free)
-            fill(grey, grid, board_sign(field, grid))
+            fill(grey, grid, board_sign(field, grid), free)
             if distinct(grid, grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))

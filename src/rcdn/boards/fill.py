@@ -20,12 +20,12 @@ from rcdn.types import Array
 ROUNDS = 8
 LEAST_SUPPORT = 5
 """labelled neighbours that a prediction stands on"""
-SEEN, SEEN_RIM = 0.35, 0.6
+SEEN, SEEN_RIM = 0.35, 0.5
 """strength of both edges, share of the neighbours' median; more where the board would grow beyond its rim"""
 SEEN_ONE, SEEN_OTHER = 0.6, 0.1
 """the same for one edge and the other where both lie within `CLOSE` squares of the prediction: a shadow may run along one"""
 CLOSE = 0.06
-OFF, OFF_RIM = 0.14, 0.11
+OFF = 0.14
 """largest offset from the prediction, squares"""
 
 
@@ -42,11 +42,12 @@ class _Spot(NamedTuple):
     dv: Array
 
 
-def fill(grey: Array, grid: Grid, sign: int) -> None:
+def fill(grey: Array, grid: Grid, sign: int, free: Array) -> None:
     """Add corners to `grid`, in place, and put those right that lie beside their crossing.
 
-    Positions of corners found here are appended to `grid.xy`. `grey` (H, W); `sign`: the board's colouring
-    (`grow.board_sign`); 0 changes nothing. No label moves to another corner.
+    Where a candidate that is `free` (N,) bool lies on a crossing it is taken, and is free no more; otherwise the crossing's position is
+    appended to `grid.xy`. `grey` (H, W); `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
+    Corners that close no cell are welcome, as covers and the frame leave them.
     """
     if sign == 0:
         return
@@ -56,13 +57,16 @@ def fill(grey: Array, grid: Grid, sign: int) -> None:
     for _ in range(ROUNDS):
         frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at) - refused
         spots = [s for at in sorted(frontier) if (s := _spot(grid, at))]
-        new = _accepted(grey, grid, sign, spots, known)
+        new = _accepted(grey, grid, sign, spots, known, free)
         refused |= {s.at for s in spots if s.at not in new and inner(grid, s.at)}
         if not new:
             break
-        for at, (xy, strength) in new.items():
-            _put(grid, at, xy)
+        for at, (xy, corner, strength) in new.items():
             known[at] = strength
+            if corner is None or not free[corner]:
+                _put(grid, at, xy)
+            else:
+                grid.at[at], free[corner] = corner, False
         added |= set(new)
     for at in sorted(added, key=lambda a: (-predicted_excess(grid, a), a)):
         if predicted_excess(grid, at) > 1:
@@ -110,26 +114,31 @@ def _look(grey: Array, spots: list[_Spot], sign: int) -> tuple[Array, Array]:
 
 
 def _accepted(
-    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array]
-) -> dict[Label, tuple[Array, Array]]:
-    """Positions (2,) and strengths (2,) of the spots at which the board's edges are seen to cross."""
+    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array], free: Array
+) -> dict[Label, tuple[Array, int | None, Array]]:
+    """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
+
+    Beyond its rim a board vouches for nothing by itself: there it takes a candidate, however faint.
+    """
     out = {}
     for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
         share, far = _shares(known, spot.at, strength), float(np.abs(offset).max())
+        xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
+        corner = _candidate(grid, spot, xy, free)
         plain = share[0] >= SEEN and far <= OFF
         shaded = share[0] >= SEEN_OTHER and share[1] >= SEEN_ONE and far <= CLOSE
-        xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
-        rim = share[0] >= SEEN_RIM and far <= OFF_RIM and _answered(grid, spot, xy)
+        rim = share[0] >= SEEN_RIM and far <= OFF and corner is not None
         if (plain or shaded) if inner(grid, spot.at) else rim:
-            out[spot.at] = xy, strength
+            out[spot.at] = xy, corner, strength
     return out
 
 
-def _answered(grid: Grid, spot: _Spot, xy: Array) -> bool:
-    """Is there a candidate, however faint, that no label holds? Beyond its rim a board vouches for nothing by itself."""
+def _candidate(grid: Grid, spot: _Spot, xy: Array, free: Array) -> int | None:
+    """The free candidate on a crossing at `xy`, or None."""
     pitch = min(np.linalg.norm(spot.du), np.linalg.norm(spot.dv))
-    gap = np.linalg.norm(grid.xy - xy, axis=1)
-    return bool(gap.min() < max(1.5, ANSWERED * pitch) and int(gap.argmin()) not in grid.at.values())
+    gap = np.where(free, np.linalg.norm(grid.xy[: len(free)] - xy, axis=1), np.inf)
+    nearest = int(gap.argmin())
+    return nearest if gap[nearest] < max(1.5, ANSWERED * pitch) else None
 
 
 def _shares(known: dict[Label, Array], at: Label, strength: Array) -> tuple[float, float]:

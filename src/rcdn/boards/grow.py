@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid, Prediction
-from rcdn.boards.validate import LEAST_QUALITY, RESIDUAL_LOOSE, STEPS, worth
+from rcdn.boards.validate import LEAST_QUALITY, STEPS
 from rcdn.types import Array
 
 ROUNDS = 40
@@ -19,10 +19,6 @@ NEAR, NEAR_WEAK = 0.28, 0.24
 FAR_AXIS = np.deg2rad(30)
 SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
-
-
-LEAST_HANGING = 0.5
-"""least worth of a corner that is in no whole cell"""
 
 
 def grow(field: Field, grid: Grid, free: Array) -> None:
@@ -52,25 +48,6 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
             if spot not in grid.at and corner not in taken:
                 grid.at[spot] = corner
                 taken.add(corner)
-                free[corner] = False
-
-
-def hang(field: Field, grid: Grid, free: Array) -> None:
-    """Add corners that hang on the finished `grid` by an edge without closing a cell, as covers and the frame leave them.
-
-    No cell vouches for them, so each must be strong, close to its prediction, worth half a usual corner, and fit with
-    its axes and all its edges. `free` (N,) bool as in `grow`; updated.
-    """
-    sign, index = board_sign(field, grid), np.flatnonzero(free & field.strong & field.refined)
-    if sign == 0 or not len(index):
-        return
-    median = float(np.median(field.quality[list(grid.at.values())]))
-    offers = _offers(field, grid, sign, cKDTree(field.xy[index]), index, set())
-    for gap, spot, corner, axes_fit in sorted(offers):
-        if gap < RESIDUAL_LOOSE and axes_fit and spot not in grid.at and free[corner]:
-            more = Grid(grid.at | {spot: corner}, grid.xy)
-            if worth(more, field, spot, median) >= LEAST_HANGING:
-                grid.at[spot] = corner
                 free[corner] = False
 
 
