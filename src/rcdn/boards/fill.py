@@ -22,17 +22,16 @@ LEAST_SUPPORT = 5
 """labelled neighbours that a prediction stands on"""
 SEEN, SEEN_RIM = 0.35, 0.5
 """strength of both edges, share of the neighbours' median; more where the board would grow beyond its rim"""
-SEEN_ONE, SEEN_OTHER = 0.6, 0.1
-"""the same for one edge and the other where both lie within `CLOSE` squares of the prediction: a shadow may run along one"""
+SEEN_ONE = 0.6
+"""the same for the plainer edge of a corner between four labelled ones, where a shadow may run along the other edge"""
 CLOSE = 0.06
+"""largest offset of that edge, squares"""
 OFF = 0.14
 """largest offset from the prediction, squares"""
-
-
 ANSWERED = 0.06
 """a candidate this close to a crossing is its own, squares"""
-BESIDE = 0.035
-"""a labelled corner further than this from its crossing lies on something else, squares"""
+BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
+"""a labelled corner so many px, but within these squares, from its crossing lies on something else"""
 
 
 class _Spot(NamedTuple):
@@ -53,12 +52,10 @@ def fill(grey: Array, grid: Grid, sign: int, free: Array) -> None:
         return
     known = _set_right(grey, grid, sign)
     added: set[Label] = set()
-    refused: set[Label] = set()
     for _ in range(ROUNDS):
-        frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at) - refused
+        frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
         spots = [s for at in sorted(frontier) if (s := _spot(grid, at))]
         new = _accepted(grey, grid, sign, spots, known, free)
-        refused |= {s.at for s in spots if s.at not in new and inner(grid, s.at)}
         if not new:
             break
         for at, (xy, corner, strength) in new.items():
@@ -90,8 +87,9 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> dict[Label, Array]:
     for spot, found, seen in zip(spots, offset, strength, strict=True):
         steps = np.stack([spot.du, spot.dv], axis=1)
         own = np.linalg.solve(steps, grid.xy[grid.at[spot.at]] - spot.xy)
-        beside = np.abs(own - found).max() > BESIDE and np.abs(own).max() > 1.5 * np.abs(found).max()
-        if beside and np.abs(found).max() <= OFF and _shares(known, spot.at, seen)[0] >= SEEN:
+        limit = np.clip(BESIDE_PX / min(np.linalg.norm(spot.du), np.linalg.norm(spot.dv)), *BESIDE)
+        beside = np.abs(own - found).max() > limit and np.abs(own).max() > 1.5 * np.abs(found).max()
+        if beside and np.abs(found).max() <= OFF and _shares(known, spot.at, seen).min() >= SEEN:
             moves[spot.at] = spot.xy + steps @ found
     for at, xy in moves.items():
         _put(grid, at, xy)
@@ -122,15 +120,24 @@ def _accepted(
     """
     out = {}
     for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
-        share, far = _shares(known, spot.at, strength), float(np.abs(offset).max())
+        share = _shares(known, spot.at, strength)
+        if _enclosed(grid, spot.at) and (share.min() < SEEN or np.abs(offset).max() > OFF):
+            offset = np.where(
+                share == share.max(), offset, 0
+            )  # one edge shows that colours alternate; the other is where it must be
+            seen = share.max() >= SEEN_ONE and np.abs(offset).max() <= CLOSE
+        else:
+            seen = share.min() >= (SEEN if inner(grid, spot.at) else SEEN_RIM) and np.abs(offset).max() <= OFF
         xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
         corner = _candidate(grid, spot, xy, free)
-        plain = share[0] >= SEEN and far <= OFF
-        shaded = share[0] >= SEEN_OTHER and share[1] >= SEEN_ONE and far <= CLOSE
-        rim = share[0] >= SEEN_RIM and far <= OFF and corner is not None
-        if (plain or shaded) if inner(grid, spot.at) else rim:
+        if seen and (corner is not None or inner(grid, spot.at)):
             out[spot.at] = xy, corner, strength
     return out
+
+
+def _enclosed(grid: Grid, at: Label) -> bool:
+    """Are all four neighbours labelled?"""
+    return all((at[0] + d, at[1] + e) in grid.at for d, e in STEPS)
 
 
 def _candidate(grid: Grid, spot: _Spot, xy: Array, free: Array) -> int | None:
@@ -141,12 +148,9 @@ def _candidate(grid: Grid, spot: _Spot, xy: Array, free: Array) -> int | None:
     return nearest if gap[nearest] < max(1.5, ANSWERED * pitch) else None
 
 
-def _shares(known: dict[Label, Array], at: Label, strength: Array) -> tuple[float, float]:
-    """How strongly the two edges are seen, the weaker one first, shares of what is usual near the label."""
+def _shares(known: dict[Label, Array], at: Label, strength: Array) -> Array:
+    """How strongly the two edges are seen, (2,) shares of what is usual near the label; 0 where nothing is."""
     span = range(-2, 3)
     near = [known[s] for d in span for e in span if (d or e) and (s := (at[0] + d, at[1] + e)) in known]
     usual = np.median(near, axis=0) if near else np.zeros(2)
-    if not (usual > 0).all():
-        return 0.0, 0.0
-    weak, strong = np.sort(strength / usual)
-    return float(weak), float(strong)
+    return np.asarray(strength / usual) if (usual > 0).all() else np.zeros(2)
