@@ -56,16 +56,18 @@ def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Can
     if config.cluster is not None:
         keep = cluster_mask(xy, config.cluster)
         xy, score = xy[keep], score[keep]
-    pitch = pitches(xy, score >= level * config.seed)
-    fine, status = refine(grey, response, xy, config.refine, pitch)
+    strong = score >= level * config.seed
+    pitch = pitches(xy, strong)
+    fine, status = refine(grey, response, xy, config.refine, pitch, strong)
     once = _first_of_each(fine, score)
     fine, score, status, pitch = fine[once], score[once], status[once], pitch[once]
     if rescued:
         status = np.where(status == Status.REFINED, Status.LOW_CONFIDENCE, status)
     order = np.lexsort((fine[:, 1], fine[:, 0], -score))
     fine, score, status, pitch = fine[order], score[order], status[order], pitch[order]
-    seen = axes(grey, fine, np.clip(0.35 * pitch, 3, RING))
-    return Candidates(Corners(fine, score, status, seen.axes), seen, score >= level, score >= level * config.seed)
+    strong = score >= level * config.seed
+    seen = axes(grey, fine, np.clip(0.35 * pitch, 3, RING), strong)
+    return Candidates(Corners(fine, score, status, seen.axes), seen, score >= level, strong)
 
 
 def _rescue(response: Array) -> float:

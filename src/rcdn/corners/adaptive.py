@@ -26,12 +26,13 @@ def nearest_pitch(xy: Array) -> Array:
     return cKDTree(xy).query(xy, k=2)[0][:, 1]
 
 
-def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None) -> Array:
+def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None, careful: Array | None = None) -> Array:
     """Corners (N, 2) px of `grey` (H, W) near integer `seeds` (N, 2); NaN where there is no saddle.
 
     First a weighted surface fit, which finds the corner from over a pixel away, then the centre of point symmetry,
     which is more precise; where the second fails, the first stands. `pitch` (N,) px, the distance to the nearest
-    neighbouring corner, sets both windows; not finite or None: measured among the seeds.
+    neighbouring corner, sets both windows; not finite or None: measured among the seeds. `careful` (N,) bool: which corners get the
+    second step (None: all).
     """
     seeds = np.asarray(seeds, np.int64).reshape(-1, 2)
     pitch = nearest_pitch(seeds) if pitch is None else np.asarray(pitch, np.float64)
@@ -40,7 +41,10 @@ def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None) -> Array
     xy = _fit_levels(grey, seeds, level)
     lost = np.isnan(xy).any(axis=1)  # neighbours in the window, at a steep tilt, or too few pixels in it
     xy[lost] = surface_fit(grey, seeds[lost], rochade(2))
-    return _polish(grey, xy, np.clip(np.rint(DISC_SHARE * pitch), *DISC_RANGE).astype(int))
+    careful = np.ones(len(xy), bool) if careful is None else careful
+    radius = np.clip(np.rint(DISC_SHARE * pitch), *DISC_RANGE).astype(int)
+    xy[careful] = _polish(grey, xy[careful], radius[careful])
+    return xy
 
 
 def _fit_levels(grey: Array, seeds: Array, level: Array) -> Array:

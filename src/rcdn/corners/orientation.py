@@ -39,32 +39,37 @@ class Orientation:
     fit: Array
 
 
-def axes(grey: Array, xy: Array, radius: Array) -> Orientation:
+def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) -> Orientation:
     """Edge directions, contrast and polarity of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
 
     `radius` (N,) px, or one number, about a third of the pitch: rings at 0.8, 1 and 1.2 times that should stay within
     the adjacent squares. On a ring an X-corner has s(φ + π) = s(φ) and two levels. Opposite directions are averaged,
     which cancels a small error of `xy`; the pair of directions with the largest variance between its two sectors is the
     start of a fit that knows of blur (`blurred_axes`). What isn't symmetric lowers `fit`, so that edges and L- and
-    T-junctions score low. Outside the image the border pixels are repeated.
+    T-junctions score low. Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get that fit (None: all);
+    the others keep the start, good to a few degrees.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     radius = np.broadcast_to(np.asarray(radius, np.float64), len(xy))
     image = np.ascontiguousarray(grey, np.float32)
-    starts = range(0, len(xy), BATCH)
-    parts = [_orient(image, xy[i : i + BATCH], radius[i : i + BATCH, None] * np.array(RINGS)) for i in starts]
+    careful = np.ones(len(xy), bool) if careful is None else careful
+    parts = [
+        _orient(image, xy[part], radius[part, None] * np.array(RINGS), careful[part])
+        for part in (slice(i, i + BATCH) for i in range(0, len(xy), BATCH))
+    ]
     if not parts:
         return Orientation(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int8), np.zeros(0))
     found, contrast, polarity, fit = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Orientation(found, contrast, polarity, fit)
 
 
-def _orient(image: Array, xy: Array, radius: Array) -> tuple[Array, Array, Array, Array]:
+def _orient(image: Array, xy: Array, radius: Array, careful: Array) -> tuple[Array, Array, Array, Array]:
     """Axes, contrast, polarity and fit of corners at `xy` (N, 2) from rings of `radius` (N, R) px."""
     rings = _sample(image, xy, radius)
     ok, start, contrast, fit = _sectors(rings.mean(axis=1))
     folded = (rings[..., :HALF_TURN] + rings[..., HALF_TURN:]) / 2
-    start[ok] = blurred_axes(folded[ok], radius[ok], start[ok])
+    fit_too = ok & careful
+    start[fit_too] = blurred_axes(folded[fit_too], radius[fit_too], start[fit_too])
     found = start % np.pi
     swapped = found[:, 0] > found[:, 1]
     polarity = np.where(ok, np.sign(contrast) * np.where(swapped, -1, 1), 0).astype(np.int8)

@@ -20,11 +20,14 @@ EDGE_HALF = 4
 """Half window of cornerSubPix, px (9×9, paper section 4.3)."""
 
 
-def refine(grey: Array, response: Array, xy: Array, rule: Refine, pitch: Array | None = None) -> tuple[Array, Array]:
+def refine(
+    grey: Array, response: Array, xy: Array, rule: Refine, pitch: Array | None = None, careful: Array | None = None
+) -> tuple[Array, Array]:
     """Sub-pixel positions of corners and whether they can be trusted.
 
     `grey` (H, W) uint8 or float, 0..255; `response` (H, W); `xy` (N, 2) response peaks, px, integers; `pitch` (N,) px,
-    distance to the nearest neighbouring corner (None: measured among `xy`), which only `rule.half` None uses.
+    distance to the nearest neighbouring corner (None: measured among `xy`), which only `rule.half` None uses;
+    `careful` (N,) bool: corners worth the last step of that method (None: all).
     Returns `xy` (N, 2) float and `status` (N,) uint8: `Status.REFINED`, or `Status.SEED` where the method failed, and
     then the position is the seed, unchanged. A window that sticks out of the image never raises.
     """
@@ -33,13 +36,15 @@ def refine(grey: Array, response: Array, xy: Array, rule: Refine, pitch: Array |
     seeds = np.array(xy, dtype=np.float64).reshape(-1, 2)
     if not len(seeds):
         return seeds, np.zeros(0, np.uint8)
-    fine = _positions(grey, response, np.rint(seeds).astype(np.int64), rule, pitch)
+    fine = _positions(grey, response, np.rint(seeds).astype(np.int64), rule, pitch, careful)
     failed = ~np.isfinite(fine).all(axis=1)
     fine[failed] = seeds[failed]
     return fine, np.where(failed, Status.SEED, Status.REFINED).astype(np.uint8)
 
 
-def _positions(grey: Array, response: Array, peaks: Array, rule: Refine, pitch: Array | None) -> Array:
+def _positions(
+    grey: Array, response: Array, peaks: Array, rule: Refine, pitch: Array | None, careful: Array | None
+) -> Array:
     """Positions (N, 2) by `rule.method`, NaN where it failed."""
     match rule.method:
         case "peak":
@@ -51,7 +56,7 @@ def _positions(grey: Array, response: Array, peaks: Array, rule: Refine, pitch: 
         case "edge":
             return edge_position(grey, peaks)
         case "saddle":
-            return saddle_position(grey, peaks, rule.half, pitch)
+            return saddle_position(grey, peaks, rule.half, pitch, careful)
         case _:
             by_peak = peaks + peak_offset(response, peaks)
             return mix(by_peak, saddle_position(grey, peaks, rule.half, pitch))
@@ -70,12 +75,14 @@ def mix(by_peak: Array, by_saddle: Array) -> Array:
     return np.where(lost, by_saddle, np.where(alone, by_peak, mean))
 
 
-def saddle_position(grey: Array, peaks: Array, half: int | None, pitch: Array | None = None) -> Array:
+def saddle_position(
+    grey: Array, peaks: Array, half: int | None, pitch: Array | None = None, careful: Array | None = None
+) -> Array:
     """Saddles (N, 2) px of the grey surface: the paper's fit over (2 half + 1)²; if None, windows from the pitch.
 
     NaN where there is none; see `surface_fit` and `adaptive_fit`.
     """
-    return adaptive_fit(grey, peaks, pitch) if half is None else surface_fit(grey, peaks, rochade(half))
+    return adaptive_fit(grey, peaks, pitch, careful) if half is None else surface_fit(grey, peaks, rochade(half))
 
 
 def _three(response: Array, peaks: Array) -> tuple[Array, Array, Array]:
