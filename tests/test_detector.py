@@ -115,6 +115,21 @@ def test_an_unambiguous_board_has_the_same_first_corner_from_every_side(auto, ro
     np.testing.assert_allclose(board.xy, truth(scene)[0].xy, atol=0.1)
 
 
+def test_corners_and_boards_are_sharpened_together(auto):
+    scene = front(7, 4, noise=6.0)
+    image = render(scene)
+    found = auto.detect(image)
+    board = found.boards[0]
+    rows = {(x, y): s for (x, y), s in zip(found.corners.xy.tolist(), found.corners.sigma.tolist(), strict=True)}
+    assert [rows[x, y] for x, y in board.xy.tolist()] == board.sigma.tolist()
+    before = rcdn.Detector(DetectorConfig(sharpen=None)).boards(image)[0]
+    assert before.sigma is None
+    assert np.array_equal(before.ij, board.ij)
+    true = truth(scene)[0].xy
+    errors = [np.linalg.norm(b.xy - true, axis=1).mean() for b in (before, board)]
+    assert errors[1] < 0.6 * errors[0]
+
+
 def test_symmetric_boards_say_so(auto):
     assert auto.boards(render(front(7, 5)))[0].orientation == "ambiguous_180"
     assert auto.boards(render(front(6, 6)))[0].orientation == "ambiguous_90"

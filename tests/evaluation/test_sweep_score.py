@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rcdn.evaluation.sweep.score import Answers, row, score
+from rcdn.evaluation.sweep.score import Answers, broken, row, score
 from rcdn.peers import Grid
 from rcdn.synthetic import BoardTruth
 
@@ -132,3 +132,11 @@ def test_honest_sigma():
 def test_corners_that_tell_nothing_do_not_count_against_the_bound():
     known = Answers([board()], [np.append(np.full(19, 0.1), np.inf)])
     assert row([score([Grid(shifted(0.2), IJ)], known)])["ratio"] == 2
+
+
+def test_breaking_down_is_no_success_even_where_nothing_is():
+    for known in (answers(), ONE):
+        done = broken(known, False, "#3 ValueError: x")
+        assert (done.success, done.hits, done.wrong) == (False, 0, 0)
+    assert row([done])["first failure"] == "#3 ValueError: x"
+    assert broken(ONE, True, "x").success is None

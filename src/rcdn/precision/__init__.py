@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.precision.fit import Fit, fit_corners
+from rcdn.precision.lattice import lattice
 from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
 from rcdn.types import Array, Board, Status
@@ -22,6 +23,8 @@ NOISY = 9.0
 """largest residual variance, × the board's median"""
 KEPT = 0.5
 """least share of the pixels that must agree with the model"""
+ASTRAY = (1.2, 0.02)
+"""how far a fit may lie from its neighbours' prediction: × what it was before, + squares"""
 DOUBTFUL = 3.0
 """standard deviation of a corner whose fit failed, × the board's median"""
 
@@ -57,4 +60,12 @@ def _good(board: Board, fit: Fit) -> Array:
     good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
     good &= contrast * np.sign(typical) > FAINT * abs(typical)
     good &= fit.variance < NOISY * np.median(fit.variance)
-    return good
+    return good & ~_astray(board, fit)
+
+
+def _astray(board: Board, fit: Fit) -> Array:
+    """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
+    xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
+    alone, every = lattice(board.ij, xy, own=0.0), np.arange(len(xy))
+    after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))
+    return np.asarray(after > ASTRAY[0] * before + ASTRAY[1])

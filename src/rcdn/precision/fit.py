@@ -34,7 +34,7 @@ SOLID = 2
 ODD = 0.1
 """squares by which a corner may be wrong whose pixels all disagree with the model, more than the board's usually do; where
 part of them does, this share squared (shadow edges and covers, as rendered)"""
-CROOKED = 0.018
+CROOKED = 0.012
 """error of a corner, × how far its neighbours lie off its map (measured on bent boards and barrels)"""
 ROUNDING = 0.08
 """least variance of grey levels: they are whole numbers"""

@@ -11,8 +11,8 @@ from rcdn.types import Array
 
 REACH = 2
 """neighbours up to this many squares away tell a corner's map"""
-OWN, FAR = 5.0, 0.05
-"""weight of the corner itself and of those two squares away, against those next to it"""
+FAR = 0.05
+"""weight of those two squares away against those next to it"""
 STIFF = 1e-3
 """pull of the quadratic terms towards 0, which decides where neighbours lack on one side"""
 TERMS = 6
@@ -63,15 +63,16 @@ class Lattice:
         return xy
 
 
-def lattice(ij: Array, xy: Array) -> Lattice:
-    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px."""
+def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
+    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map."""
     flat = _rectifier(ij, xy)
     origin = apply_homography(flat, xy)
     near, there = neighbours(ij)
     step = (ij[near] - ij[:, None]).astype(float)
     s, t = (origin[near] - origin[:, None]).transpose(2, 0, 1)
     basis = np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=-1)
-    weight = np.array([OWN, 1.0, FAR])[np.minimum(np.abs(step).max(axis=-1), REACH).astype(int)] * there
+    weight = np.where(np.abs(step).max(axis=-1) > 1, FAR, 1.0) * there
+    weight = np.where((step == 0).all(axis=-1), own, weight)
     normal = np.einsum("nk,nki,nkj->nij", weight, basis, basis)
     normal += np.diag([1e-9, 1e-9, 1e-9, STIFF, STIFF, STIFF])
     pull = np.einsum("nk,nki,nkc->nic", weight, basis, step)

@@ -33,7 +33,7 @@ def first_prior(state: Array) -> Prior:
     """Weak beliefs for the first round: maps are nearly right, the blur is about that of the start, light is smooth."""
     sd = np.full_like(state, np.inf)
     sd[:, TURN], sd[:, CURVE], sd[:, BLUR], sd[:, BLEED] = 0.05, 0.02, 0.5, 0.3
-    sd[:, LIGHT] = 0.1 * np.median(np.abs(state[:, CONTRAST]))
+    sd[:, LIGHT] = 0.1 * max(float(np.median(np.abs(state[:, CONTRAST]))), 1.0)
     return Prior(state.copy(), sd)
 
 
@@ -64,7 +64,7 @@ def _least(state: Array) -> Array:
     """Smallest believable spread of each parameter, (COUNT,); inf for those without a prior."""
     least = np.full(COUNT, np.inf)
     least[TURN], least[CURVE], least[BLUR], least[BLEED] = 0.003, 0.001, 0.02, 0.005
-    least[LIGHT] = 0.002 * np.median(np.abs(state[:, CONTRAST]))
+    least[LIGHT] = 0.002 * max(float(np.median(np.abs(state[:, CONTRAST]))), 1.0)
     return least
 
 

@@ -13,12 +13,14 @@ import numpy as np
 from rcdn.precision.model import Windows
 from rcdn.types import Array
 
-SHARE = 5.0
+SHARE = 3.0
 """blocks are a square's side divided by this, within `SIDES`"""
 SIDES = (1.0, 8.0)
 """px"""
 DOUBT = 0.15
 """standard deviation of the log of a board's measured factor"""
+SPILL = 1.3
+"""errors that go together don't stop at a block's rim: the true factor is the measured one to this power (low-passed noise, JPEG)"""
 LOUD = 2.0
 """a corner whose own factor is this many times the board's is less certain than the board's others"""
 
@@ -64,6 +66,7 @@ def spreads(scores: Array, variance: Array) -> Array:
     """
     white = np.maximum(scores[:, 1] * variance, 1e-12)
     factor = max(float(scores[:, 0].sum() / white.sum()), 1e-3)
-    log = np.log(factor)
-    factor = float(np.exp(log**3 / (log**2 + DOUBT**2)))
+    log = float(np.log(factor))
+    log *= (SPILL if log > 0 else 1.0) * log**2 / (log**2 + DOUBT**2)
+    factor = float(np.exp(log))
     return np.asarray(variance * factor * np.maximum(1, scores[:, 0] / white / factor / LOUD))

@@ -14,11 +14,14 @@ def draw_factor(figure: Any, factor: str, rows: Sequence[Row]) -> None:
     """Success, recall and mean error of every detector over the levels of `factor`, on a matplotlib `figure`.
 
     `rows`: those of `rcdn evaluate sweep`, of any factors. The dashed line is the mean error of an efficient estimator on
-    the corners that our detector found. Levels are evenly spaced, in the order of the rows.
+    the corners that the first detector found. Levels are evenly spaced, in the order of the rows.
     """
     mine = [row for row in rows if row["factor"] == factor]
     levels = list(dict.fromkeys(row["level"] for row in mine))
     names = list(dict.fromkeys(row["detector"] for row in mine))
+    line = (
+        "-" if all(level.replace(".", "").isdigit() for level in levels) else "none"
+    )  # between kinds there is nothing
     panels = figure.subplots(len(PANELS), 1, sharex=True)
     for axes, (key, title) in zip(panels, PANELS, strict=True):
         for number, name in enumerate(names):
@@ -26,7 +29,7 @@ def draw_factor(figure: Any, factor: str, rows: Sequence[Row]) -> None:
             width, front = (2.5, 3) if number == 0 else (1.0, 2)
             axes.plot(
                 range(len(levels)), _gaps(at, levels), marker=MARKS[number % len(MARKS)], markersize=4,
-                linewidth=width, zorder=front, label=name,
+                linewidth=width, linestyle=line, zorder=front, label=name,
             )  # fmt: skip
         axes.set_ylabel(title)
         axes.grid(alpha=0.3)

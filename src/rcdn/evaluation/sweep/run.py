@@ -12,8 +12,8 @@ from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import ConfigError
 from rcdn.evaluation.sweep.bound import bounds
-from rcdn.evaluation.sweep.pictures import FIRST, picture, seed_of
-from rcdn.evaluation.sweep.score import MOST, SHARE, Answers, Score, row, score
+from rcdn.evaluation.sweep.pictures import FIRST, Picture, picture, seed_of
+from rcdn.evaluation.sweep.score import MOST, SHARE, Answers, Score, broken, row, score
 from rcdn.evaluation.sweep.settings import FACTORS
 from rcdn.peers import PEERS, Find, Grid, quiet
 from rcdn.types import Array
@@ -22,8 +22,8 @@ OURS = "rcdn"
 SIZE = (9, 6)
 Task = tuple[str, str, int, tuple[str, ...]]
 """factor, level, index of the picture, names of the detectors"""
-Scores = dict[str, Score | None]
-"""detector → what it made of one picture; None: it failed"""
+Scores = dict[str, Score]
+"""detector → what it made of one picture"""
 
 _loaded: dict[str, Find] = {}
 """The detectors of this process, each made once."""
@@ -70,7 +70,7 @@ def table(
     names = (OURS, *peers)
     levels = [(f, v) for f in (factors or FACTORS) for v in FACTORS[f]]
     tasks = [(factor, level, k, names) for factor, level in levels for k in range(count)]
-    found: dict[tuple[str, str, str], list[Score | None]] = {(f, v, n): [] for f, v in levels for n in names}
+    found: dict[tuple[str, str, str], list[Score]] = {(f, v, n): [] for f, v in levels for n in names}
     with _mapper(workers, names, preset) as run:
         for done, ((factor, level, _, _), scores) in enumerate(zip(tasks, run(tasks), strict=True), start=1):
             for name, value in scores.items():
@@ -80,14 +80,12 @@ def table(
     return [_named_row(*key, scores) for key, scores in found.items()]
 
 
-def _named_row(factor: str, level: str, name: str, scores: list[Score | None]) -> dict[str, Any]:
+def _named_row(factor: str, level: str, name: str, scores: list[Score]) -> dict[str, Any]:
     peer = PEERS.get(name)
     size: str = "free" if peer is None else peer.size
     if peer is not None and peer.board:
         size += f" {peer.board[0]}x{peer.board[1]}"
-    figures = row([s for s in scores if s is not None])
-    head = {"factor": factor, "level": level, "detector": name, "size": size}
-    return head | figures | {"failed": sum(s is None for s in scores)}
+    return {"factor": factor, "level": level, "detector": name, "size": size} | row(scores)
 
 
 @contextmanager
@@ -131,16 +129,14 @@ def _one(task: Task) -> Scores:
         answers = Answers(made.boards, bounds(made.scene))
         for name in (n for n in names if sizes[n] == size):
             raw = name in PEERS and PEERS[name].raw
-            out[name] = _judged(name, made.image, size, answers, raw)
+            out[name] = _judged(name, made, index, size, answers, raw)
     return {name: out[name] for name in names}
 
 
-def _judged(name: str, image: Array, size: tuple[int, int], answers: Answers, raw: bool) -> Score | None:
+def _judged(name: str, made: Picture, index: int, size: tuple[int, int], answers: Answers, raw: bool) -> Score:
     try:
         with quiet():
-            grids = _loaded[name](image, size)
-    except Exception:
-        if name == OURS:
-            raise
-        return None  # a peer that fails is counted, and the others go on
+            grids = _loaded[name](made.image, size)
+    except Exception as error:  # whatever a detector breaks down of is told in its row, and the others go on
+        return broken(answers, raw, f"#{index} {type(error).__name__}: {error}")
     return score(grids, answers, raw)

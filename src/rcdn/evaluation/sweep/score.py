@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ class Score:
 
     `mislabelled`: boards whose labels don't fit the truth; `success`: None if the detector gives no boards. `gap` (P,)
     px of the hits, `bound` (P,) what an efficient estimator would err there, `z` (2P,) errors ÷ sigma, where there is one.
+    `error`: how the detector broke down, if it did.
     """
 
     corners: int
@@ -36,6 +37,7 @@ class Score:
     gap: Array = field(default_factory=lambda: np.zeros(0))
     bound: Array = field(default_factory=lambda: np.zeros(0))
     z: Array = field(default_factory=lambda: np.zeros(0))
+    error: str = ""
 
 
 class Answers:
@@ -83,6 +85,11 @@ def score(grids: Sequence[Grid], truth: Answers, raw: bool = False) -> Score:
     )  # fmt: skip
 
 
+def broken(truth: Answers, raw: bool, error: str) -> Score:
+    """The score of a detector that broke down: it found nothing, and that is no success, even where there is nothing."""
+    return replace(score([], truth, raw), success=None if raw else False, error=error)
+
+
 def _counted(grid: Grid, truth: Answers) -> tuple[Grid, Array]:
     """The grid without what lies on an ignored spot and hits nothing, and its hits (P, 2): index in grid, in truth."""
     pairs, gaps = match(grid.xy, truth.xy, MOST)
@@ -121,6 +128,7 @@ def row(scores: Sequence[Score]) -> dict[str, Any]:
     judged = [s.success for s in scores if s.success is not None]
     corners, hits = sum(s.corners for s in scores), sum(s.hits for s in scores)
     gap, bound, z = (np.concatenate([np.zeros(0), *[getattr(s, k) for s in scores]]) for k in ("gap", "bound", "z"))
+    errors = [s.error for s in scores if s.error]
     known = np.isfinite(bound)
     mean = float(gap.mean()) if len(gap) else None
     least = float(bound[known].mean()) if known.any() else None
@@ -136,6 +144,8 @@ def row(scores: Sequence[Score]) -> dict[str, Any]:
         "bound px": _rounded(least),
         "ratio": _rounded(float(gap[known].mean()) / least if least else None, 2),
         "z": _rounded(float(np.sqrt((z**2).mean())) if len(z) else None, 2),
+        "failed": len(errors),
+        "first failure": errors[0] if errors else None,
     }
 
 
