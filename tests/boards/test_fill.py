@@ -89,7 +89,7 @@ def test_nothing_is_added_to_a_whole_board(name):
     shown = view(name)
     field, grid = whole(shown)
     before = dict(grid.at)
-    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
+    fill(field, grid, board_sign(field, grid), unused(field, grid))
     assert grid.at == before
 
 
@@ -101,7 +101,7 @@ def test_lost_corners_come_back_with_their_own_labels(name):
     lost = rng.choice(np.flatnonzero(inside), len(shown) // 8, replace=False)
     field, grid = whole(shown, without=lost, extra=clutter(shown, 20, 1, apart=10))
     before = dict(grid.at)
-    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
+    fill(field, grid, board_sign(field, grid), unused(field, grid))
     assert before.items() <= grid.at.items()
     for spot, corner in grid.at.items():
         n = shown.number(grid.xy[[corner]])[0]
@@ -114,7 +114,7 @@ def test_beyond_its_rim_a_board_takes_nothing_that_the_network_did_not_answer():
     shown = view("flat")
     rim = [shown.index(6, v) for v in range(5)]
     field, grid = whole(shown, without=rim)
-    fill(shown.grey, grid, board_sign(field, grid), unused(field, grid))
+    fill(field, grid, board_sign(field, grid), unused(field, grid))
     assert len(grid) == len(shown) - 5
 
 
@@ -122,7 +122,7 @@ def test_without_colours_nothing_is_filled():
     shown = view("flat")
     field, grid = whole(shown, without=[shown.index(3, 2)])
     count = len(grid)
-    fill(shown.grey, grid, 0, unused(field, grid))
+    fill(field, grid, 0, unused(field, grid))
     assert len(grid) == count
 
 

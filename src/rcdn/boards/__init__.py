@@ -43,7 +43,7 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
-            fill(grey, grid, board_sign(field, grid), free)
+            fill(field, grid, board_sign(field, grid), free)
             if distinct(grid, grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))

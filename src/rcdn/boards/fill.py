@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.boards.edges import crossings
-from rcdn.boards.graph import Label
+from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import Grid
 from rcdn.boards.validate import STEPS, inner, predicted_excess
 from rcdn.types import Array
@@ -28,6 +28,8 @@ CLOSE = 0.06
 """largest offset of that edge, squares"""
 OFF = 0.14
 """largest offset from the prediction, squares"""
+ANSWER = 0.6
+"""least response of a candidate beyond the rim, share of the board's median"""
 ANSWERED = 0.06
 """a candidate this close to a crossing is its own, squares"""
 BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
@@ -41,21 +43,22 @@ class _Spot(NamedTuple):
     dv: Array
 
 
-def fill(grey: Array, grid: Grid, sign: int, free: Array) -> None:
+def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
     """Add corners to `grid`, in place, and put those right that lie beside their crossing.
 
     Where a candidate that is `free` (N,) bool lies on a crossing it is taken, and is free no more; otherwise the crossing's position is
-    appended to `grid.xy`. `grey` (H, W); `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
+    appended to `grid.xy`. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
     Corners that close no cell are welcome, as covers and the frame leave them.
     """
     if sign == 0:
         return
-    known = _set_right(grey, grid, sign)
+    plain = free & (field.response >= ANSWER * float(np.median(field.response[list(grid.at.values())])))
+    known = _set_right(field.grey, grid, sign)
     added: set[Label] = set()
     for _ in range(ROUNDS):
         frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
         spots = [s for at in sorted(frontier) if (s := _spot(grid, at))]
-        new = _accepted(grey, grid, sign, spots, known, free)
+        new = _accepted(field.grey, grid, sign, spots, known, free, plain)
         if not new:
             break
         for at, (xy, corner, strength) in new.items():
@@ -112,11 +115,12 @@ def _look(grey: Array, spots: list[_Spot], sign: int) -> tuple[Array, Array]:
 
 
 def _accepted(
-    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array], free: Array
+    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array], free: Array, plain: Array
 ) -> dict[Label, tuple[Array, int | None, Array]]:
     """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
 
-    Beyond its rim a board vouches for nothing by itself: there it takes a candidate, however faint.
+    Beyond its rim a board vouches for nothing by itself: there it takes candidates that
+    are `plain` (N,) bool.
     """
     out = {}
     for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
@@ -130,7 +134,7 @@ def _accepted(
             seen = share.min() >= (SEEN if inner(grid, spot.at) else SEEN_RIM) and np.abs(offset).max() <= OFF
         xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
         corner = _candidate(grid, spot, xy, free)
-        if seen and (corner is not None or inner(grid, spot.at)):
+        if seen and (inner(grid, spot.at) or (corner is not None and plain[corner])):
             out[spot.at] = xy, corner, strength
     return out
 

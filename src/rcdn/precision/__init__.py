@@ -37,7 +37,10 @@ def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
     """
     if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
         return board
-    fit = fit_corners(grey, board.ij, board.xy)
+    try:
+        fit = fit_corners(grey, board.ij, board.xy)
+    except np.linalg.LinAlgError:  # a board so crooked that its map folds: nothing is known better
+        return board
     good = _good(board, fit)
     if not good.any():
         return board
