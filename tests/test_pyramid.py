@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import rcdn
 from rcdn.config import DetectorConfig
 from rcdn.metrics import match
-from rcdn.pyramid import View, closer_view, distinct_boards, distinct_corners, whole_views
+from rcdn.pyramid import View, boards_in_picture, closer_view, distinct_boards, distinct_corners, whole_views
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render, truth
 from rcdn.types import Board, Corners, Status
 
@@ -129,3 +129,14 @@ def test_every_corner_of_a_board_is_among_the_corners():
     found = rcdn.Detector().detect(grey)
     assert len(found.boards) == 1
     assert {tuple(p) for p in found.boards[0].xy} <= {tuple(p) for p in found.corners.xy}
+
+
+@pytest.mark.parametrize(
+    ("pitch", "size", "stays"), [(4.3, (640, 480), False), (4.3, (160, 120), True), (6.0, (640, 480), True)]
+)
+def test_tiny_squares_in_a_corner_of_the_picture_are_a_grille(pitch, size, stays):
+    board = lattice(9, 6, 2 * pitch)
+    view = View((0, 0, *size), 2.0)
+    found = boards_in_picture(view, [board], size[::-1])
+    assert len(found) == stays
+    assert all(b.image_size == size for b in found)

@@ -45,6 +45,8 @@ class View:
         self.ij = np.concatenate([t.ij[k] for t, k in zip(found, keep, strict=True)])
         self.board = np.concatenate([np.full(k.sum(), n) for n, k in enumerate(keep)])
         self.doubtful = np.concatenate([t.xy[t.ignore] for t in found])
+        self._all_ij = np.concatenate([self.ij, *[t.ij[t.ignore] for t in found]])
+        self._all_board = np.concatenate([self.board, *[np.full(t.ignore.sum(), n) for n, t in enumerate(found)]])
         self.sizes = [(b.cols, b.rows) for b in scene.boards]
 
     def __len__(self):
@@ -89,19 +91,15 @@ class View:
 
     def number(self, xy, radius=2.0):
         """Which corner (N,) lies within `radius` px of each of `xy` (N, 2); −1 for none."""
-        if not len(xy):
-            return np.zeros(0, int)
-        gap, index = cKDTree(self.xy).query(xy)
-        return np.where(gap < radius, index, -1)
+        return _nearest(self.xy, xy, radius)
 
     def wrong(self, found):
-        """How many corners of a recovered board are no corner, are on another board, or have a wrong label; half-covered ones don't count.
+        """How many corners of a recovered board are no corner, are on another board, or have a wrong label. Half-covered ones count like the others.
 
         Labels may differ from the printed ones by quarter turns and shifts, but by one of them for the whole board.
         """
-        number = self.number(found.xy)
-        doubtful = cKDTree(self.doubtful).query(found.xy)[0] < 4 if len(self.doubtful) else np.zeros(len(number), bool)
-        spurious = int(((number < 0) & ~doubtful).sum())
+        number = _nearest(np.concatenate([self.xy, self.doubtful]), found.xy, 2.0)
+        spurious = int((number < 0).sum())
         number, ij = number[number >= 0], found.ij[number >= 0]
         return (
             spurious
@@ -110,11 +108,19 @@ class View:
         )
 
     def _agree(self, number, ij, quarters, board):
-        mine = self.board[number] == board
+        mine = self._all_board[number] == board
         if not mine.any():
             return 0
-        shift = ij[mine] - turn(self.ij[number[mine]], quarters)
+        shift = ij[mine] - turn(self._all_ij[number[mine]], quarters)
         return int(np.unique(shift, axis=0, return_counts=True)[1].max())
+
+
+def _nearest(known, xy, radius):
+    """Which of `known` (N, 2) lies within `radius` px of each of `xy` (M, 2); −1 for none."""
+    if not len(xy):
+        return np.zeros(0, int)
+    gap, index = cKDTree(known).query(xy)
+    return np.where(gap < radius, index, -1)
 
 
 def turn(ij, quarters):

@@ -174,3 +174,13 @@ def test_windows_that_leave_the_picture_and_empty_pictures_are_no_trouble():
     for flat in (np.full(grey.shape, 90, np.uint8), np.zeros(grey.shape, np.float32)):
         sharp = sharpen(flat, board)
         assert np.array_equal(sharp.xy, board.xy)
+
+
+def test_a_board_whose_map_folds_stays_as_it_was(monkeypatch):
+    grey, board, _ = example(0, noise=3)
+
+    def folds(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("rcdn.precision.fit_corners", folds)
+    assert sharpen(grey, board) is board
