@@ -146,6 +146,7 @@ class DetectorConfig:
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
+    `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
     """

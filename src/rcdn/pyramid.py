@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
+from rcdn.corners.adaptive import nearest_pitch
 from rcdn.types import Array, Board, Corners
 
 SMALL_PICTURE = 330 * 250
@@ -28,7 +29,6 @@ MOST_ENLARGED = 500 * 400
 """px; largest part of a picture that is enlarged"""
 SAME = 0.35
 """corners closer than this share of the squares are one"""
-
 SPECK_PITCH, SPECK = 5.6, 0.1
 """px; a board of smaller squares must span this share of the picture's diagonal"""
 
@@ -113,7 +113,7 @@ def _speck(board: Board) -> bool:
 
 def _pitch(board: Board) -> float:
     """Usual distance to the next corner, px."""
-    return float(np.median(cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]))
+    return float(np.median(nearest_pitch(board.xy)))
 
 
 def corners_in_picture(view: View, corners: Corners) -> Corners:
@@ -158,11 +158,11 @@ def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
         if len(out) and len(more):
             more = more.take(cKDTree(out.xy).query(more.xy)[0] >= reach)
         if len(more):
-            out = joined(out, more)
+            out = _joined(out, more)
     return out.sort()
 
 
-def joined(one: Corners, two: Corners) -> Corners:
+def _joined(one: Corners, two: Corners) -> Corners:
     """Both lists in one; what only one of them knows (axes, sigma) is NaN in the other's rows."""
 
     def both(name: str) -> Array | None:

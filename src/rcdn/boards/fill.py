@@ -119,16 +119,14 @@ def _accepted(
 ) -> dict[Label, tuple[Array, int | None, Array]]:
     """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
 
-    Beyond its rim a board vouches for nothing by itself: there it takes candidates that
-    are `plain` (N,) bool.
+    Beyond its rim a board vouches for nothing by itself: there it takes `plain` (N,) candidates.
     """
     out = {}
     for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
         share = _shares(known, spot.at, strength)
         if _enclosed(grid, spot.at) and (share.min() < SEEN or np.abs(offset).max() > OFF):
-            offset = np.where(
-                share == share.max(), offset, 0
-            )  # one edge shows that colours alternate; the other is where it must be
+            # one edge shows that colours alternate; the other is where it must be
+            offset = np.where(share == share.max(), offset, 0)
             seen = share.max() >= SEEN_ONE and np.abs(offset).max() <= CLOSE
         else:
             seen = share.min() >= (SEEN if inner(grid, spot.at) else SEEN_RIM) and np.abs(offset).max() <= OFF

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.local import REACH, Grid
+from rcdn.corners.adaptive import nearest_pitch
 from rcdn.types import Array
 
 HOLE = 3
@@ -143,7 +143,7 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     if len(grid) < least or cell_count(grid) < 4:
         return False
     spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
-    pitch = float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1])) / scale
+    pitch = float(np.median(nearest_pitch(xy))) / scale
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
@@ -151,8 +151,6 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
 
 FAINT = 0.65
 """least median response of a board, share of the picture's usual one: folds and slats near a real board have under 0.5"""
-
-
 FEW, FEW_FAINT = 16, 0.6
 """a board of fewer corners needs this median response whatever is usual: staggered tiles have saddles with 0.55"""
 

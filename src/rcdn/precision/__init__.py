@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from rcdn.corners.adaptive import nearest_pitch
 from rcdn.precision.fit import Fit, fit_corners
 from rcdn.precision.lattice import lattice
 from rcdn.precision.model import CONTRAST
@@ -55,7 +55,7 @@ def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
 
 def _good(board: Board, fit: Fit) -> Array:
     """Fits (M,) that may be believed."""
-    pitch = cKDTree(board.xy).query(board.xy, k=2)[0][:, 1]
+    pitch = nearest_pitch(board.xy)
     move = np.linalg.norm(fit.xy - board.xy, axis=1)
     contrast = fit.state[:, CONTRAST] * (1 - 2.0 * (board.ij.sum(axis=1) % 2))
     typical = float(np.median(contrast))

@@ -136,7 +136,7 @@ def _light(rng: Rng, r: Ranges, width: int, height: int) -> Light:
         a, far = float(rng.uniform(0, 2 * np.pi)), 2.0 * width
         x, y = rng.uniform(0.2, 0.8) * width, rng.uniform(0.2, 0.8) * height
         half = far if _chance(rng, 0.6) else _log(rng, 8, 150)
-        shadows.append(_shade((x, y), a, half, far, float(rng.uniform(0.15, 0.7)), _log(rng, 1, 25)))
+        shadows.append(shade((x, y), a, half, far, float(rng.uniform(0.15, 0.7)), _log(rng, 1, 25)))
     for _ in range(int(rng.integers(1, 3)) if _chance(rng, r.glare_p) else 0):
         spot = (float(rng.uniform(0, width)), float(rng.uniform(0, height)))
         glares.append((*spot, _log(rng, 8, 90), float(rng.uniform(0.2, 1.2))))
@@ -144,7 +144,7 @@ def _light(rng: Rng, r: Ranges, width: int, height: int) -> Light:
     return Light(float(gx), float(gy), wave, int(rng.integers(2**31)), tuple(shadows), tuple(glares))
 
 
-def _shade(at: tuple[float, float], angle: float, half: float, far: float, value: float, soft: float) -> Cover:
+def shade(at: tuple[float, float], angle: float, half: float, far: float, value: float, soft: float) -> Cover:
     """A box 2 `half` px wide and 2 `far` px long, one long rim of which passes through `at`: a half plane, or a bar."""
     c, s = np.cos(angle), np.sin(angle)
     cx, cy = at[0] - s * half, at[1] + c * half
@@ -161,8 +161,8 @@ def _with_edge_shadow(rng: Rng, scene: Scene) -> Scene:
     if not np.isfinite(x + y):
         return scene
     value, soft = float(rng.uniform(0.1, 0.7)), _log(rng, 0.3, 8)
-    shadow = _shade((x, y), float(rng.uniform(0, 2 * np.pi)), half, far, value, soft)
-    return replace(scene, light=replace(scene.light, shadows=(*scene.light.shadows, shadow)))
+    edge = shade((x, y), float(rng.uniform(0, 2 * np.pi)), half, far, value, soft)
+    return replace(scene, light=replace(scene.light, shadows=(*scene.light.shadows, edge)))
 
 
 def _sensor(rng: Rng, r: Ranges) -> Sensor:

@@ -15,6 +15,7 @@ from rcdn.errors import ConfigError
 from rcdn.evaluation.sweep.settings import Setting
 from rcdn.geometry import project, unproject
 from rcdn.synthetic import Background, Bend, BoardSpec, BoardTruth, Cover, Light, Scene, Sensor, render, truth
+from rcdn.synthetic.sample import shade
 from rcdn.synthetic.surface import board_to_pixels
 from rcdn.types import Array, Camera
 
@@ -24,6 +25,8 @@ KINDS = ("noise", "shapes", "text")
 CONTRAST = 170.0
 """grey levels from black to white before the sensor's gain"""
 TRIES = 1000
+FAR = 4000.0
+"""px; beyond every frame"""
 Rng = np.random.Generator
 Fits = Callable[[BoardSpec], bool]
 
@@ -58,8 +61,9 @@ def scene(setting: Setting, seed: list[int], size: tuple[int, int] = (9, 6)) -> 
         made = replace(made, covers=(_cover(rng, setting, made, seed[-1]),))
     if setting.shadow < 1:
         at = board_to_pixels(made.boards[0], made.camera, np.array([_middle(made.boards[0])]))[0]
-        shade = half_plane(at, float(rng.uniform(0, 2 * np.pi)), setting.shadow, setting.penumbra)
-        made = replace(made, light=replace(made.light, shadows=(shade,)))
+        turn = float(rng.uniform(0, 2 * np.pi))
+        half_plane = shade((at[0], at[1]), turn, FAR, FAR, setting.shadow, setting.penumbra)
+        made = replace(made, light=replace(made.light, shadows=(half_plane,)))
     return made
 
 
@@ -208,11 +212,3 @@ def _cover(rng: Rng, s: Setting, made: Scene, index: int) -> Cover:
         along = 2000 * np.array([np.cos(turn), np.sin(turn)])
         p, q, radius = at - along, at + along, s.bar * s.square / 2
     return Cover(float(p[0]), float(p[1]), float(q[0]), float(q[1]), radius, value, square=True)
-
-
-def half_plane(at: Array, angle: float, value: float, soft: float) -> Cover:
-    """A shadow over all that lies on one side of a line through `at` (2,), px."""
-    far = 4000.0
-    d, n = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-    p, q = at + far * n - far * d, at + far * n + far * d
-    return Cover(float(p[0]), float(p[1]), float(q[0]), float(q[1]), far, value, square=True, soft=soft)
