@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 import rcdn
-from rcdn.cli import _batch, _summary, app
+from rcdn.cli import _batch, _pool, _summary, app
 from rcdn.cli import detect as verb
 from rcdn.cli._options import parse_size
 from rcdn.errors import DependencyError, OutputError
@@ -70,6 +70,7 @@ def run(monkeypatch, tmp_path):
     """Run `rcdn ARGUMENTS` in a temporary folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verb, "_make_detector", StandIn)
+    monkeypatch.setattr(_pool, "usable_cores", lambda: 1)  # processes: test_cli_inputs.py
 
     def go(*arguments):
         return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)

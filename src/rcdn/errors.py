@@ -23,3 +23,7 @@ class OutputError(RcdnError):
 
 class DependencyError(RcdnError, ImportError):
     """An optional dependency is missing; the message says which extra brings it."""
+
+
+class CalibrationError(RcdnError):
+    """Boards that don't settle a camera, a pose or a pair of cameras; the message says what pictures to take."""

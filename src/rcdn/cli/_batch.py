@@ -1,4 +1,4 @@
-"""Many pictures, one after the other: reading ahead, failures that stay with their picture, places for the outputs."""
+"""Many pictures: reading ahead, failures that stay with their picture, places for the outputs."""
 
 from __future__ import annotations
 
@@ -6,31 +6,42 @@ import os
 import queue
 import threading
 import zlib
-from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rcdn.errors import ConfigError, OutputError, RcdnError
 
 if TYPE_CHECKING:
+    from rcdn.cli._cache import Cache
     from rcdn.io import ImageResult
     from rcdn.types import Array
 
+T = TypeVar("T")
 AHEAD = 3
 """Pictures read but not yet computed, at most: memory stays flat."""
 LONGEST = 180
 """Bytes of an overlay's file name without its ending; file systems take 255."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Picture:
-    """One picture of input number `index` (a video has many). `grey` (H, W), or None and the `error` instead."""
+    """One picture of input number `index` (a video has many), and how far it is.
+
+    `grey` (H, W); or None and the `path` to read it from, or the `error` instead. `known`: its detections, if they are
+    there already; `key`: where the cache keeps them; `overlay`: the file to draw it to.
+    """
 
     index: int
     name: str
     grey: Array | None
     error: str = ""
+    path: Path | None = None
+    known: ImageResult | None = None
+    key: str = ""
+    overlay: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,19 @@ class Failure:
     message: str
 
 
+@dataclass(frozen=True, eq=False)
+class Done:
+    """What became of one picture: its detections, or a failure, or both if only the drawing failed.
+
+    `stop`: there is no place to write to, so that going on would be of no use.
+    """
+
+    index: int
+    name: str
+    outcomes: tuple[ImageResult | Failure, ...]
+    stop: OutputError | None = None
+
+
 def explain(error: Exception, name: str) -> str:
     """What to tell the user; of an error that nobody raised on purpose also its type, for the bug report."""
     if isinstance(error, RcdnError):
@@ -48,87 +72,172 @@ def explain(error: Exception, name: str) -> str:
     return f"{name}: unexpected {type(error).__name__}: {error}"
 
 
-def read_ahead(paths: Sequence[Path], ahead: int = AHEAD) -> Generator[Picture, None, None]:
+# ---- reading
+
+
+def read_ahead(
+    paths: Sequence[Path], ahead: int = AHEAD, decode: bool = True, cache: Cache | None = None
+) -> Generator[Picture, None, None]:
     """The pictures of all `paths`, in order, read by another thread while the caller computes.
 
     A file that fails gives one Picture with an error; of a video that fails half-way the frames before it are given,
-    too. The thread ends when the generator is closed.
+    too. Without `decode` only videos are read; other pictures come as their path. What the `cache` holds is `known`.
     """
-    waiting: queue.Queue[Picture | None] = queue.Queue(maxsize=ahead)
+    return in_thread(lambda: (p for k, path in enumerate(paths) for p in pictures_of(k, path, decode, cache)), ahead)
+
+
+def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> Iterator[Picture]:
+    """The pictures of the file `path`. Raises nothing, whatever a decoder does: the other files go on."""
+    from rcdn.io import frames, is_video
+
+    try:
+        content = _content(path, cache)
+        if not is_video(path):
+            picture = looked_up(Picture(index, str(path), None, path=path), content, None, cache)
+            if not decode or picture.known is not None:
+                yield picture
+                return
+        for number, (name, grey) in enumerate(frames(path)):
+            yield looked_up(Picture(index, name, grey), content, number if is_video(path) else None, cache)
+    except Exception as error:
+        yield Picture(index, str(path), None, explain(error, str(path)))
+
+
+def _content(path: Path, cache: Cache | None) -> str:
+    """Checksum of the file; "" if nobody needs it, or it can't be read: the reader says why."""
+    from rcdn.cli._cache import file_digest
+
+    try:
+        return file_digest(path) if cache is not None else ""
+    except OSError:
+        return ""
+
+
+def looked_up(picture: Picture, content: str, frame: int | None, cache: Cache | None) -> Picture:
+    """`picture` with its key and with what the cache knows of it. `frame`: its number in the video."""
+    if cache is None or not content:
+        return picture
+    key = cache.key(content, "picture" if frame is None else f"frame {frame}")
+    return replace(picture, key=key, known=cache.result(key, picture.name))
+
+
+def in_thread(make: Callable[[], Iterable[T]], ahead: int = AHEAD) -> Generator[T, None, None]:
+    """What `make()` gives, in order, computed by another thread, at most `ahead` of them before they are asked for.
+
+    What is raised there is raised here. The thread ends when the generator is closed.
+    """
+    waiting: queue.Queue[tuple[bool, Any]] = queue.Queue(maxsize=ahead)
     stop = threading.Event()
-    thread = threading.Thread(target=_read_all, args=(paths, waiting, stop), name="rcdn-reader", daemon=True)
+    thread = threading.Thread(target=_fill, args=(make, waiting, stop), name="rcdn-reader", daemon=True)
     thread.start()
     try:
-        while (picture := waiting.get()) is not None:
-            yield picture
+        while True:
+            more, value = waiting.get()
+            if more:
+                yield value
+            elif value is None:
+                return
+            else:
+                raise value
     finally:
         stop.set()
         thread.join(timeout=2)
 
 
-def _read_all(paths: Sequence[Path], waiting: queue.Queue[Picture | None], stop: threading.Event) -> None:
+def _fill(make: Callable[[], Iterable[T]], waiting: queue.Queue[tuple[bool, Any]], stop: threading.Event) -> None:
+    end: BaseException | None = None
     try:
-        for picture in _pictures(paths):
-            if not _put(picture, waiting, stop):
+        for value in make():
+            if not _put((True, value), waiting, stop):
                 return
-    finally:  # without it the caller would wait for ever, whatever ended this thread
-        _put(None, waiting, stop)
+    except BaseException as error:  # without an end the caller would wait for ever, whatever ended this thread
+        end = error
+    _put((False, end), waiting, stop)
 
 
-def _pictures(paths: Sequence[Path]) -> Iterator[Picture]:
-    from rcdn.io import frames
-
-    for index, path in enumerate(paths):
-        try:
-            for name, grey in frames(path):
-                yield Picture(index, name, grey)
-        except Exception as error:  # whatever a decoder does, the other files go on
-            yield Picture(index, str(path), None, explain(error, str(path)))
-
-
-def _put(picture: Picture | None, waiting: queue.Queue[Picture | None], stop: threading.Event) -> bool:
+def _put(item: Any, waiting: queue.Queue[Any], stop: threading.Event) -> bool:
     """Wait for room, but not for a caller that has gone: False then."""
     while not stop.is_set():
         try:
-            waiting.put(picture, timeout=0.1)
+            waiting.put(item, timeout=0.1)
             return True
         except queue.Full:
             continue
     return False
 
 
-def process(
-    picture: Picture, detector: Any, draw: Callable[[Array, ImageResult], None] | None
-) -> Iterator[ImageResult | Failure]:
-    """Detect in one picture, then draw its overlay. Only OutputError (no place to write to) and interrupts get out.
+# ---- computing
 
-    The result is given before it is drawn, so a drawing that fails takes nothing with it; a Failure follows it then.
+
+class Work:
+    """What is done to each picture: read, detect, draw, each only if it is still to do.
+
+    `make`: makes the detector, at the first picture that needs it. Goes to worker processes, so `make` must be a
+    function that can be found by its name, or a partial of one.
     """
-    if picture.grey is None:
-        yield Failure(picture.name, picture.error)
-        return
-    try:
-        result = _result(picture.name, picture.grey, detector)
-    except Exception as error:  # one bad picture must not take the others with it
-        yield Failure(picture.name, explain(error, picture.name))
-        return
-    yield result
-    if draw is None:
-        return
-    try:
-        draw(picture.grey, result)
-    except OutputError:
-        raise
-    except Exception as error:
-        yield Failure(picture.name, explain(error, picture.name))
+
+    def __init__(self, make: Callable[[], Any], cache: Cache | None = None) -> None:
+        self.make = make
+        self.cache = cache
+        self._detector: Any = None
+
+    def prepare(self) -> None:
+        """Make the detector. Raises what `make` raises: no picture is to blame."""
+        if self._detector is None:
+            self._detector = self.make()
+
+    def needed(self, picture: Picture) -> bool:
+        """False if nothing is left that takes long."""
+        return not picture.error and (picture.known is None or picture.overlay is not None)
+
+    def __call__(self, picture: Picture) -> Done:
+        """Whatever goes wrong with this picture is in what it returns; only interrupts, and `make`'s errors, get out."""
+        if picture.error:
+            return Done(picture.index, picture.name, (Failure(picture.name, picture.error),))
+        if picture.known is None:
+            self.prepare()
+        outcomes: list[ImageResult | Failure] = []
+        stop = None
+        try:
+            grey = picture.grey
+            if grey is None and self.needed(picture):
+                grey = _read(picture)
+            result = self._detect(picture, grey) if picture.known is None else picture.known
+            outcomes.append(result)
+            if picture.overlay is not None and grey is not None:
+                _draw(picture.overlay, grey, result)
+        except OutputError as error:
+            stop = error
+        except Exception as error:  # one bad picture must not take the others with it
+            outcomes.append(Failure(picture.name, explain(error, picture.name)))
+        return Done(picture.index, picture.name, tuple(outcomes), stop)
+
+    def _detect(self, picture: Picture, grey: Any) -> ImageResult:
+        from rcdn.io import ImageResult
+
+        found = self._detector.detect(grey)
+        height, width = grey.shape
+        result = ImageResult(picture.name, width, height, found.corners, tuple(found.boards))
+        if self.cache is not None and picture.key:
+            self.cache.keep(picture.key, result)
+        return result
 
 
-def _result(name: str, grey: Array, detector: Any) -> ImageResult:
-    from rcdn.io import ImageResult
+def _read(picture: Picture) -> Array:
+    from rcdn.io import read_image
 
-    found = detector.detect(grey)
-    height, width = grey.shape
-    return ImageResult(name, width, height, found.corners, tuple(found.boards))
+    return read_image(picture.path or picture.name)
+
+
+def _draw(file: Path, grey: Array, result: ImageResult) -> None:
+    """Draw one result and write it at once: overlays don't pile up in memory."""
+    from rcdn.io import write_image
+    from rcdn.report.overlay import draw_overlay
+
+    write_image(file, draw_overlay(grey, result.corners, result.boards))
+
+
+# ---- places for the outputs
 
 
 class OverlayNames:
@@ -147,7 +256,7 @@ class OverlayNames:
         inside = os.path.relpath(full, self._root) if self._root else full
         flat = "__".join(_safe(part) for part in Path(inside).parts if _safe(part))
         stem = flat[: -len(Path(flat).suffix)] if Path(flat).suffix and "#" not in Path(name).suffix else flat
-        tries = [stem, flat, *(f"{flat}-{k}" for k in range(2, len(self._used) + 3))]
+        tries = chain((stem, flat), (f"{flat}-{k}" for k in count(2)))
         file = next(f for t in tries if (f := f"{_short(t)}.png").lower() not in self._used)
         self._used.add(file.lower())  # lower: some file systems take A.png and a.png for one
         return file

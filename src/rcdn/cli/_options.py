@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -24,3 +25,20 @@ def parse_size(text: str) -> GridSize:
     if min(cols, rows) < 3:
         raise typer.BadParameter(f"{text!r} is too small; a board has at least 3x3 inner corners")
     return GridSize(cols, rows)
+
+
+Jobs = Annotated[
+    int,
+    typer.Option("--jobs", "-j", min=0, metavar="N", help="Processes that find corners; 0: one for each core."),
+]
+CacheFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--cache", metavar="DIR", help="Where detections are kept for the next run, instead of the usual place."
+    ),
+]
+NoCache = Annotated[bool, typer.Option("--no-cache", help="Neither use detections of earlier runs nor keep these.")]
+Frames = Annotated[
+    int,
+    typer.Option("--frames", min=1, metavar="N", help="Frames to use of each video, at most: sharp, different ones."),
+]

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcdn.cli import _batch, _summary
-from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, one_line, say_error
-from rcdn.cli._options import GridSize, parse_size
+from rcdn.cli import _batch, _pool, _summary
+from rcdn.cli._cache import open_cache
+from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
+from rcdn.cli._options import GridSize, Jobs, parse_size
+from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.errors import ConfigError, RcdnError
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
-    from rcdn.types import Array
 
 LIST_UP_TO = 20
 """Up to that many pictures the summary has a line for each."""
@@ -39,7 +40,7 @@ class _Run:
     """What has been done so far, in the order of the inputs, and what ended it early."""
 
     outcomes: list[ImageResult | _batch.Failure] = field(default_factory=list)
-    stopped: KeyboardInterrupt | OutputError | None = None
+    stopped: KeyboardInterrupt | RcdnError | None = None
 
     @property
     def images(self) -> list[ImageResult]:
@@ -79,7 +80,16 @@ def detect(
     preset: Annotated[
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
-    threads: Annotated[int, typer.Option(min=0, help="Threads to compute with; 0: all cores.")] = 0,
+    jobs: Jobs = 0,
+    threads: Annotated[
+        int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
+    ] = 0,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Keep what was found here and take it from here: a run that was stopped goes on."
+        ),
+    ] = None,
 ) -> None:
     """Find checkerboard corners, and their boards, in pictures.
 
@@ -96,8 +106,10 @@ def detect(
         say_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
-    detector = _make_detector(DetectorConfig.preset(preset.value, threads=threads))
-    _detect_all(run, paths, detector, _painter(overlay, paths) if overlay is not None else None)
+    many = _pool.jobs_for(jobs, paths)
+    config = _pool.one_thread(DetectorConfig.preset(preset.value, threads=threads), many)
+    store = open_cache(config, cache, off=cache is None)
+    _detect_all(run, paths, _batch.Work(partial(_make_detector, config), store), many, overlay)
     failures = _write(run, json, vnl, board)
     _print_summary(run, board, time.perf_counter() - start)
     _finish(run, failures, len(paths))
@@ -142,61 +154,38 @@ def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, pa
         check_writable(overlay / "overlay.png")
 
 
-def _painter(folder: Path, paths: Sequence[Path]) -> Callable[[Array, ImageResult], None]:
-    """A function that draws one result and writes it at once: overlays don't pile up in memory."""
-    from rcdn.io import write_image
-    from rcdn.report.overlay import draw_overlay
-
-    names = _batch.OverlayNames(paths)
-
-    def paint(grey: Array, result: ImageResult) -> None:
-        write_image(folder / names.take(result.path), draw_overlay(grey, result.corners, result.boards))
-
-    return paint
-
-
-def _detect_all(
-    run: _Run, paths: Sequence[Path], detector: Any, paint: Callable[[Array, ImageResult], None] | None
-) -> None:
+def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, jobs: int, overlay: Path | None) -> None:
     """Fill `run`. An interrupt, or a disk that takes no more overlays, ends it early but loses nothing."""
+    names = _batch.OverlayNames(paths) if overlay is not None else None
     try:
-        with _progress(len(paths)) as bar, closing(_batch.read_ahead(paths)) as pictures:
-            for picture in pictures:
-                bar.advance(picture.index, picture.name)
-                for outcome in _batch.process(picture, detector, paint):
+        with (
+            progress(len(paths)) as bar,
+            closing(_batch.read_ahead(paths, decode=jobs == 1, cache=work.cache)) as pictures,
+            closing(_pool.compute((_placed(p, overlay, names) for p in pictures), work, jobs)) as results,
+        ):
+            for done in results:
+                bar.advance(done.index, done.name)
+                for outcome in done.outcomes:
                     run.outcomes.append(outcome)
                     if isinstance(outcome, _batch.Failure):
                         bar.say(outcome.message)
-    except (KeyboardInterrupt, OutputError) as stopped:
+                if done.stop is not None:
+                    raise done.stop
+    except KeyboardInterrupt as stopped:
         run.stopped = stopped
+    except RcdnError as stopped:
+        if not run.outcomes:
+            raise
+        run.stopped = stopped
+    if work.cache is not None:
+        work.cache.prune()
 
 
-@dataclass(frozen=True)
-class _Bar:
-    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it."""
-
-    advance: Callable[[int, str], None]
-    say: Callable[[str], None]
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[_Bar]:
-    """A progress bar on stderr if that is a terminal; nothing in a pipe."""
-    if not sys.stderr.isatty():
-        yield _Bar(lambda done, name: None, say_error)
-        return
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-    from rich.text import Text
-
-    columns = BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}")
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-        yield _Bar(
-            lambda done, name: bar.update(task, completed=done, description=escape(one_line(Path(name).name))),
-            lambda message: bar.console.print(Text(f"error: {one_line(message)}", style="red"), soft_wrap=True),
-        )
+def _placed(picture: _batch.Picture, folder: Path | None, names: _batch.OverlayNames | None) -> _batch.Picture:
+    """`picture` with the file for its overlay: chosen here, in the order of the inputs, whoever draws it."""
+    if folder is None or names is None:
+        return picture
+    return replace(picture, overlay=folder / names.take(picture.name))
 
 
 def _write(run: _Run, json: Path | None, vnl: Path | None, board: GridSize | None) -> list[RcdnError]:

@@ -5,11 +5,10 @@ from rcdn.io.formats import (
     FormatError,
     ImageResult,
     read_detections,
-    read_vnl,
     write_detections,
-    write_vnl,
 )
 from rcdn.io.images import as_grey, frames, read_image, write_image
+from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
     "FormatError",
@@ -22,6 +21,7 @@ __all__ = [
     "read_detections",
     "read_image",
     "read_vnl",
+    "read_vnl_boards",
     "write_bytes",
     "write_detections",
     "write_image",

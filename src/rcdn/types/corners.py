@@ -1,7 +1,4 @@
-"""Values that pass between the stages. Frozen; arrays have the stated shapes.
-
-Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forward; arrays end in (x, y).
-"""
+"""Corners of one picture, and the boards that they form."""
 
 from __future__ import annotations
 
@@ -10,11 +7,10 @@ from enum import IntEnum
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rcdn.errors import RcdnError
+from rcdn.types.base import Array, freeze
 
-Array = NDArray[Any]
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90"]
 
 
@@ -29,18 +25,6 @@ class Status(IntEnum):
     """Refined, but the response was below the usual threshold."""
     COMPLETED = 3
     """Refined, and found because its board predicted it."""
-
-
-def _freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...]) -> None:
-    array = np.array(value, dtype=dtype)
-    if array.size == 0:
-        array = array.reshape((0, *tail))
-    if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
-        raise RcdnError(
-            f"{type(owner).__name__}.{name} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}"
-        )
-    array.setflags(write=False)
-    object.__setattr__(owner, name, array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +42,13 @@ class Corners:
     sigma: Array | None = None
 
     def __post_init__(self) -> None:
-        _freeze(self, "xy", self.xy, np.float64, (2,))
-        _freeze(self, "response", self.response, np.float64, ())
-        _freeze(self, "status", self.status, np.uint8, ())
+        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "response", self.response, np.float64, ())
+        freeze(self, "status", self.status, np.uint8, ())
         if self.axes is not None:
-            _freeze(self, "axes", self.axes, np.float64, (2,))
+            freeze(self, "axes", self.axes, np.float64, (2,))
         if self.sigma is not None:
-            _freeze(self, "sigma", self.sigma, np.float64, ())
+            freeze(self, "sigma", self.sigma, np.float64, ())
         for name in ("response", "status", "axes", "sigma"):
             value = getattr(self, name)
             if value is not None and len(value) != len(self.xy):
@@ -102,12 +86,12 @@ class Board:
     sigma: Array | None = field(default=None)
 
     def __post_init__(self) -> None:
-        _freeze(self, "xy", self.xy, np.float64, (2,))
-        _freeze(self, "ij", self.ij, np.int64, (2,))
-        _freeze(self, "response", self.response, np.float64, ())
-        _freeze(self, "status", self.status, np.uint8, ())
+        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "ij", self.ij, np.int64, (2,))
+        freeze(self, "response", self.response, np.float64, ())
+        freeze(self, "status", self.status, np.uint8, ())
         if self.sigma is not None:
-            _freeze(self, "sigma", self.sigma, np.float64, ())
+            freeze(self, "sigma", self.sigma, np.float64, ())
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
         if len(np.unique(self.ij, axis=0)) != len(self.ij):
@@ -149,51 +133,3 @@ class Board:
         if self.size != tuple(size)[::-1]:
             return None
         return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)
-
-
-CameraModel = Literal["pinhole", "brown", "fisheye", "division"]
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """Intrinsics of one camera.
-
-    `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`; Kannala–Brandt k1..k4 for
-    `fisheye` (OpenCV's fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted
-    point in focal lengths, so that λ < 0 is a barrel (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres
-    at integers.
-    """
-
-    K: Array
-    distortion: Array
-    image_size: tuple[int, int]
-    model: CameraModel = "brown"
-
-    def __post_init__(self) -> None:
-        _freeze(self, "K", self.K, np.float64, (3,))
-        _freeze(self, "distortion", self.distortion, np.float64, ())
-        allowed = {"pinhole": (0,), "brown": (4, 5), "fisheye": (4,), "division": (1,)}[self.model]
-        if len(self.distortion) not in allowed:
-            raise RcdnError(
-                f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}"
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """`T_cam_board` (4, 4): takes homogeneous board coordinates (in squares or metres) to camera coordinates."""
-
-    T_cam_board: Array
-
-    def __post_init__(self) -> None:
-        _freeze(self, "T_cam_board", self.T_cam_board, np.float64, (4,))
-
-    @property
-    def R(self) -> Array:
-        """(3, 3) rotation."""
-        return self.T_cam_board[:3, :3]
-
-    @property
-    def t(self) -> Array:
-        """(3,) translation, in the board's unit."""
-        return self.T_cam_board[:3, 3]

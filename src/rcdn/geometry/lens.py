@@ -1,47 +1,16 @@
-"""Homographies, lens models and poses. The only place where any of them lives."""
+"""Lens models: pixels of camera points, and rays of pixels."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
-from rcdn.errors import RcdnError
 from rcdn.types import Array, Camera, Pose
 
 REACH = 20.0
-"""Largest |x / z| and |y / z| of a ray that `unproject` finds under the brown model."""
-
-
-def homography(src: Array, dst: Array) -> Array:
-    """Homography (3, 3) that takes `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
-
-    Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points.
-    """
-    src, dst = np.asarray(src, float), np.asarray(dst, float)
-    if src.ndim != 2 or src.shape[1] != 2 or len(src) < 4 or src.shape != dst.shape:
-        raise RcdnError("homography: src and dst must be (N, 2) arrays of the same N ≥ 4")
-    Ts, Td = _normaliser(src), _normaliser(dst)
-    p, q = apply_homography(Ts, src), apply_homography(Td, dst)
-    zero, one = np.zeros(len(p)), np.ones(len(p))
-    x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]
-    rows = np.concatenate([
-        np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
-        np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
-    ])  # fmt: skip
-    H = np.linalg.svd(rows, full_matrices=len(rows) < 9)[2][-1].reshape(3, 3)  # U is large and not needed
-    return np.linalg.solve(Td, H @ Ts)
-
-
-def _normaliser(points: Array) -> Array:
-    centre = points.mean(axis=0)
-    scale = np.sqrt(2) / max(float(np.linalg.norm(points - centre, axis=1).mean()), 1e-12)
-    return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
-
-
-def apply_homography(H: Array, points: Array) -> Array:
-    """`points` (..., 2) through `H` (3, 3)."""
-    points = np.asarray(points, float)
-    w = points @ H[2, :2] + H[2, 2]
-    return (points @ H[:2, :2].T + H[:2, 2]) / w[..., None]
+"""Largest |x / z| and |y / z| of a ray that `unproject` finds under the models brown and rational."""
 
 
 def transform(pose: Pose, points: Array) -> Array:
@@ -68,7 +37,7 @@ def project(camera: Camera, points: Array) -> Array:
     else:
         with np.errstate(divide="ignore", invalid="ignore"):
             n = np.where((z > 0)[..., None], points[..., :2] / z[..., None], np.nan)
-        d = n if camera.model == "pinhole" else _brown(n, camera.distortion)
+        d = n if camera.model == "pinhole" else Brown.of(camera.distortion).distort(n)
     return d @ camera.K[:2, :2].T + camera.K[:2, 2]
 
 
@@ -85,7 +54,7 @@ def unproject(camera: Camera, pixels: Array) -> Array:
         return _fisheye_ray(d, camera.distortion)
     if camera.model == "division":
         return _division_ray(d, float(camera.distortion[0]))
-    n = d if camera.model == "pinhole" else _brown_inverse(d, camera.distortion)
+    n = d if camera.model == "pinhole" else _brown_inverse(d, Brown.of(camera.distortion))
     return np.concatenate([n, np.ones_like(n[..., :1])], axis=-1)
 
 
@@ -99,18 +68,22 @@ def _radial(x: Array, k: Array) -> Array:
 
 def _first_turn(k: Array) -> float:
     """Where `_radial` stops growing: its first turning point, or infinity."""
-    slope = [(2 * i + 3) * float(c) for i, c in enumerate(k)]
-    roots = np.roots([*slope[::-1], 1.0])
+    return _first_root([(2 * i + 3) * float(c) for i, c in enumerate(k)])
+
+
+def _first_root(coefficients: list[float]) -> float:
+    """The least x > 0 at which 1 + c₀x² + c₁x⁴ + … is zero, or infinity."""
+    roots = np.roots([*coefficients[::-1], 1.0])
     real = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
     return float(np.sqrt(real.min())) if len(real) else np.inf
 
 
-def _radial_inverse(k: Array, value: Array, high: float) -> Array:
-    """x in [0, high], where `_radial` grows, by bisection to the last bit: slow and sure."""
+def _radial_inverse(radial: Callable[[Array], Array], value: Array, high: float) -> Array:
+    """x in [0, high], where `radial` grows, by bisection to the last bit: slow and sure."""
     a, b = np.zeros_like(value), np.full_like(value, high)
     for _ in range(60):
         middle = (a + b) / 2
-        above = _radial(middle, k) > value
+        above = radial(middle) > value
         a, b = np.where(above, a, middle), np.where(above, middle, b)
     return a
 
@@ -127,7 +100,7 @@ def _fisheye_ray(d: Array, k: Array) -> Array:
     limit = min(_first_turn(k), np.pi)
     theta = np.where((np.abs(_radial(theta, k) - r) < 1e-10 * (1 + r)) & (theta <= limit), theta, np.nan)
     lost = np.isnan(theta) & (r <= _radial(np.asarray(limit), k))
-    theta[lost] = _radial_inverse(k, r[lost], limit)
+    theta[lost] = _radial_inverse(lambda x: _radial(x, k), r[lost], limit)
     s = np.where(r > 1e-12, np.sin(theta) / np.maximum(r, 1e-12), 1.0)
     return np.stack([d[..., 0] * s, d[..., 1] * s, np.cos(theta)], axis=-1)
 
@@ -149,52 +122,85 @@ def _division_ray(d: Array, k: float) -> Array:
     return np.asarray(ray / length[..., None])
 
 
-def _brown(n: Array, dist: Array) -> Array:
-    k1, k2, p1, p2 = dist[:4]
-    k3 = dist[4] if len(dist) > 4 else 0.0
-    x, y = n[..., 0], n[..., 1]
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack([
-        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-    ], axis=-1)  # fmt: skip
+@dataclass(frozen=True, eq=False)
+class Brown:
+    """OpenCV's polynomial lens: radius × numerator ÷ denominator (1 for the model `brown`), and two tangential terms."""
+
+    numerator: Array
+    denominator: Array
+    p1: float
+    p2: float
+
+    @classmethod
+    def of(cls, distortion: Array) -> Brown:
+        """From k1 k2 p1 p2 [k3 [k4 k5 k6]]."""
+        k = np.zeros(8)
+        k[: len(distortion)] = distortion
+        return cls(k[[0, 1, 4]], k[5:], float(k[2]), float(k[3]))
+
+    def radial(self, r2: Array) -> tuple[Array, Array]:
+        """Factor of the radius at squared radii `r2`, and its slope in r2."""
+        (a, b, c), (d, e, f) = self.numerator, self.denominator
+        above, below = 1 + r2 * (a + r2 * (b + r2 * c)), 1 + r2 * (d + r2 * (e + r2 * f))
+        with np.errstate(divide="ignore", invalid="ignore"):  # a pole is beyond the fold
+            g = above / below
+            slope = (a + r2 * (2 * b + r2 * 3 * c) - g * (d + r2 * (2 * e + r2 * 3 * f))) / below
+        return g, slope
+
+    def distort(self, n: Array) -> Array:
+        """Distorted points (..., 2) of `n` (..., 2), in focal lengths."""
+        x, y = n[..., 0], n[..., 1]
+        r2 = x * x + y * y
+        g, _ = self.radial(r2)
+        return np.stack([
+            x * g + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x),
+            y * g + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y,
+        ], axis=-1)  # fmt: skip
+
+    def slopes(self, n: Array) -> tuple[Array, Array, Array]:
+        """∂x′/∂x, ∂x′/∂y = ∂y′/∂x, and ∂y′/∂y of `distort`, each (...)."""
+        x, y = n[..., 0], n[..., 1]
+        g, slope = self.radial(x * x + y * y)
+        return (
+            g + 2 * x * x * slope + 2 * self.p1 * y + 6 * self.p2 * x,
+            2 * x * y * slope + 2 * self.p1 * x + 2 * self.p2 * y,
+            g + 2 * y * y * slope + 6 * self.p1 * y + 2 * self.p2 * x,
+        )
+
+    def fold(self) -> float:
+        """The radius (undistorted) at which the radial map stops growing or has a pole, or infinity."""
+        a, b = np.array([1, *self.numerator]), np.array([1, *self.denominator])
+        power = 2 * np.arange(4)
+        turn = np.convolve(a * (1 + power), b) - np.convolve(a, b * power)  # of (r·a)′·b − r·a·b′, in r²
+        return min(_first_root(list(turn[1:])), _first_root(list(b[1:])))
 
 
-def _brown_inverse(d: Array, dist: Array) -> Array:
+def _brown_inverse(d: Array, lens: Brown) -> Array:
     """Newton from the distorted point and, where that goes astray, from the radial solution; NaN beyond the fold."""
-    k = np.append(dist[:2], dist[4:5])
-    limit = _first_turn(k)
-    n = _brown_newton(d, d, dist, limit)
+    limit = lens.fold()
+    n = _brown_newton(d, d, lens, limit)
     lost = np.isnan(n).any(axis=-1) & np.isfinite(d).all(axis=-1)
     if lost.any():
         far = d[lost]
         r = np.hypot(far[:, 0], far[:, 1])
-        start = far * (_radial_inverse(k, r, min(limit, REACH)) / np.maximum(r, 1e-12))[:, None]
-        n[lost] = _brown_newton(far, start, dist, limit)
+        high = min(limit * (1 - 1e-12), REACH)  # at a pole there is no value
+        start = far * (_radial_inverse(lambda x: x * lens.radial(x * x)[0], r, high) / np.maximum(r, 1e-12))[:, None]
+        n[lost] = _brown_newton(far, start, lens, limit)
     return n
 
 
-def _brown_newton(d: Array, start: Array, dist: Array, limit: float) -> Array:
+def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Array:
     """Undistorted points (..., 2) of `d` by Newton from `start`; NaN where it fails or leaves the radius `limit`."""
-    k1, k2, p1, p2 = dist[:4]
-    k3 = dist[4] if len(dist) > 4 else 0.0
     n = start.copy()
     for _ in range(12):
-        x, y = n[..., 0], n[..., 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))
-        a = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
-        b = x * y * slope + 2 * p1 * x + 2 * p2 * y
-        c = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+        a, b, c = lens.slopes(n)
         det = a * c - b * b
         det = np.where(np.abs(det) > 1e-6, det, 1e-6)
-        e = _brown(n, dist) - d
+        e = lens.distort(n) - d
         n = n - np.stack([(c * e[..., 0] - b * e[..., 1]) / det, (a * e[..., 1] - b * e[..., 0]) / det], axis=-1)
         n = np.clip(n, -REACH, REACH)
         if float(np.abs(e).max(initial=0.0)) < 1e-13:
             break
     # beyond the first turning point of the radial map a pixel has no ray of its own
-    good = (np.abs(_brown(n, dist) - d) <= 1e-10).all(axis=-1) & ((n**2).sum(axis=-1) < limit**2)
+    good = (np.abs(lens.distort(n) - d) <= 1e-10).all(axis=-1) & ((n**2).sum(axis=-1) < limit**2)
     return np.asarray(np.where(good[..., None], n, np.nan))

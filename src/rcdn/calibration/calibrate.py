@@ -1,0 +1,278 @@
+"""Boards → camera: the whole way, for one camera."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration import choose, robust
+from rcdn.calibration.advice import advise
+from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.labels import Labelled, Size, orientation_of, settle, usual_size
+from rcdn.calibration.start import Seen, first_camera, poses
+from rcdn.calibration.uncertainty import covariance
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import LENS, Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
+
+MODELS: tuple[CameraModel, ...] = ("pinhole", "brown", "fisheye", "rational")
+"""the lens models, the simplest first"""
+FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
+SAME_SIZE = 0.75
+"""share of the boards whose pictures have one size: the others are left out, or it would be an error"""
+HOPELESS_MODEL = 2.0
+"""× the least noise that a model leaves: beyond it a model isn't tried any further"""
+HOPELESS = 0.2
+"""standard deviation of the focal length, as a share of it, that is no calibration"""
+
+
+def calibrate(
+    boards: Sequence[Board],
+    spacing: float,
+    *,
+    names: Sequence[str] | None = None,
+    model: str = "auto",
+    size: Size | None = None,
+    warp: bool = False,
+) -> Calibration:
+    """The camera that took `boards`, with poses, residuals and standard deviations.
+
+    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of a square,
+    m. `names` of the boards' pictures: boards of one name are held out together (default: each board its own). `model`: `pinhole` (no
+    distortion), `brown` (k1 k2 p1 p2 k3), `rational` (8 numbers), `fisheye` (Kannala–Brandt), or `auto`: the simplest that none beats on
+    pictures held out. `size` (columns, rows) of the board in inner corners; default: the usual one of the complete boards. `warp`: the board may
+    be bent a little, a paraboloid of two parameters.
+
+    Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
+    out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
+    """
+    _check(boards, spacing, names, model)
+    names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
+    image_size = _one_size(boards, names)
+    whole = size or usual_size(boards)
+    labels = settle(boards, whole, strict=size is not None)
+    task = _task(boards, labels, names, image_size, spacing, whole, warp)
+    start = first_camera(task.seen, image_size)
+    task, T = _with_poses(task, poses(start, task.seen))
+    models = [m for m in MODELS if model in ("auto", m)]
+    fits = _fits(task, models, start, T, warp)
+    trials, weight = _trials(task, list(fits.values()), warp)
+    chosen = choose.best(trials, weight, task.picture)
+    scores = [
+        ModelScore(m, choose.rms(t.gaps, weight), choose.rms(t.held, weight)) for m, t in zip(fits, trials, strict=True)
+    ]
+    scores.insert(0, scores.pop(chosen))
+    done = _result(task, boards, labels, names, list(fits.values())[chosen], whole, warp, tuple(scores), spacing)
+    _believable(done)
+    return replace(done, advice=advise(done))
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """The boards that can be used: `index` of each among all, what is `seen`, `reasons` by index of those that can't; `corners`, `sigma` (N,),
+    `picture` (N,) its number."""
+
+    index: list[int]
+    seen: list[Seen]
+    reasons: dict[int, str]
+    corners: Corners3
+    sigma: Array
+    picture: Array
+
+
+def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str) -> None:
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ConfigError(f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}")
+    if model not in ("auto", *MODELS):
+        raise ConfigError(f"model must be one of auto, {', '.join(MODELS)}, not {model!r}")
+    if names is not None and len(names) != len(boards):
+        raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
+    if not boards:
+        raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+
+
+def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
+    """The image size of (nearly) all boards, or an error that says which pictures are odd."""
+    sizes = Counter(b.image_size for b in boards)
+    (usual, many), *_ = sizes.most_common(1)
+    if many >= SAME_SIZE * len(boards):
+        return usual
+    odd = [n for n, b in zip(names, boards, strict=True) if b.image_size != usual]
+    counts = ", ".join(f"{w}×{h} in {n}" for (w, h), n in sizes.most_common())
+    raise CalibrationError(
+        f"pictures of several sizes ({counts}): one calibration is of one camera at one resolution; "
+        f"leave the odd ones out ({', '.join(odd[:3])}{', …' if len(odd) > 3 else ''})"
+    )
+
+
+def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: bool) -> str:
+    """Why a board can't take part, or ""."""
+    if board.image_size != image_size:
+        (w, h), (cols, rows) = board.image_size, image_size
+        return f"its picture has {w}×{h} px, the others {cols}×{rows}"
+    if label.reason:
+        return label.reason
+    if len(board) < FEWEST_CORNERS or min(board.size) < 2:
+        return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
+    return "it isn't settled which part of the board it shows, which a warp needs" if warp and not label.settled else ""
+
+
+def _task(
+    boards: Sequence[Board],
+    labels: list[Labelled],
+    names: Sequence[str],
+    image_size: tuple[int, int],
+    spacing: float,
+    whole: Size | None,
+    warp: bool,
+) -> _Task:
+    """Boards with corners enough; under `warp` only those whose labels are settled."""
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    index, reasons = [], {}
+    for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
+        if reason := _unusable(board, label, image_size, warp):
+            reasons[k] = reason
+        else:
+            index.append(k)
+    if len(index) < FEWEST_VIEWS:
+        raise CalibrationError(_too_few(len(index), reasons))
+    ij = [labels[k].ij for k in index]
+    lengths = [len(a) for a in ij]
+    frame = np.repeat(np.arange(len(index)), lengths)
+    joint = np.concatenate(ij)
+    sigma = np.concatenate([_sigma(boards[k]) for k in index])
+    corners = Corners3(
+        frame, np.zeros(len(frame), int), joint * spacing, np.concatenate([boards[k].xy for k in index]), _bend(joint, whole)
+    )
+    picture = np.repeat([numbers[names[k]] for k in index], lengths)
+    seen = [Seen(a * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
+    return _Task(index, seen, reasons, corners, np.nan_to_num(sigma), picture)
+
+
+def _too_few(many: int, reasons: dict[int, str]) -> str:
+    got = "one view" if many == 1 else f"{many} views" if many else "no usable view"
+    why = f" ({len(reasons)} boards can't be used: {next(iter(reasons.values()))})" if reasons else ""
+    return f"{got} can't settle a camera{why}: take 10 to 30 pictures of the board in different places and tilts"
+
+
+def _sigma(board: Board) -> Array:
+    return np.full(len(board), np.nan) if board.sigma is None else board.sigma
+
+
+def _bend(ij: Array, whole: Size | None) -> Array:
+    """(N, 2) what a warp of 1 m along the columns and along the rows raises corners by: 1 − u² in −1..1 (as in mrcal)."""
+    if whole is None:
+        return np.zeros((len(ij), 2))
+    middle = (np.array(whole) - 1) / 2
+    return np.asarray(1 - ((ij - middle) / np.maximum(middle, 0.5)) ** 2)
+
+
+def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
+    """Only the views that got a pose."""
+    good = np.isfinite(T).all(axis=(1, 2))
+    if good.all():
+        return task, T
+    if good.sum() < FEWEST_VIEWS:
+        raise CalibrationError(_too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
+    keep = good[task.corners.frame]
+    number = np.cumsum(good) - 1
+    corners = task.corners.take(keep)
+    corners = replace(corners, frame=number[corners.frame])
+    reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
+    index = [k for k, g in zip(task.index, good, strict=True) if g]
+    seen = [s for s, g in zip(task.seen, good, strict=True) if g]
+    return _Task(index, seen, reasons, corners, task.sigma[keep], task.picture[keep]), T[good]
+
+
+def _fits(task: _Task, models: Sequence[CameraModel], start: Camera, T: Array, warp: bool) -> dict[CameraModel, robust.Fit]:
+    """Fits of the models that come near the best; the others are no lens for these corners."""
+    rough = {}
+    for m in models:
+        state = State.mono(Camera(start.K, np.zeros(len(LENS[m])), start.image_size, m), T)
+        rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state, warp=warp))
+    least = min(noise for _, noise in rough.values())
+    near = {m: found for m, found in rough.items() if found[1] <= HOPELESS_MODEL * least}
+    return {
+        m: robust.fit(state, noise, task.corners, task.sigma, default_free(state, warp=warp))
+        for m, (state, noise) in near.items()
+    }
+
+
+def _trials(task: _Task, fits: list[robust.Fit], warp: bool) -> tuple[list[choose.Trial], Array]:
+    """All models on the same corners: those, and their weights (N,), of the model that leaves out least."""
+    widest = max(fits, key=lambda f: (int(f.used.sum()), -f.noise))
+    trials = [
+        choose.trial(f.state, task.corners, widest.weight, default_free(f.state, warp=warp), task.picture) for f in fits
+    ]
+    return trials, widest.weight
+
+
+def _result(
+    task: _Task,
+    boards: Sequence[Board],
+    labels: list[Labelled],
+    names: Sequence[str],
+    fit: robust.Fit,
+    whole: Size | None,
+    warp: bool,
+    scores: tuple[ModelScore, ...],
+    spacing: float,
+) -> Calibration:
+    used = [f for f, reason in enumerate(fit.reasons) if not reason]
+    if len(used) < FEWEST_VIEWS:
+        raise CalibrationError(_too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]}))
+    cov = covariance(fit.arrow, np.array(used), fit.scale)
+    camera = fit.state.cameras[0]
+    lens = [*range(len(camera.parameters)), *range(len(cov) - 6, len(cov))]
+    bent = slice(len(camera.parameters), len(cov) - 6)
+    return Calibration(
+        camera=camera,
+        spacing=float(spacing),
+        views=_views(task, boards, labels, names, fit),
+        cov=cov[np.ix_(lens, lens)],
+        noise=fit.noise,
+        models=scores,
+        size=whole,
+        orientation=None if whole is None else orientation_of(whole),
+        warp=fit.state.warp if warp else None,
+        warp_std=np.sqrt(np.diag(cov)[bent]) if warp else None,
+    )
+
+
+def _views(
+    task: _Task, boards: Sequence[Board], labels: list[Labelled], names: Sequence[str], fit: robust.Fit
+) -> tuple[BoardView, ...]:
+    number = {k: f for f, k in enumerate(task.index)}
+    turn: Counter[str] = Counter()
+    views = []
+    for k, (board, label, name) in enumerate(zip(boards, labels, names, strict=True)):
+        f = number.get(k)
+        mine = task.corners.frame == f if f is not None else np.zeros(0, bool)
+        views.append(
+            BoardView(
+                name=name,
+                board=turn[name],
+                ij=label.ij,
+                xy=board.xy,
+                sigma=_sigma(board),
+                pose=None if f is None else Pose(fit.state.poses[f]),
+                residuals=np.full((len(board), 2), np.nan) if f is None else fit.residuals[mine],
+                used=np.zeros(len(board), bool) if f is None else fit.used[mine],
+                reason=task.reasons[k] if f is None else fit.reasons[f],
+                settled=label.settled,
+            )
+        )
+        turn[name] += 1
+    return tuple(views)
+
+
+def _believable(done: Calibration) -> None:
+    """Refuse what is no calibration: a focal length that the views don't settle."""
+    share = float(max(done.std[:2] / done.camera.parameters[:2]))
+    if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:
+        raise CalibrationError(
+            f"these {len(done.used_views)} views don't settle the focal length (±{share:.0%}): they are too much alike; "
+            "take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
+        )

@@ -1,0 +1,74 @@
+"""One board's size and labels across pictures that show it whole, turned, or in part."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.types import Array, Board, Orientation
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """Labels `ij` (M, 2) of a board's corners, of the whole board if `settled`, else of the part seen; `reason`: why it can't be used."""
+
+    ij: Array
+    settled: bool
+    reason: str = ""
+
+
+def usual_size(boards: Sequence[Board]) -> Size | None:
+    """The most frequent size of complete boards, upright and turned counted together (given as most lie); of equals the larger.
+
+    None if no board is complete.
+    """
+    sizes = Counter(b.size for b in boards if b.complete)
+    if not sizes:
+        return None
+    either = {s: n + (sizes[s[::-1]] if s[0] != s[1] else 0) for s, n in sizes.items()}
+    return max(either, key=lambda s: (either[s], s[0] * s[1], sizes[s], s))
+
+
+def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Labelled]:
+    """Labels of each board in a whole board of `size` (columns, rows).
+
+    A board whose box has that size, holes included, is settled; one that lies the other way is turned a quarter, so that the square inside (0, 0)
+    keeps its colour. A smaller one may lie anywhere in the whole: it keeps its own labels. What can't be part of the whole
+    keeps them, too, or is refused if `strict` (the user named the size).
+    """
+    return [_label(board, size, strict) for board in boards]
+
+
+def orientation_of(size: Size) -> Orientation:
+    """Whether colours settle which corner of a whole board is (0, 0): docs/conventions.md."""
+    cols, rows = size
+    if (cols + rows) % 2:
+        return "unique"
+    return "ambiguous_90" if cols == rows and cols % 2 == 0 else "ambiguous_180"
+
+
+def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
+    own = board.ij - board.ij.min(axis=0)
+    if size is None:
+        return Labelled(own, False)
+    if board.size == size:
+        return Labelled(own, True)
+    if board.size == size[::-1]:
+        return Labelled(_turned(own, board.size), True)
+    inside = all(a <= b for a, b in zip(sorted(board.size), sorted(size), strict=True))
+    if strict and not inside:
+        there, whole = ("{}×{}".format(*s) for s in (board.size, size))
+        return Labelled(own, False, f"its {there} corners can't be part of a {whole} board")
+    return Labelled(own, False)
+
+
+def _turned(ij: Array, size: Size) -> Array:
+    """Labels after the quarter turn that leaves the square inside (0, 0) its colour, as `Board.grid_of` does."""
+    cols, rows = size
+    i, j = ij[:, 0], ij[:, 1]
+    return np.stack([j, cols - 1 - i] if cols % 2 == 0 else [rows - 1 - j, i], axis=-1)

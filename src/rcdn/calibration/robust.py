@@ -1,0 +1,142 @@
+"""Least squares with corners and views that are wrong: found, left out, and never silently."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from rcdn.calibration.bundle import Arrow, Corners3, State, default_free, residuals, solve
+from rcdn.types import Array
+
+GATE = 5.0
+"""standard deviations of a corner's distance from which on it is an outlier (one in 270,000 by chance)"""
+CROOKED = 5.0
+"""× the usual scatter: a view whose typical corner lies that far off is left out"""
+TOO_MANY = 0.3
+"""share of outliers that makes a whole view one"""
+ROUNDS = 12
+MEDIAN = 2 * np.log(2.0)
+"""median of the squared length of a whitened residual"""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` per frame, "" where used; `noise` px of one
+    axis beyond sigma; `weight` (N,) 1 / px; `scale`: mean square of the whitened residuals by the degrees of freedom."""
+
+    state: State
+    arrow: Arrow
+    residuals: Array
+    used: Array
+    reasons: tuple[str, ...]
+    noise: float
+    weight: Array
+    scale: float
+
+
+def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array) -> tuple[State, float]:
+    """A fit under a loss that outliers don't pull much, and the noise px of one axis that it leaves."""
+    state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
+    for _ in range(2):
+        state = solve(state, corners, _weights(noise, sigma), free, "soft_l1").state
+        noise = _median_noise(residuals(state, corners), sigma)
+    return state, noise
+
+
+def fit(start: State, noise: float, corners: Corners3, sigma: Array, free: Array) -> Fit:
+    """Fit `free` (K,) shared parameters and all poses to `corners` with deviations `sigma` (N,) px, of which some are wrong.
+
+    From a rough fit and its `noise`, rounds of: which corners and views agree with the solution, least squares of those, noise of
+    those; until the same ones agree.
+    """
+    state = start
+    used, reasons = np.zeros(len(corners), bool), [""] * len(start.poses)
+    for _ in range(ROUNDS):
+        before = used
+        used, reasons = _agreeing(residuals(state, corners), corners.frame, _weights(noise, sigma), len(start.poses))
+        weight = np.where(used, _weights(noise, sigma), 0.0)
+        solution = solve(state, corners, weight, free)
+        state = _with_poses(solution.state, corners, _weights(noise, sigma), [f for f, r in enumerate(reasons) if r])
+        noise = _noise(residuals(state, corners)[used], sigma[used], _unknowns(corners, used, free))
+        if (used == before).all():
+            break
+    gaps = residuals(state, corners)
+    square = float(((gaps[used] * weight[used, None]) ** 2).sum())
+    scale = square / max(2 * int(used.sum()) - _unknowns(corners, used, free), 1)
+    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale)
+
+
+def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int]) -> State:
+    """The poses of `frames`, which the solution doesn't rest on, where they fit it best."""
+    mine = np.flatnonzero(np.isin(corners.frame, frames))
+    if not len(mine):
+        return state
+    nothing = default_free(state, lens=False)
+    return solve(state, corners.take(mine), weight[mine], nothing, "soft_l1", repeats=2).state
+
+
+def _unknowns(corners: Corners3, used: Array, free: Array) -> int:
+    return 6 * len(np.unique(corners.frame[used])) + int(free.sum())
+
+
+def _weights(noise: float, sigma: Array) -> Array:
+    return 1 / np.sqrt(noise**2 + sigma**2)
+
+
+def _agreeing(gaps: Array, frame: Array, weight: Array, frames: int) -> tuple[Array, list[str]]:
+    """Which corners agree with the solution, and for each frame why it as a whole doesn't, or ""."""
+    far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
+    miss = far * weight
+    good = miss < GATE
+    px = np.array([np.median(far[frame == f]) if (frame == f).any() else np.inf for f in range(frames)])
+    reasons = [""] * frames
+    for f in range(frames):
+        mine = frame == f
+        share = 1 - float(good[mine].mean()) if mine.any() else 1.0
+        if not np.isfinite(px[f]):
+            reasons[f] = "no pose fits its corners"
+        elif np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
+            others = np.median(np.delete(px, f)) if frames > 1 else 0.0
+            reasons[f] = f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"
+        elif share > TOO_MANY:
+            reasons[f] = f"{share:.0%} of its corners disagree with the other views"
+    lost = np.array([bool(r) for r in reasons])
+    return good & ~lost[frame], reasons
+
+
+def _median_noise(gaps: Array, sigma: Array) -> float:
+    """Noise px of one axis beyond `sigma` (N,) by the median of residuals: outliers don't matter."""
+    square = (gaps**2).sum(axis=1)
+    seen = np.isfinite(square)
+    if not seen.any():
+        return 1.0
+
+    def excess(noise: float) -> float:
+        return float(np.median(square[seen] / (noise**2 + sigma[seen] ** 2))) - MEDIAN
+
+    return _root(excess, float(np.sqrt(np.median(square[seen]) / MEDIAN)))
+
+
+def _noise(gaps: Array, sigma: Array, unknowns: int) -> float:
+    """Noise px of one axis beyond `sigma` (N,), such that whitened residuals have the squares that their degrees of freedom promise."""
+    square, freedom = (gaps**2).sum(axis=1), max(2 * len(gaps) - unknowns, 1)
+
+    def excess(noise: float) -> float:
+        return float((square / (noise**2 + sigma**2)).sum()) - freedom
+
+    return _root(excess, float(np.sqrt(square.sum() / freedom)))
+
+
+LEAST = 1e-4
+"""px; corners are never better than that"""
+
+
+def _root(excess: Callable[[float], float], most: float) -> float:
+    """Where the falling function `excess` is zero, between LEAST and just above `most`; an end if it isn't."""
+    high = max(most * 1.001, 2 * LEAST)
+    if excess(LEAST) <= 0:
+        return LEAST
+    return float(brentq(excess, LEAST, high)) if excess(high) < 0 else high

@@ -1,0 +1,129 @@
+"""Where the least squares may begin: a rough camera from all boards at once, and poses from viewing rays.
+
+A plane's homography to rays instead of pixels (Zhang 2000, for any lens that has rays) holds beside and behind the camera,
+too. Focal length and bend of the lens are scanned: a division model (Fitzgibbon 2001) stands for every kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.geometry import project, unproject
+from rcdn.types import Array, Camera
+
+FOCAL = 0.3 * 1.28 ** np.arange(17)
+"""focal lengths that are tried, in half diagonals of the picture: 0.3 to 16"""
+BEND = (0.0, 0.1, -0.08, -0.2, -0.4, -0.7, -1.0, -1.4)
+"""λ·r² of the division model at the half diagonal"""
+LOOKS = 16
+"""boards that the scan looks at"""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One board in one picture: `board` (M, 2) on the board, m, and `xy` (M, 2) px."""
+
+    board: Array
+    xy: Array
+
+
+def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
+    """A rough camera of the model `division`: the focal length and bend under which boards look most like flat squares."""
+    some = views if len(views) <= LOOKS else [views[k] for k in np.linspace(0, len(views) - 1, LOOKS).astype(int)]
+    batch = _Batch.of(some)
+    half = float(np.hypot(*image_size)) / 2
+    tries = [division_camera(f * half, bend, half, image_size) for f in FOCAL for bend in BEND]
+    return min(tries, key=batch.misfit)
+
+
+def division_camera(focal: float, bend: float, half: float, image_size: tuple[int, int]) -> Camera:
+    """A division camera with its principal point in the middle; `bend`: λ·r² at `half` px from there."""
+    width, height = image_size
+    K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    return Camera(K, [bend * (focal / half) ** 2], image_size, "division")
+
+
+def poses(camera: Camera, views: list[Seen]) -> Array:
+    """(V, 4, 4) T_cam_board of each view under `camera`: good enough to start from; NaN where the lens has no ray for a corner."""
+    return _Batch.of(views).poses(camera)
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Views side by side: `board` (V, M, 2) centred and scaled to a mean radius of √2 by `centre` (V, 2) and `scale` (V,), `xy`
+    (V, M, 2), `there` (V, M): 0 pads the shorter ones."""
+
+    board: Array
+    xy: Array
+    there: Array
+    centre: Array
+    scale: Array
+
+    @classmethod
+    def of(cls, views: list[Seen]) -> _Batch:
+        many = max(len(v.xy) for v in views)
+        board, xy = np.zeros((len(views), many, 2)), np.zeros((len(views), many, 2))
+        there = np.zeros((len(views), many))
+        centre, scale = np.zeros((len(views), 2)), np.ones(len(views))
+        for k, view in enumerate(views):
+            n = len(view.xy)
+            centre[k] = view.board.mean(axis=0)
+            scale[k] = np.sqrt(2) / np.linalg.norm(view.board - centre[k], axis=1).mean()
+            board[k, :n], xy[k, :n], there[k, :n] = (view.board - centre[k]) * scale[k], view.xy, 1.0
+            xy[k, n:] = view.xy[0]
+        return cls(board, xy, there, centre, scale)
+
+    def misfit(self, camera: Camera) -> float:
+        """Median distance of the corners, px, from where poses of flat squares put them: the median over the boards."""
+        T = self._scaled_poses(camera)
+        points = self.board @ T[:, :3, :2].transpose(0, 2, 1) + T[:, None, :3, 3]
+        gap = np.linalg.norm(project(camera, points) - self.xy, axis=2)
+        gap = np.where(np.isfinite(gap), gap, 1e6)
+        gap[self.there == 0] = np.nan
+        return float(np.median(np.nanmedian(gap, axis=1)))
+
+    def poses(self, camera: Camera) -> Array:
+        """(V, 4, 4), in the views' own unit."""
+        T = self._scaled_poses(camera)
+        T[:, :3, 3] /= self.scale[:, None]
+        T[:, :3, 3] -= (T[:, :3, :2] @ self.centre[:, :, None])[..., 0]
+        return T
+
+    def _scaled_poses(self, camera: Camera) -> Array:
+        rays = unproject(camera, self.xy)
+        blind = ~np.isfinite(rays).all(axis=2)
+        weight = np.where(blind, 0.0, self.there)
+        rays = np.where(blind[:, :, None], [0.0, 0.0, 1.0], rays)
+        rays /= np.linalg.norm(rays, axis=2, keepdims=True)
+        H = _ray_homographies(rays, self.board, weight)
+        T = _nearest_poses(H)
+        # of the two signs the one that puts the board in front of the rays
+        points = self.board @ H[:, :, :2].transpose(0, 2, 1) + H[:, None, :, 2]
+        turned = ((points * rays).sum(axis=2) * weight).sum(axis=1) < 0
+        T[turned] = _nearest_poses(-H[turned])
+        T[weight.sum(axis=1) < 4] = np.nan
+        return T
+
+
+def _ray_homographies(rays: Array, board: Array, weight: Array) -> Array:
+    """(V, 3, 3) with H·(x, y, 1) along the `rays` (V, M, 3), in the algebraic sense."""
+    X = np.concatenate([board, np.ones((*board.shape[:2], 1))], axis=2)
+    # ray × (H X) = 0: with P = I − ray·rayᵀ the rows are kron(P, Xᵀ), and PᵀP = P
+    P = (np.eye(3) - rays[:, :, :, None] * rays[:, :, None, :]) * weight[:, :, None, None]
+    outer = X[:, :, :, None] * X[:, :, None, :]
+    normal = np.einsum("vmij,vmkl->vikjl", P, outer, optimize=True).reshape(-1, 9, 9)
+    return np.asarray(np.linalg.eigh(normal)[1][:, :, 0].reshape(-1, 3, 3))
+
+
+def _nearest_poses(H: Array) -> Array:
+    """Poses (V, 4, 4) whose first two axes and origin are nearest those of H (V, 3, 3), up to a factor."""
+    u, s, vt = np.linalg.svd(H[:, :, :2], full_matrices=False)
+    factor = s.mean(axis=1)
+    T = np.zeros((len(H), 4, 4))
+    T[:, :3, :2] = u @ vt
+    T[:, :3, 2] = np.cross(T[:, :3, 0], T[:, :3, 1])
+    T[:, :3, 3] = H[:, :, 2] / np.maximum(factor, 1e-12)[:, None]
+    T[:, 3, 3] = 1
+    return T

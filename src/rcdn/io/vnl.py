@@ -1,0 +1,185 @@
+"""mrcal's corners.vnl, described in docs/formats.md: written from boards, read as numbers or as boards."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rcdn.errors import FormatError, ImageError
+from rcdn.io.fields import read_text
+from rcdn.io.files import write_text
+from rcdn.io.formats import DECIMALS, ImageResult, rounded
+from rcdn.io.images import read_image
+from rcdn.types import Array, Board, Corners, Orientation, Status
+
+DECIDED = 3.0
+"""The guess of the grid's columns stands if its lines are this many times straighter than any other guess's."""
+
+
+def write_vnl(
+    path: str | Path, images: Sequence[ImageResult], size: tuple[int, int] | None = None
+) -> tuple[int, int] | None:
+    """Write mrcal's corners.vnl, whole or not at all. Returns the grid's (columns, rows), None if there are no boards.
+
+    One board an image, row by row over the full grid, `- - -` for a missing corner; an image without a board that
+    fits has the one line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
+    complete boards. A board fits if the box of its labels is the grid's, upright or turned a quarter; of several that
+    fit, the one with most corners is written. Raises FormatError if `size` is None and boards were found but none is
+    complete, and for paths that mrcal can't read (white space, non-ASCII, a leading #); OutputError as `write_text`.
+    """
+    size = size or _usual_size(images)
+    lines = ["# filename x y level"]
+    for image in images:
+        name = _vnl_name(image.path)
+        grids = [g for board in image.boards if size and (g := board.grid_of(size)) is not None]
+        if not grids:
+            lines.append(f"{name} - - -")
+            continue
+        grid = max(grids, key=lambda g: np.isfinite(g[..., 0]).sum())
+        for x, y in rounded(grid).reshape(-1, 2):
+            lines.append(f"{name} - - -" if np.isnan(x) else f"{name} {x:.{DECIMALS}f} {y:.{DECIMALS}f} 0")
+    write_text(path, "\n".join(lines) + "\n")
+    return size
+
+
+def read_vnl(path: str | Path) -> dict[str, Array]:
+    """Read a corners.vnl: for each image, in the file's order, (N, 3) rows x, y, level; NaN where a corner is missing.
+
+    An image without a board has shape (0, 3). The file doesn't hold the grid's size: `reshape(rows, columns, 3)`.
+    A missing fourth column reads as level 0. Raises FormatError, naming file and line.
+    """
+    rows: dict[str, list[list[float]]] = {}
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        fields = line.split()
+        if not fields or fields[0].startswith("#"):
+            continue
+        try:
+            values = [np.nan if f == "-" else float(f) for f in fields[1:]]
+        except ValueError:
+            values = []
+        if len(values) not in (2, 3):
+            raise FormatError(f"{path}: line {number} must be `filename x y level`, not {line.strip()!r}")
+        level = values[2:] or [values[0] * 0]
+        rows.setdefault(fields[0], []).append([*values[:2], *level])
+    arrays = {name: np.array(r) for name, r in rows.items()}
+    return {n: a if len(a) > 1 or np.isfinite(a[0, 0]) else np.zeros((0, 3)) for n, a in arrays.items()}
+
+
+def read_vnl_boards(
+    path: str | Path, size: tuple[int, int] | None = None, image_size: tuple[int, int] | None = None
+) -> list[ImageResult]:
+    """Read a corners.vnl as the boards that it holds, one image result for each image, in the file's order.
+
+    The file holds neither the grid's `size` (columns, rows) nor the pictures' `image_size` (width, height). Without `size` it is
+    guessed from the corners, whose lines are straight for one number of columns only; without `image_size` the pictures are
+    opened, from here or from the folder of the file. Labels run as in the file, from 0 in the part that was seen; if the file counts
+    rows against our hand in every image, they are counted from the other end. A level above 0 (found at a lower resolution)
+    gives the status `low_confidence`, a negative one or a negative position a missing corner. The file knows no colours:
+    `orientation` is ambiguous. Raises FormatError, naming file and image, for a grid that doesn't fit or
+    can't be guessed, for labels that are mirrored in some images only, and for pictures that can't be opened.
+    """
+    table = {name: _present(rows) for name, rows in read_vnl(path).items()}
+    seen = {name: rows for name, rows in table.items() if np.isfinite(rows[:, 0]).any()}
+    cols, rows = size or _guess_size(path, list(seen.values()))
+    for name, found in seen.items():
+        if len(found) != cols * rows:
+            raise FormatError(
+                f"{path}: {name} has {len(found)} rows, but the grid {cols}×{rows} has {cols * rows}; give its size"
+            )
+    grids = _right_handed(path, {name: found.reshape(rows, cols, 3) for name, found in seen.items()})
+    sizes = {name: image_size or _size_of_picture(path, name) for name in table}
+    return [_result(name, grids.get(name), sizes[name]) for name in table]
+
+
+# ---- boards → corners.vnl
+
+
+def _vnl_name(path: str) -> str:
+    if not path.isascii() or not path or any(c.isspace() or not c.isprintable() for c in path) or path[0] == "#":
+        raise FormatError(f"{path!r}: mrcal can't read paths with spaces, non-ASCII letters or a leading #; rename it")
+    return path
+
+
+def _usual_size(images: Sequence[ImageResult]) -> tuple[int, int] | None:
+    """The most frequent size of complete boards, upright and turned counted together; of equals the larger."""
+    boards = [board for image in images for board in image.boards]
+    sizes = Counter(board.size for board in boards if board.complete)
+    if not boards:
+        return None
+    if not sizes:
+        raise FormatError(
+            "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
+        )
+    either = Counter({s: n + sizes[s[::-1]] * (s[0] != s[1]) for s, n in sizes.items()})
+    return max(either, key=lambda s: (either[s], s[0] * s[1], sizes[s], s))
+
+
+# ---- corners.vnl → boards
+
+
+def _present(rows: Array) -> Array:
+    """The rows (N, 3) with NaN for each corner that the file calls missing by a negative number."""
+    bad = (rows[:, :2] < -0.5).any(axis=1) | (rows[:, 2] < 0) | ~np.isfinite(rows).all(axis=1)
+    return np.where(bad[:, None], np.nan, rows)
+
+
+def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
+    """(columns, rows) of the grid, from how straight its lines are. Any, if there are no corners."""
+    if not tables:
+        return 2, 2
+    many = len(tables[0])
+    guesses = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
+    bends = sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in guesses)
+    if not bends or not np.isfinite(bends[0][0]) or (len(bends) > 1 and bends[1][0] < DECIDED * bends[0][0]):
+        raise FormatError(f"{path}: the grid's size can't be told from its corners; give columns and rows (9x6)")
+    return bends[0][1], many // bends[0][1]
+
+
+def _bend(grids: list[Array]) -> float:
+    """Root mean square second difference along rows and columns of grids (rows, columns, 2), px; infinite without any."""
+    bends = np.concatenate([np.diff(grid, 2, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
+    bends = bends[np.isfinite(bends).all(axis=1)]
+    return float(np.sqrt((bends**2).sum(axis=1).mean())) if len(bends) else np.inf
+
+
+def _right_handed(path: str | Path, grids: dict[str, Array]) -> dict[str, Array]:
+    """The grids, their rows counted from the other end if every image shows them mirrored."""
+    hands = {name: _hand(grid[..., :2]) for name, grid in grids.items()}
+    mirrored = [name for name, hand in hands.items() if hand < 0]
+    if mirrored and len(mirrored) < sum(hand != 0 for hand in hands.values()):
+        raise FormatError(f"{path}: the labels of {mirrored[0]} are mirrored, those of other images not; drop one kind")
+    return {name: grid[::-1] if mirrored else grid for name, grid in grids.items()}
+
+
+def _hand(grid: Array) -> float:
+    """1 if columns × rows turns like x × y, −1 if the other way, 0 if nothing tells."""
+    right, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
+    return float(np.sign(np.nansum(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])))
+
+
+def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
+    reason = ""
+    for place in (Path(name), Path(path).parent / name):
+        try:
+            height, width = read_image(place).shape
+            return width, height
+        except ImageError as error:
+            reason = reason or str(error)
+    raise FormatError(f"{path}: the size of a picture is not in the file, and {reason}; or give the image size")
+
+
+def _result(name: str, grid: Array | None, image_size: tuple[int, int]) -> ImageResult:
+    if grid is None:
+        return ImageResult(name, *image_size, Corners(np.zeros((0, 2)), [], []), ())
+    j, i = np.nonzero(np.isfinite(grid[..., 0]))
+    xy, level = grid[j, i, :2], grid[j, i, 2]
+    status = np.where(level > 0, Status.LOW_CONFIDENCE, Status.REFINED)
+    unknown = np.full(len(xy), np.nan)
+    rows, cols = grid.shape[:2]
+    orientation: Orientation = "ambiguous_90" if cols == rows else "ambiguous_180"
+    ij = np.stack([i - i.min(), j - j.min()], axis=-1)
+    board = Board(xy, ij, image_size, unknown, status, orientation)
+    return ImageResult(name, *image_size, Corners(xy, unknown, status).sort(), (board,))

@@ -1,0 +1,26 @@
+"""Values that pass between the stages. Frozen; arrays have the stated shapes.
+
+Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forward; arrays end in (x, y).
+"""
+
+from rcdn.types.base import Array
+from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
+from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
+from rcdn.types.corners import Board, Corners, Orientation, Status
+
+__all__ = [
+    "LENS",
+    "Array",
+    "Board",
+    "BoardView",
+    "Calibration",
+    "Camera",
+    "CameraModel",
+    "Corners",
+    "ModelScore",
+    "Orientation",
+    "Pose",
+    "PoseEstimate",
+    "Status",
+    "StereoCalibration",
+]

@@ -1,0 +1,162 @@
+"""What a calibration gives: the camera, how far to trust it, and what became of every board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.types.base import Array, freeze
+from rcdn.types.camera import Camera, Pose
+from rcdn.types.corners import Orientation
+
+
+@dataclass(frozen=True, eq=False)
+class BoardView:
+    """One board in one picture, as a calibration saw it.
+
+    `name` of the picture; `board` its number there (0: the largest). `ij` (M, 2) labels, in the whole board if they are
+    `settled`, else in the part that was seen; `xy` (M, 2) px; `sigma` (M,) px of the detection, NaN where unknown.
+    `pose`: T_cam_board, metres, or None if none was found. `residuals` (M, 2) observed − projected, px (NaN without a pose);
+    `used` (M,) bool, corners that the calibration rests on; `reason`: why the whole view was left out, "" if it wasn't.
+    """
+
+    name: str
+    board: int
+    ij: Array
+    xy: Array
+    sigma: Array
+    pose: Pose | None
+    residuals: Array
+    used: Array
+    reason: str = ""
+    settled: bool = True
+
+    def __post_init__(self) -> None:
+        freeze(self, "ij", self.ij, np.int64, (2,))
+        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "sigma", self.sigma, np.float64, ())
+        freeze(self, "residuals", self.residuals, np.float64, (2,))
+        freeze(self, "used", self.used, np.bool_, ())
+        if len({len(a) for a in (self.ij, self.xy, self.sigma, self.residuals, self.used)}) != 1:
+            raise RcdnError("BoardView.ij, xy, sigma, residuals and used must have one row a corner each")
+
+    def __len__(self) -> int:
+        return len(self.xy)
+
+    @property
+    def rms(self) -> float:
+        """Reprojection error of the used corners (of all, in a view left out), px; NaN without a pose."""
+        return _rms(self.residuals[self.used] if self.used.any() else self.residuals)
+
+
+@dataclass(frozen=True)
+class ModelScore:
+    """How one lens model did: `rms` of the calibration and `held_out`, of pictures it wasn't calibrated from, px (NaN: too few)."""
+
+    model: str
+    rms: float
+    held_out: float
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A camera with all that tells how far to trust it.
+
+    `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input.
+    `cov` (P + 6, P + 6): covariance of the P `camera.parameters` and of the boards' mean small motion (rotation vector, rad,
+    and translation, m, in camera axes), which projection uncertainty needs. `noise`: px that the corners scatter along one axis
+    beyond their sigma. `models`: the lens models that were compared, the chosen one first; its `held_out` is k-fold: calibrate from the
+    others, then solve only poses. `warp` (2,) m: how far the board's middle stands out along its columns and rows, `warp_std` their
+    standard deviations; None if the board was taken as flat. `size` (columns, rows) of the board in inner corners and its
+    `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first.
+    """
+
+    camera: Camera
+    spacing: float
+    views: tuple[BoardView, ...]
+    cov: Array
+    noise: float
+    models: tuple[ModelScore, ...]
+    size: tuple[int, int] | None = None
+    orientation: Orientation | None = None
+    warp: Array | None = None
+    warp_std: Array | None = None
+    advice: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        many = len(self.camera.parameters) + 6
+        freeze(self, "cov", self.cov, np.float64, (many,))
+        if self.cov.shape != (many, many):
+            raise RcdnError(f"Calibration.cov must have shape ({many}, {many}), not {self.cov.shape}")
+
+    @property
+    def std(self) -> Array:
+        """(P,) standard deviations of `camera.parameters`."""
+        return np.sqrt(np.diag(self.cov)[:-6])
+
+    @property
+    def rms(self) -> float:
+        """Reprojection error: root of the mean squared length of the used corners' residuals, px."""
+        return _rms(np.concatenate([v.residuals[v.used] for v in self.used_views] or [np.zeros((0, 2))]))
+
+    @property
+    def held_out(self) -> float:
+        """Reprojection error of views that the camera was not calibrated from, px; NaN where there were too few."""
+        return self.models[0].held_out if self.models else float("nan")
+
+    @property
+    def used_views(self) -> tuple[BoardView, ...]:
+        """The views that the calibration rests on."""
+        return tuple(v for v in self.views if not v.reason)
+
+    @property
+    def left_out(self) -> tuple[BoardView, ...]:
+        """The views left out, each with its `reason`."""
+        return tuple(v for v in self.views if v.reason)
+
+    @property
+    def outliers(self) -> int:
+        """Corners left out of views that were used."""
+        return int(sum((~v.used).sum() for v in self.used_views))
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCalibration:
+    """Two cameras and where they stand.
+
+    `left`, `right`: their calibrations after the joint solution, with views in the same order (pair k is `left.views[k]` and
+    `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov` (6, 6) of a small motion after it
+    (rotation vector, rad; translation, m). `rms` reprojection error of both, px; `epipolar` root mean square distance of the
+    corners from their epipolar lines, px, over both pictures. Rectification, as OpenCV names it: `R_left`, `R_right` (3, 3), `P_left`,
+    `P_right` (3, 4), `Q` (4, 4).
+    """
+
+    left: Calibration
+    right: Calibration
+    T_right_left: Array
+    cov: Array
+    rms: float
+    epipolar: float
+    R_left: Array
+    R_right: Array
+    P_left: Array
+    P_right: Array
+    Q: Array
+    advice: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}
+        for name, width in shapes.items():
+            freeze(self, name, getattr(self, name), np.float64, (width,))
+
+    @property
+    def baseline(self) -> float:
+        """Distance of the cameras' centres, m."""
+        return float(np.linalg.norm(self.T_right_left[:3, 3]))
+
+
+def _rms(residuals: Array) -> float:
+    seen = residuals[np.isfinite(residuals).all(axis=1)]
+    return float(np.sqrt((seen**2).sum(axis=1).mean())) if len(seen) else float("nan")
