@@ -15,55 +15,13 @@ import pytest
 from typer.testing import CliRunner
 
 import rcdn
+from detector_stand_in import BROKEN, STOP, StandIn, picture
 from rcdn.cli import _batch, _pool, _summary, app
 from rcdn.cli import detect as verb
 from rcdn.cli._options import parse_size
 from rcdn.errors import DependencyError, OutputError
 from rcdn.io import ImageResult, read_detections, read_vnl
 from rcdn.types import Board, Corners
-
-BROKEN, STOP = 255, 254
-
-
-@dataclass
-class Found:
-    corners: Corners
-    boards: list[Board]
-
-
-class StandIn:
-    """Finds what the picture's first pixels say: columns, rows, and how many corners are missing.
-
-    0 columns: no board. BROKEN: an unexpected error. STOP: the user presses Ctrl-C.
-    """
-
-    def __init__(self, config) -> None:
-        self.config = config
-
-    def detect(self, image):
-        cols, rows, missing = (int(v) for v in image[0, :3])
-        if cols == BROKEN:
-            raise ValueError("a bug\nof two lines")
-        if cols == STOP:
-            raise KeyboardInterrupt
-        ij = np.array([(i, j) for j in range(rows) for i in range(cols)]).reshape(-1, 2)
-        keep = np.setdiff1d(np.arange(len(ij)), 1 + np.arange(missing))  # the first and the last row stay
-        boards = [make_board(ij[keep], image.shape[::-1])] if len(ij) else []
-        xy = np.concatenate([np.array([[50.0, 60.0]]), *(b.xy for b in boards)])
-        return Found(Corners(xy, np.ones(len(xy)), np.zeros(len(xy))), boards)
-
-
-def make_board(ij, wh):
-    return Board(5.0 + 7 * np.array(ij), ij, tuple(wh), np.ones(len(ij)), np.zeros(len(ij)), "unique")
-
-
-def picture(path: Path, cols=9, rows=6, missing=0) -> Path:
-    image = np.full((80, 100), 100, np.uint8)
-    image[0, :3] = cols, rows, missing
-    path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), image)
-    return path
-
 
 @pytest.fixture
 def run(monkeypatch, tmp_path):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from rcdn.geometry import cross_matrix, project_with_slopes, rotation, rotation_slope
 from rcdn.types import Array, Camera
@@ -22,6 +22,8 @@ RIDGE = 1e-10
 """× the largest of a block's diagonal: keeps what nothing determines from stopping the solver; its variance is huge then"""
 STEPS, REPEATS, ENOUGH = 8, 12, 1e-7
 """evaluations before the coordinates are made anew; how often; the share of the cost that is too little to go on for"""
+DENOMINATOR = 1.0
+"""standard deviation of k4, k5 and k6 of a rational lens before any corner is seen"""
 BEHIND = 1e3
 """whitened residual of a corner that the camera can't see"""
 
@@ -59,6 +61,20 @@ class State:
     def mono(cls, camera: Camera, poses: Array, warp: Array | None = None) -> State:
         """One camera."""
         return cls((camera,), poses, np.eye(4)[None], np.zeros(2) if warp is None else warp)
+
+    @property
+    def belief(self) -> tuple[Array, Array]:
+        """What is held of the shared parameters before any corner: their values (K,) that should be near 0, and 1 / standard deviation (0: nothing).
+
+        A rational lens' numerator and denominator may share a factor that no picture tells: the denominator is held to be small.
+        """
+        values = [c.parameters for c in self.cameras]
+        firm = [np.zeros(len(c.parameters)) for c in self.cameras]
+        for camera, mine in zip(self.cameras, firm, strict=True):
+            if camera.model == "rational":
+                mine[-3:] = 1 / DENOMINATOR
+        rest = np.zeros(sum(self.counts[-2:]))
+        return np.concatenate([*values, rest]), np.concatenate([*firm, rest])
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -144,16 +160,17 @@ class Arrow:
     rim: Array
 
     @classmethod
-    def of(cls, by_frame: Array, shared: Array, frame: Array, frames: int) -> Arrow:
-        """From whitened slopes (N, 2, 6) and (N, 2, K)."""
+    def of(cls, by_frame: Array, shared: Array, frame: Array, frames: int, firm: Array) -> Arrow:
+        """From whitened slopes (N, 2, 6) and (N, 2, K), and 1 / standard deviation `firm` (K,) of the shared ones before."""
         joint = np.concatenate([by_frame, shared], axis=2)
         blocks = np.zeros((frames, 6, 6 + shared.shape[2]))
         np.add.at(blocks, frame, np.einsum("nia,nib->nab", by_frame, joint, optimize=True))
         own = _inverse_factor(blocks[:, :, :6])
         reach = own @ (own.transpose(0, 2, 1) @ blocks[:, :, 6:])
         flat = shared.reshape(2 * len(shared), shared.shape[2])
-        rim = flat.T @ flat - np.einsum("fak,fal->kl", blocks[:, :, 6:], reach, optimize=True)
-        return cls(own, reach, _inverse_factor(rim[None], np.diag(flat.T @ flat))[0])
+        whole = flat.T @ flat + np.diag(firm**2)
+        rim = whole - np.einsum("fak,fal->kl", blocks[:, :, 6:], reach, optimize=True)
+        return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
 
     def apply(self, y: Array) -> tuple[Array, Array]:
         """(F, 6) and (K,) of coordinates `y` (6 F + K,)."""
@@ -215,7 +232,7 @@ def solve(
 def _arrow(state: State, corners: Corners3, weight: Array, free: Array) -> Arrow:
     _, by_frame, shared = linearise(state, corners)
     by_frame, shared = (np.nan_to_num(a) * weight[:, None, None] for a in (by_frame, shared[:, :, free]))
-    return Arrow.of(by_frame, shared, corners.frame, len(state.poses))
+    return Arrow.of(by_frame, shared, corners.frame, len(state.poses), state.belief[1][free])
 
 
 def _descend(
@@ -260,7 +277,11 @@ def _state(start: State, arrow: Arrow, free: Array, y: Array) -> tuple[State, Mo
 def _problem(
     start: State, corners: Corners3, weight: Array, free: Array, arrow: Arrow
 ) -> tuple[Callable[[Array], Array], Callable[[Array], Any]]:
-    """Residuals (2 N,) and their sparse slopes in the coordinates of `arrow`; both of one evaluation."""
+    """Residuals (2 N + B,) with those of B beliefs and their sparse slopes in the coordinates of `arrow`; both of one evaluation."""
+    firm = start.belief[1]
+    held = np.flatnonzero(free & (firm > 0))
+    beliefs = np.zeros((len(held), 6 * len(start.poses) + int(free.sum())))
+    beliefs[:, 6 * len(start.poses) :] = (firm[held, None] * np.eye(len(free))[held])[:, free] @ arrow.rim
     count, frames, shared = len(corners), len(start.poses), int(free.sum())
     columns = np.concatenate([
         np.repeat(6 * corners.frame[:, None] + np.arange(6), 2, axis=0).reshape(count, 2, 6),
@@ -280,9 +301,10 @@ def _problem(
             values = np.concatenate([own, rim], axis=2) * weight[:, None, None]
             gap[blind], values[blind] = BEHIND, 0.0
             seen.clear()
-            seen[key] = gap.ravel(), csr_array(
-                (values.ravel(), columns.ravel(), starts), shape=(2 * count, 6 * frames + shared)
-            )
+            slopes = csr_array((values.ravel(), columns.ravel(), starts), shape=(2 * count, 6 * frames + shared))
+            if len(held):
+                slopes = vstack([slopes, beliefs], format="csr")
+            seen[key] = np.append(gap.ravel(), (state.belief[0] * firm)[held]), slopes
         return seen[key]
 
     return lambda y: evaluate(y)[0], lambda y: evaluate(y)[1]

@@ -16,6 +16,7 @@ from rcdn.errors import ConfigError, OutputError, RcdnError
 
 if TYPE_CHECKING:
     from rcdn.cli._cache import Cache
+    from rcdn.config import DetectorConfig
     from rcdn.io import ImageResult
     from rcdn.types import Array
 
@@ -28,7 +29,7 @@ LONGEST = 180
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One picture of input number `index` (a video has many), and how far it is.
+    """One picture of input number `index` (a video has many; `number` is that of the frame, -1 elsewhere), and how far it is.
 
     `grey` (H, W); or None and the `path` to read it from, or the `error` instead. `known`: its detections, if they are
     there already; `key`: where the cache keeps them; `overlay`: the file to draw it to.
@@ -42,6 +43,7 @@ class Picture:
     known: ImageResult | None = None
     key: str = ""
     overlay: Path | None = None
+    number: int = -1
 
 
 @dataclass(frozen=True)
@@ -91,19 +93,24 @@ def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> It
     from rcdn.io import frames, is_video
 
     try:
-        content = _content(path, cache)
+        content = content_of(path, cache)
         if not is_video(path):
-            picture = looked_up(Picture(index, str(path), None, path=path), content, None, cache)
+            picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
             if not decode or picture.known is not None:
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):
-            yield looked_up(Picture(index, name, grey), content, number if is_video(path) else None, cache)
+            yield looked_up(Picture(index, name, grey, number=number if is_video(path) else -1), content, cache)
     except Exception as error:
         yield Picture(index, str(path), None, explain(error, str(path)))
 
 
-def _content(path: Path, cache: Cache | None) -> str:
+def frame_name(path: Path, number: int) -> str:
+    """What a frame of a video is called everywhere (docs/formats.md)."""
+    return f"{path}#{number:06d}"
+
+
+def content_of(path: Path, cache: Cache | None) -> str:
     """Checksum of the file; "" if nobody needs it, or it can't be read: the reader says why."""
     from rcdn.cli._cache import file_digest
 
@@ -113,11 +120,11 @@ def _content(path: Path, cache: Cache | None) -> str:
         return ""
 
 
-def looked_up(picture: Picture, content: str, frame: int | None, cache: Cache | None) -> Picture:
-    """`picture` with its key and with what the cache knows of it. `frame`: its number in the video."""
+def looked_up(picture: Picture, content: str, cache: Cache | None) -> Picture:
+    """`picture`, of a file with the checksum `content`, with its key and with what the cache knows of it."""
     if cache is None or not content:
         return picture
-    key = cache.key(content, "picture" if frame is None else f"frame {frame}")
+    key = cache.key(content, "picture" if picture.number < 0 else f"frame {picture.number}")
     return replace(picture, key=key, known=cache.result(key, picture.name))
 
 
@@ -167,6 +174,13 @@ def _put(item: Any, waiting: queue.Queue[Any], stop: threading.Event) -> bool:
 
 
 # ---- computing
+
+
+def make_detector(config: DetectorConfig) -> Any:
+    """A Detector; a function of its own so that worker processes can find it, and import it late."""
+    from rcdn.detector import Detector
+
+    return Detector(config)
 
 
 class Work:

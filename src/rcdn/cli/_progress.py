@@ -13,17 +13,21 @@ from rcdn.cli._group import one_line, say_error
 
 @dataclass(frozen=True)
 class Bar:
-    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it."""
+    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it.
+
+    `tell(text)`: what goes on now.
+    """
 
     advance: Callable[[int, str], None]
     say: Callable[[str], None]
+    tell: Callable[[str], None]
 
 
 @contextmanager
 def progress(total: int) -> Iterator[Bar]:
     """A progress bar on stderr if that is a terminal; nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield Bar(lambda done, name: None, say_error)
+        yield Bar(lambda done, name: None, say_error, lambda text: None)
         return
     from rich.console import Console
     from rich.markup import escape
@@ -36,4 +40,5 @@ def progress(total: int) -> Iterator[Bar]:
         yield Bar(
             lambda done, name: bar.update(task, completed=done, description=escape(one_line(Path(name).name))),
             lambda message: bar.console.print(Text(f"error: {one_line(message)}", style="red"), soft_wrap=True),
+            lambda text: bar.update(task, description=escape(one_line(text))),
         )

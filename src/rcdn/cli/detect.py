@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -115,10 +115,7 @@ def detect(
     _finish(run, failures, len(paths))
 
 
-def _make_detector(config: DetectorConfig) -> Any:
-    from rcdn.detector import Detector
-
-    return Detector(config)
+_make_detector = _batch.make_detector
 
 
 def _inputs(arguments: Sequence[str]) -> tuple[list[Path], _Run]:

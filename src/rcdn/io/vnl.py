@@ -173,7 +173,8 @@ def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
 
 def _result(name: str, grid: Array | None, image_size: tuple[int, int]) -> ImageResult:
     if grid is None:
-        return ImageResult(name, *image_size, Corners(np.zeros((0, 2)), [], []), ())
+        nothing = np.zeros(0)
+        return ImageResult(name, *image_size, Corners(np.zeros((0, 2)), nothing, nothing), ())
     j, i = np.nonzero(np.isfinite(grid[..., 0]))
     xy, level = grid[j, i, :2], grid[j, i, 2]
     status = np.where(level > 0, Status.LOW_CONFIDENCE, Status.REFINED)

@@ -1,0 +1,144 @@
+"""Which frames of a video to calibrate from: sharp ones, each different from the others.
+
+Two steps. `candidates` needs no detection: it goes by a glance at every frame, and bounds how many are worth a detector's
+time. `choose_views` then keeps, of the candidates with a board, those whose boards differ most in place, size and tilt.
+Both are functions of their arguments alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from rcdn.geometry import apply_homography, homography
+from rcdn.io import ImageResult
+from rcdn.types import Array, Board
+
+LOOKS, VIEWS = 150, 40
+"""candidates of a video, and frames that are kept, at most"""
+WIDE, THUMB = 640, (16, 12)
+"""px: sharpness is measured at this width, or as the frame is if that is less; (width, height) of what is compared"""
+NEAR, SHARP = 7, 0.7
+"""a frame is sharp if its energy is at least SHARP of the largest within NEAR frames of it"""
+SAME = 1.0
+"""grey levels, mean over the thumbnail: frames that differ by less show the same"""
+ALIKE = 0.004
+"""of the diagonal: boards whose outlines differ by less add nothing"""
+BLURRED = 4.0
+"""times the median sigma of the views: above it the frame is left out"""
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What a quick look at a frame keeps: `energy` of its gradients, grey levels², and a `small` copy (12, 16) float32, of mean 0."""
+
+    energy: float
+    small: Array
+
+
+def glance(grey: Array) -> Glance:
+    """A quick look at a frame (H, W).
+
+    The energy is the geometric mean of those along x and y: motion takes the one along its direction only.
+    """
+    height, width = grey.shape
+    scale = min(1.0, WIDE / width)
+    size = max(2, round(width * scale)), max(2, round(height * scale))
+    view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    along = [float(np.square(np.diff(view, axis=axis)).mean()) for axis in (0, 1)]
+    small = cv2.resize(view, THUMB, interpolation=cv2.INTER_AREA)
+    return Glance(float(np.sqrt(along[0] * along[1])), small - small.mean())
+
+
+def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
+    """Numbers, rising, of at most `most` frames that are sharp among their neighbours in time and differ from each other.
+
+    The sharpest of each of `most` ÷ 2 equal stretches of time come first, so that no part of the video is passed over; then those
+    that differ most from all that are chosen.
+    """
+    if not glances:
+        return []
+    energy = np.array([g.energy for g in glances])
+    small = np.stack([g.small.ravel() for g in glances])
+    eligible = energy >= SHARP * _largest_near(energy)
+    gap = np.where(eligible, np.inf, -1.0)
+    chosen: list[int] = []
+
+    def take(k: int) -> None:
+        chosen.append(k)
+        np.minimum(gap, np.abs(small - small[k]).mean(axis=1), out=gap)
+
+    for stretch in np.array_split(np.arange(len(glances)), max(1, min(most // 2, len(glances)))):
+        best = int(stretch[np.argmax(np.where(eligible[stretch], energy[stretch], -1.0))])
+        if gap[best] > SAME and len(chosen) < most:
+            take(best)
+    while len(chosen) < most and gap.max() > SAME:
+        take(int(np.argmax(gap)))
+    return sorted(chosen)
+
+
+def _largest_near(energy: Array) -> Array:
+    """(N,) the largest energy within NEAR frames."""
+    padded = np.pad(energy, NEAR, constant_values=-np.inf)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR + 1).max(axis=1))
+
+
+def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:
+    """Indices, rising, of at most `most` images whose (largest) boards differ most, and are sharp and whole.
+
+    Images without a board, boards much less precise than usual, and boards that lie where another one does are left out.
+    Farthest-point selection, from the best board on: each next one has the largest product of its distance from those chosen and its worth.
+    """
+    index = [k for k, image in enumerate(images) if image.boards]
+    boards = [images[k].boards[0] for k in index]
+    if not boards:
+        return []
+    outlines = np.stack([_outline(board) for board in boards])
+    worth = _worth(boards)
+    gap = np.where(worth > 0, np.inf, -1.0)
+    chosen = [int(np.argmax(worth))]
+    while len(chosen) < most:
+        gap = np.minimum(gap, _distances(outlines, outlines[chosen[-1]]))
+        if gap.max() <= ALIKE:
+            break
+        chosen.append(int(np.argmax(gap * worth)))
+    return sorted(index[k] for k in chosen)
+
+
+def _outline(board: Board) -> Array:
+    """(4, 2) corners of the board's grid, in order around it, in diagonals of the image."""
+    cols, rows = board.size
+    box = board.ij.min(axis=0) + np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])
+    wh = np.array(board.image_size, float)
+    xy = apply_homography(homography(board.ij, board.xy), box)
+    return np.asarray(np.clip(xy, -0.5 * wh, 1.5 * wh) / np.linalg.norm(wh))
+
+
+def _distances(outlines: Array, one: Array) -> Array:
+    """(N,) root mean square distance of the corners of each outline from those of `one`.
+
+    The least over the four turns: where a board's labels begin is often arbitrary.
+    """
+    turns = [np.roll(one, k, axis=0) for k in range(4)]
+    return np.min([np.sqrt(np.square(outlines - t).sum(axis=2).mean(axis=1)) for t in turns], axis=0)
+
+
+def _worth(boards: Sequence[Board]) -> Array:
+    """(N,) in [0, 1]: less for imprecise corners and for few of them; 0 for blurred boards."""
+    sigma = np.array([_median_sigma(board) for board in boards])
+    known = sigma[np.isfinite(sigma)]
+    usual = float(np.median(known)) if len(known) else 1.0
+    ratio = np.where(np.isfinite(sigma), sigma, usual) / max(usual, 1e-9)
+    count = np.array([len(board) for board in boards], float)
+    precise = np.where(ratio > BLURRED, 0.0, np.minimum(1.0, 1 / np.maximum(ratio, 1e-9)))
+    return np.asarray(precise * np.sqrt(count / count.max()))
+
+
+def _median_sigma(board: Board) -> float:
+    """Median of the corners' sigma, px; NaN if nobody knows any."""
+    if board.sigma is None or not np.isfinite(board.sigma).any():
+        return float("nan")
+    return float(np.nanmedian(board.sigma))

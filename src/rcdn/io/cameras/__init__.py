@@ -1,0 +1,185 @@
+"""Camera files of other programs, written and read: OpenCV, ROS, Kalibr, COLMAP, mrcal and our own JSON (docs/formats.md)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from rcdn.errors import FormatError, RcdnError
+from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
+from rcdn.io.cameras.rig import Rectification, StereoCameras
+from rcdn.io.fields import read_text
+from rcdn.io.files import check_writable, write_text
+from rcdn.types import Camera, StereoCalibration
+
+__all__ = [
+    "CameraFormat",
+    "Rectification",
+    "StereoCameras",
+    "camera_format",
+    "read_camera",
+    "read_cameras",
+    "read_stereo",
+    "write_camera",
+    "write_stereo",
+]
+
+CameraFormat = Literal["opencv", "ros", "kalibr", "colmap", "mrcal", "json"]
+
+_FORMATS = {
+    "opencv": opencv.FORMAT,
+    "ros": ros.FORMAT,
+    "kalibr": kalibr.FORMAT,
+    "colmap": colmap.FORMAT,
+    "mrcal": mrcal.FORMAT,
+    "json": ours.FORMAT,
+}
+_ENDINGS: dict[str, CameraFormat] = {
+    ".yaml": "opencv",
+    ".yml": "opencv",
+    ".txt": "colmap",
+    ".cameramodel": "mrcal",
+    ".json": "json",
+}
+
+
+def camera_format(path: str | Path, format: CameraFormat | None = None) -> CameraFormat:
+    """The format that `path` is written in: `format` if it is given, else what the name says.
+
+    `.cameramodel` is mrcal, `.txt` COLMAP, `.json` ours; `.yaml` and `.yml` are OpenCV, but ROS if the name holds `camera_info` and
+    Kalibr if it holds `camchain`. Raises FormatError for any other name.
+    """
+    if format is not None:
+        return _known(format)
+    name, ending = Path(path).stem.lower(), Path(path).suffix.lower()
+    if ending in (".yaml", ".yml") and "camera_info" in name:
+        return "ros"
+    if ending in (".yaml", ".yml") and "camchain" in name:
+        return "kalibr"
+    if ending not in _ENDINGS:
+        raise FormatError(
+            f"{path}: which format? End the name with {', '.join(_ENDINGS)}, or name one of {', '.join(_FORMATS)}"
+        )
+    return _ENDINGS[ending]
+
+
+def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> None:
+    """Write a camera in the format of `camera_format(path, format)`, whole or not at all.
+
+    Every digit is kept. Raises FormatError if the format can't hold the lens model, naming those that can; OutputError as `write_text`.
+    """
+    write_text(path, _FORMATS[camera_format(path, format)].text(camera))
+
+
+def read_camera(path: str | Path, format: CameraFormat | None = None, name: str | None = None) -> Camera:
+    """Read a camera; the format is recognised by what is in the file, unless it is given.
+
+    `name`: which camera of a file with several (`cam1`; `left`; COLMAP's number). Distortion that is all zero reads as a pinhole.
+    Raises FormatError, naming the file, the field and the fix, if the file holds none, several without a `name`, or a lens that rcdn doesn't know.
+    """
+    cameras = read_cameras(path, format)
+    if name is None and len(cameras) == 1:
+        return next(iter(cameras.values()))
+    if name not in cameras:
+        raise FormatError(
+            f"{path}: holds the cameras {', '.join(cameras)}; name one of them" + (f", not {name!r}" if name else "")
+        )
+    return cameras[name]
+
+
+def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[str, Camera]:
+    """All cameras of a file by name, in its order; see `read_camera`. A file for one camera names it `camera`."""
+    found, data = _load(path, format)
+    return _FORMATS[found].cameras(data, str(path))
+
+
+def write_stereo(
+    path: str | Path, pair: StereoCameras | StereoCalibration, format: CameraFormat | None = None
+) -> list[Path]:
+    """Write two cameras and where they stand; returns the files, which are two for ROS and mrcal: `path` with _left and _right.
+
+    Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification, and as `write_camera`.
+    """
+    kind = _FORMATS[camera_format(path, format)]
+    if kind.stereo_texts is None:
+        raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
+    texts = kind.stereo_texts(StereoCameras.of(pair))
+    target = Path(path)
+    sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
+    files = [target] if len(texts) == 1 else sides
+    for file in files:
+        check_writable(file)
+    for file, text in zip(files, texts, strict=True):
+        write_text(file, text)
+    return files
+
+
+def read_stereo(left: str | Path, right: str | Path | None = None, format: CameraFormat | None = None) -> StereoCameras:
+    """Read two cameras and where they stand, from one file (OpenCV, Kalibr, JSON) or from the `left` and the `right` one (ROS, mrcal).
+
+    OpenCV's stereo sample writes two, too: intrinsics.yml and extrinsics.yml. The rectification is None where the
+    file has none (Kalibr, mrcal). Raises FormatError, naming the file, the field and the fix.
+    """
+    paths = [left] if right is None else [left, right]
+    found = [_load(path, format) for path in paths]
+    kinds = {kind for kind, _ in found} if format is None else {format}
+    if len(kinds) > 1:
+        raise FormatError(
+            f"{left} and {right}: one is {found[0][0]}, the other {found[1][0]}; give two files of one format"
+        )
+    kind = _FORMATS[kinds.pop()]
+    if kind.stereo is None:
+        raise FormatError(
+            f"{left}: {kind.title} has no place for the pose of a pair; give opencv, ros, kalibr, mrcal or json"
+        )
+    try:
+        pair = kind.stereo([(data, str(path)) for (_, data), path in zip(found, paths, strict=True)])
+    except RcdnError as error:
+        raise error if isinstance(error, FormatError) else FormatError(f"{left}: {error}") from error
+    R = pair.T_right_left[:3, :3]
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-5) or np.linalg.det(R) < 0:
+        raise FormatError(f"{left}: the pose of the right camera is no rotation and translation; export it again")
+    return pair
+
+
+def _known(format: str) -> CameraFormat:
+    for known in get_args(CameraFormat):
+        if format == known:
+            return known
+    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {format!r}")
+
+
+def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
+    """The format of a file, by what is in it, and its data."""
+    text = read_text(path)
+    if format is not None:
+        return format, _FORMATS[_known(format)].load(str(path), text)
+    for kind in ("json", "mrcal", "colmap"):
+        if _SIGNS[kind].search(text):
+            return _known(kind), _FORMATS[kind].load(str(path), text)
+    data = yaml_text.load(str(path), text) if text.strip() else None
+    return _yaml_kind(data, path), data
+
+
+_SIGNS = {
+    "json": re.compile(r'\A\s*\{\s*"'),
+    "mrcal": re.compile(r"""^\s*\{?\s*['"]lens_?model['"]\s*:""", re.M),
+    "colmap": re.compile(r"\A(\s*#.*\n|\s*\n)*\s*\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\s"),
+}
+
+
+def _yaml_kind(data: Any, path: str | Path) -> CameraFormat:
+    """Which YAML: Kalibr has cam0, ROS plain mappings, OpenCV tagged matrices."""
+    keys = {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
+    if kalibr.names(data):
+        return "kalibr"
+    if isinstance(keys.get("camera_matrix"), dict):
+        return "ros"
+    if {"camera_matrix", "m1", "r"} & set(keys):
+        return "opencv"
+    raise FormatError(
+        f"{path}: no camera file that rcdn knows ({', '.join(f.title for f in _FORMATS.values())}); check the path"
+    )

@@ -1,0 +1,109 @@
+"""What the camera formats share: how one is described, and the checks that all of them need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import FormatError, RcdnError
+from rcdn.io.cameras.rig import StereoCameras
+from rcdn.io.fields import take
+from rcdn.types import Array, Camera, CameraModel
+
+HOLDERS = {
+    "pinhole": "opencv, ros, kalibr, colmap, mrcal or json",
+    "brown": "opencv, ros, colmap, mrcal or json",
+    "rational": "opencv, ros, colmap, mrcal or json",
+    "fisheye": "opencv, ros, kalibr, colmap or json",
+    "division": "colmap or json",
+}
+"""formats that hold any camera of a model"""
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format of camera files.
+
+    `load(path, text)` gives the file's data; `cameras(data, path)` the cameras in it by name; `text(camera)` a file;
+    `stereo_texts(pair)` the one file of a pair, or the left and the right one; `stereo([(data, path), …])` the pair that
+    one or two files hold. Without a place for stereo the last two are None.
+    """
+
+    title: str
+    load: Callable[[str, str], Any]
+    cameras: Callable[[Any, str], dict[str, Camera]]
+    text: Callable[[Camera], str]
+    stereo_texts: Callable[[StereoCameras], tuple[str, ...]] | None = None
+    stereo: Callable[[Sequence[tuple[Any, str]]], StereoCameras] | None = None
+
+
+def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], model: CameraModel) -> Camera:
+    """A camera from the numbers of a file, checked."""
+    if min(size) < 1:
+        raise FormatError(f"{where}: the image size must be positive, not {size[0]}×{size[1]}")
+    lower = np.array([K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1])
+    if not np.isfinite(K).all() or K[0, 0] <= 0 or K[1, 1] <= 0 or lower.any():
+        raise FormatError(
+            f"{where}: not the matrix of a calibrated camera (fx 0 cx, 0 fy cy, 0 0 1); calibrate it first"
+        )
+    if not np.isfinite(distortion).all():
+        raise FormatError(f"{where}: the distortion must hold finite numbers")
+    try:
+        return Camera(K, np.asarray(distortion, float), size, model)
+    except RcdnError as error:
+        raise FormatError(f"{where}: {error}") from error
+
+
+def matrix(fx: float, fy: float, cx: float, cy: float) -> Array:
+    """(3, 3) K."""
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
+
+
+def opencv_lens(where: str, values: Sequence[float] | Array) -> tuple[CameraModel, Array]:
+    """Model and distortion of OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]], none of them, or all zero (a pinhole)."""
+    d = np.asarray(values, float).ravel()
+    if len(d) not in (0, 4, 5, 8, 12, 14):
+        raise FormatError(f"{where}: the distortion must hold 0, 4, 5, 8, 12 or 14 numbers, not {len(d)}")
+    if not d.any():
+        return "pinhole", d[:0]
+    if d[8:].any():
+        raise FormatError(
+            f"{where}: thin prisms and tilted sensors (s1…s4, τ) are unknown to rcdn; calibrate without them"
+        )
+    return ("brown" if len(d) < 8 else "rational"), d[:8]
+
+
+def pinhole_numbers(camera: Camera, title: str) -> Array:
+    """(4,) fx, fy, cx, cy for a format that knows no more. Raises FormatError for skew, and for numbers that aren't finite."""
+    if camera.K[0, 1] != 0:
+        raise FormatError(
+            f"{title} has no place for skew (K[0, 1] = {camera.K[0, 1]:g}); write json, or calibrate without it"
+        )
+    if not np.isfinite(camera.distortion).all():
+        raise FormatError(
+            f"{title}: Camera.distortion must be finite, not {camera.distortion.tolist()}; calibrate again"
+        )
+    return camera.parameters[:4]
+
+
+def unheld(camera: Camera, title: str) -> FormatError:
+    """The error for a lens model that the format doesn't have."""
+    return FormatError(f"{title} has no lens model for {camera.model!r} cameras; write {HOLDERS[camera.model]}")
+
+
+def pair_of(cameras: dict[str, Camera], path: str) -> tuple[Camera, Camera]:
+    """The two cameras of a file, in its order."""
+    if len(cameras) != 2:
+        raise FormatError(f"{path}: holds {len(cameras)} cameras, not a pair; give a file with two")
+    left, right = cameras.values()
+    return left, right
+
+
+def size_of(data: Any, width: str, height: str, where: str) -> tuple[int, int]:
+    """(width, height) of two fields."""
+    if isinstance(data, dict) and (width not in data or height not in data):
+        raise FormatError(f"{where}: has no {width!r} and {height!r}; add the size of the pictures, px")
+    return take(data, width, int, where), take(data, height, int, where)

@@ -1,0 +1,93 @@
+"""COLMAP's cameras.txt. Its pixels have (0.5, 0.5) at the centre of the top-left one: half a pixel is added and taken off here."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pinhole_numbers
+from rcdn.io.cameras.yaml_text import digits
+from rcdn.types import Array, Camera
+
+TITLE = "COLMAP's cameras.txt"
+HALF = 0.5
+"""COLMAP's coordinate of the centre of the top-left pixel; ours is 0"""
+_HEAD = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
+LINE = re.compile(r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+(\s+[-+.\deE]+)+")
+
+# (numbers of the focal length, numbers of the lens, our model; None: OpenCV's numbers, which may turn out zero)
+_MODELS: dict[str, tuple[int, int, str | None]] = {
+    "SIMPLE_PINHOLE": (1, 0, None),
+    "PINHOLE": (2, 0, None),
+    "SIMPLE_RADIAL": (1, 1, None),
+    "RADIAL": (1, 2, None),
+    "OPENCV": (2, 4, None),
+    "FULL_OPENCV": (2, 8, None),
+    "SIMPLE_RADIAL_FISHEYE": (1, 1, "fisheye"),
+    "RADIAL_FISHEYE": (1, 2, "fisheye"),
+    "OPENCV_FISHEYE": (2, 4, "fisheye"),
+    "SIMPLE_DIVISION": (1, 1, "division"),
+    "DIVISION": (2, 1, "division"),
+}
+
+
+def _model(camera: Camera) -> tuple[str, Array]:
+    d = camera.distortion
+    if camera.model == "fisheye":
+        return "OPENCV_FISHEYE", d
+    if camera.model == "division":
+        return "DIVISION", d
+    if camera.model == "pinhole":
+        return "PINHOLE", d
+    return ("FULL_OPENCV", np.concatenate([d, np.zeros(8 - len(d))])) if d[4:].any() else ("OPENCV", d[:4])
+
+
+def _text(camera: Camera) -> str:
+    core = pinhole_numbers(camera, TITLE) + [0, 0, HALF, HALF]
+    name, d = _model(camera)
+    width, height = camera.image_size
+    return f"{_HEAD}# Number of cameras: 1\n1 {name} {width} {height} {' '.join(map(digits, [*core, *d]))}\n"
+
+
+def _load(path: str, text: str) -> list[tuple[str, list[str]]]:
+    """(where, fields) of each line that isn't a comment."""
+    lines = [(f"{path}: line {k}", line.split()) for k, line in enumerate(text.splitlines(), 1)]
+    return [(where, fields) for where, fields in lines if fields and not fields[0].startswith("#")]
+
+
+def _camera(fields: list[str], where: str) -> Camera:
+    if not LINE.fullmatch(" ".join(fields)):
+        raise FormatError(f"{where} must be `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, not {' '.join(fields)!r}")
+    name = fields[1]
+    if name not in _MODELS:
+        raise FormatError(f"{where}: rcdn doesn't know the lens model {name}; it reads {', '.join(_MODELS)}")
+    focal, lens, model = _MODELS[name]
+    try:
+        width, height, values = int(fields[2]), int(fields[3]), [float(f) for f in fields[4:]]
+    except ValueError as error:
+        raise FormatError(f"{where}: PARAMS[] must hold numbers") from error
+    if len(values) != focal + 2 + lens:
+        raise FormatError(f"{where}: {name} takes {focal + 2 + lens} numbers, not {len(values)}")
+    cx, cy = values[focal : focal + 2]
+    K = matrix(values[0], values[focal - 1], cx - HALF, cy - HALF)
+    d = np.array(values[focal + 2 :])
+    if model == "division":
+        return make_camera(where, K, d, (width, height), "division")
+    if lens < 4:
+        d = np.concatenate([d, np.zeros(4 - lens)])  # COLMAP's short models stop after k1 or k2
+    if model == "fisheye":
+        return make_camera(where, K, d, (width, height), "fisheye")
+    found, distortion = opencv_lens(where, d if d[5:].any() else d[:5] if d[4:].any() else d[:4])
+    return make_camera(where, K, distortion, (width, height), found)
+
+
+def _cameras(data: Any, path: str) -> dict[str, Camera]:
+    if not data:
+        raise FormatError(f"{path}: holds no camera; export cameras.txt again")
+    return {fields[0]: _camera(fields, where) for where, fields in data}
+
+
+FORMAT = Format(TITLE, _load, _cameras, _text)

@@ -1,0 +1,98 @@
+"""Kalibr's camchain: cam0, cam1, … in one YAML file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pair_of, pinhole_numbers, unheld
+from rcdn.io.cameras.rig import StereoCameras
+from rcdn.io.cameras.yaml_text import flow, load
+from rcdn.io.fields import numbers, take
+from rcdn.types import Array, Camera
+
+TITLE = "Kalibr's camchain"
+_OTHERS = "opencv, ros, colmap, mrcal or json"
+_LENGTHS = {"radtan": 4, "equidistant": 4, "none": -1}
+
+
+def _lens(camera: Camera) -> tuple[str, Array]:
+    d = camera.distortion
+    if camera.model == "fisheye":
+        return "equidistant", d
+    if camera.model == "pinhole" or not d.any():
+        return "radtan", np.zeros(4)
+    if camera.model == "division":
+        raise unheld(camera, TITLE)
+    beyond = [f"{n} = {v:g}" for n, v in zip(camera.parameter_names[8:], d[4:], strict=True) if v]
+    if beyond:
+        raise FormatError(
+            f"{TITLE}: radtan holds k1 k2 p1 p2 only, but this camera has {', '.join(beyond)}; "
+            f"calibrate it as fisheye or without them, or write {_OTHERS}"
+        )
+    return "radtan", d[:4]
+
+
+def _entry(camera: Camera, index: int, overlaps: str, T: Array | None = None) -> str:
+    kind, d = _lens(camera)
+    pose = "" if T is None else "  T_cn_cnm1:\n" + "".join(f"  - {flow(row)}\n" for row in T)
+    return (
+        f"cam{index}:\n{pose}  cam_overlaps: {overlaps}\n  camera_model: pinhole\n"
+        f"  distortion_coeffs: {flow(d)}\n  distortion_model: {kind}\n"
+        f"  intrinsics: {flow(pinhole_numbers(camera, TITLE))}\n"
+        f"  resolution: [{camera.image_size[0]}, {camera.image_size[1]}]\n  rostopic: /cam{index}/image_raw\n"
+    )
+
+
+def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
+    return (_entry(pair.left, 0, "[1]") + _entry(pair.right, 1, "[0]", pair.T_right_left),)
+
+
+def names(data: Any) -> list[str]:
+    """Names of the cameras in a camchain, in its order."""
+    found = [k for k in data if isinstance(k, str) and re.fullmatch(r"cam\d+", k)] if isinstance(data, dict) else []
+    return sorted(found, key=lambda name: int(name[3:]))
+
+
+def _camera(record: Any, where: str) -> Camera:
+    kind, lens = take(record, "camera_model", str, where), take(record, "distortion_model", str, where)
+    if kind != "pinhole":
+        raise FormatError(
+            f"{where}: 'camera_model' must be pinhole, not {kind!r}, which rcdn doesn't know; calibrate again"
+        )
+    if lens not in _LENGTHS:
+        raise FormatError(
+            f"{where}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {lens!r}; calibrate again"
+        )
+    K = matrix(*numbers(record, "intrinsics", where, finite=True, shape=(4,)))
+    width, height = numbers(record, "resolution", where, finite=True, shape=(2,)).astype(int).tolist()
+    if lens == "none":
+        return make_camera(where, K, [], (width, height), "pinhole")
+    d = numbers(record, "distortion_coeffs", where, finite=True, shape=(_LENGTHS[lens],))
+    if lens == "equidistant":
+        return make_camera(where, K, d, (width, height), "fisheye")
+    model, distortion = opencv_lens(where, d)
+    return make_camera(where, K, distortion, (width, height), model)
+
+
+def _cameras(data: Any, path: str) -> dict[str, Camera]:
+    if not names(data):
+        raise FormatError(f"{path}: has no 'cam0'; give a camchain of Kalibr")
+    return {name: _camera(data[name], f"{path}: {name}") for name in names(data)}
+
+
+def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
+    data, path = files[0]
+    if len(files) > 1:
+        raise FormatError(f"{files[1][1]}: {TITLE} holds both cameras in one file; give that one only")
+    left, right = pair_of(_cameras(data, path), path)
+    second = names(data)[1]
+    T = numbers(data[second], "T_cn_cnm1", f"{path}: {second}", finite=True, shape=(4, 4))
+    return StereoCameras(left, right, T)
+
+
+FORMAT = Format(TITLE, load, _cameras, lambda camera: _entry(camera, 0, "[]"), _stereo_texts, _stereo)

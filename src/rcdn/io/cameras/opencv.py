@@ -1,0 +1,108 @@
+"""OpenCV's YAML, as cv2.FileStorage and OpenCV's calibration samples write and read it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.io.cameras.base import Format, make_camera, opencv_lens, pair_of, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
+from rcdn.io.cameras.yaml_text import block_matrix, load
+from rcdn.io.fields import number
+from rcdn.types import Array, Camera
+
+TITLE = "OpenCV's YAML"
+_TURNS = ("R1", "R2", "P1", "P2", "Q")
+_FLAG = "fisheye_model"
+
+
+def _matrix(key: str, array: Array) -> str:
+    return block_matrix(key, array, " !!opencv-matrix")
+
+
+def _lens(camera: Camera) -> Array:
+    """(N, 1) distortion; five zeros for a pinhole, which OpenCV's programs expect."""
+    pinhole_numbers(camera, TITLE)
+    if camera.model == "division":
+        raise unheld(camera, TITLE)
+    return (np.zeros(5) if camera.model == "pinhole" else camera.distortion)[:, None]
+
+
+def _head(camera: Camera) -> str:
+    width, height = camera.image_size
+    flag = int(camera.model == "fisheye")
+    return f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n{_FLAG}: {flag}\n"
+
+
+def _text(camera: Camera) -> str:
+    return _head(camera) + _matrix("camera_matrix", camera.K) + _matrix("distortion_coefficients", _lens(camera))
+
+
+def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
+    left, right = pair.left, pair.right
+    if (left.model == "fisheye") != (right.model == "fisheye"):
+        raise FormatError(
+            f"{TITLE} has one {_FLAG} for both cameras; calibrate both with one lens model, or write json"
+        )
+    text = _head(left)
+    if right.image_size != left.image_size:
+        text += "image_width_2: {}\nimage_height_2: {}\n".format(*right.image_size)
+    matrices = {"M1": left.K, "D1": _lens(left), "M2": right.K, "D2": _lens(right)}
+    matrices |= {"R": pair.T_right_left[:3, :3], "T": pair.T_right_left[:3, 3:]}
+    if turns := pair.rectification:
+        matrices |= dict(zip(_TURNS, (turns.R_left, turns.R_right, turns.P_left, turns.P_right, turns.Q), strict=True))
+    return (text + "".join(_matrix(key, array) for key, array in matrices.items()),)
+
+
+def _get(data: dict[str, Any], key: str, shape: tuple[int, int] | None, where: str) -> Array:
+    """The matrix of `key`, upper or lower case (older samples write Camera_Matrix)."""
+    value = data.get(key.lower())
+    if not isinstance(value, np.ndarray) or (shape and value.shape != shape):
+        size = "{} × {}".format(*shape) if shape else "row or column"
+        raise FormatError(f"{where}: {key!r} must be a {size} matrix (!!opencv-matrix)")
+    return value
+
+
+def _camera(data: dict[str, Any], keys: tuple[str, str], size: tuple[int, int], where: str) -> Camera:
+    K, values = _get(data, keys[0], (3, 3), where), _get(data, keys[1], None, where).ravel()
+    where = f"{where}: {keys[1]!r}"
+    if _FLAG not in data and len(values) == 4:
+        raise FormatError(
+            f"{where} has 4 numbers, which a plain and a fisheye lens can have; add `{_FLAG}: 0` (or 1) to the file"
+        )
+    if _FLAG in data and number(data, _FLAG, where):
+        return make_camera(where, K, values, size, "fisheye")
+    model, distortion = opencv_lens(where, values)
+    return make_camera(where, K, distortion, size, model)
+
+
+def _lower(data: Any) -> dict[str, Any]:
+    return {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
+
+
+def _cameras(data: Any, path: str) -> dict[str, Camera]:
+    data = _lower(data)
+    size = size_of(data, "image_width", "image_height", path)
+    if "m1" not in data:
+        return {"camera": _camera(data, ("camera_matrix", "distortion_coefficients"), size, path)}
+    other = size_of(data, "image_width_2", "image_height_2", path) if "image_width_2" in data else size
+    return {"left": _camera(data, ("M1", "D1"), size, path), "right": _camera(data, ("M2", "D2"), other, path)}
+
+
+def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
+    """From one file, or from intrinsics.yml and extrinsics.yml of OpenCV's stereo sample."""
+    path = " and ".join(name for _, name in files)
+    data = {key: value for part, _ in files for key, value in _lower(part).items()}
+    left, right = pair_of(_cameras(data, path), path)
+    T = motion(_get(data, "R", (3, 3), path), _get(data, "T", (3, 1), path))
+    if "r1" not in data:
+        return StereoCameras(left, right, T)
+    R1, R2 = (_get(data, key, (3, 3), path) for key in ("R1", "R2"))
+    P1, P2 = (_get(data, key, (3, 4), path) for key in ("P1", "P2"))
+    return StereoCameras(left, right, T, Rectification(R1, R2, P1, P2, _get(data, "Q", (4, 4), path)))
+
+
+FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo)

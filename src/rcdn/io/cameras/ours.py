@@ -1,0 +1,117 @@
+"""Our JSON of a camera or a pair: every lens model, every digit. A whole calibration (rcdn.io.calibration) has the same fields, and more."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any, get_args
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.io.cameras.base import Format, make_camera, pair_of
+from rcdn.io.cameras.rig import Rectification, StereoCameras
+from rcdn.io.fields import nullable, numbers, read_json, take
+from rcdn.types import Camera, CameraModel
+
+TITLE = "rcdn's JSON"
+VERSION = 1
+SHAPES = {"R_left": (3, 3), "R_right": (3, 3), "P_left": (3, 4), "P_right": (3, 4), "Q": (4, 4)}
+_BLOCKS = ("left", "right")
+
+
+def camera_record(camera: Camera) -> dict[str, Any]:
+    """The fields of a camera."""
+    if not np.isfinite(camera.distortion).all():
+        raise FormatError(
+            f"{TITLE}: Camera.distortion must be finite, not {camera.distortion.tolist()}; calibrate again"
+        )
+    return {
+        "model": camera.model,
+        "image_size": [int(n) for n in camera.image_size],
+        "K": camera.K.tolist(),
+        "distortion": camera.distortion.tolist(),
+    }
+
+
+def camera_of(owner: Any, where: str) -> Camera:
+    """The camera of `owner["camera"]`."""
+    record = take(owner, "camera", dict, where)
+    where = f"{where}: camera"
+    model: CameraModel = take(record, "model", str, where)
+    if model not in get_args(CameraModel):
+        raise FormatError(f"{where}: 'model' must be one of {', '.join(get_args(CameraModel))}, not {model!r}")
+    width, height = numbers(record, "image_size", where, finite=True, shape=(2,)).astype(int).tolist()
+    K = numbers(record, "K", where, finite=True, shape=(3, 3))
+    return make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), (width, height), model)
+
+
+def pair_record(pair: StereoCameras) -> dict[str, Any]:
+    """The fields of a pair beside its cameras."""
+    record = {"T_right_left": pair.T_right_left.tolist()}
+    return record | {name: nullable(getattr(pair.rectification, name)) for name in SHAPES if pair.rectification}
+
+
+def to_text(kind: str, record: dict[str, Any]) -> str:
+    """A JSON file: one field a line, and one view a line."""
+    return _block({"version": VERSION, "kind": kind, **record}) + "\n"
+
+
+def load(path: str, text: str) -> Any:
+    """The data of a file that this version can read."""
+    data = read_json(path, text, "write it with `rcdn calibrate --json`")
+    version = data.get("version") if isinstance(data, dict) else None
+    if version != VERSION:
+        raise FormatError(
+            f"{path}: version must be {VERSION}, not {version!r}; write it again with `rcdn calibrate --json`"
+        )
+    return data
+
+
+def cameras(data: Any, path: str) -> dict[str, Camera]:
+    """The cameras of a camera file, a pair, or a calibration of either."""
+    if "camera" in data:
+        return {"camera": camera_of(data, path)}
+    if all(side in data for side in _BLOCKS):
+        return {side: camera_of(data[side], f"{path}: {side}") for side in _BLOCKS}
+    raise FormatError(f"{path}: holds no camera; give a file of `rcdn calibrate`")
+
+
+def pair(data: Any, path: str) -> StereoCameras:
+    """The pair of a pair's file or of a stereo calibration."""
+    left, right = pair_of(cameras(data, path), path)
+    T = numbers(data, "T_right_left", path, finite=True, shape=(4, 4))
+    if "R_left" not in data:
+        return StereoCameras(left, right, T)
+    turns = {name: numbers(data, name, path, finite=True, shape=shape) for name, shape in SHAPES.items()}
+    return StereoCameras(left, right, T, Rectification(**turns))
+
+
+def _text(camera: Camera) -> str:
+    return to_text("camera", {"camera": camera_record(camera)})
+
+
+def _stereo_texts(found: StereoCameras) -> tuple[str, ...]:
+    sides = {side: {"camera": camera_record(getattr(found, side))} for side in _BLOCKS}
+    return (to_text("stereo cameras", sides | pair_record(found)),)
+
+
+def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
+    if len(files) > 1:
+        raise FormatError(f"{files[1][1]}: {TITLE} holds both cameras in one file; give that one only")
+    return pair(*files[0])
+
+
+def _block(record: dict[str, Any]) -> str:
+    return "{\n" + ",\n".join(f"{json.dumps(key)}: {_value(key, value)}" for key, value in record.items()) + "\n}"
+
+
+def _value(key: str, value: Any) -> str:
+    if key in _BLOCKS:
+        return _block(value)
+    if key == "views" and value:
+        return "[\n" + ",\n".join(json.dumps(v, allow_nan=False) for v in value) + "\n]"
+    return json.dumps(value, allow_nan=False)
+
+
+FORMAT = Format(TITLE, load, cameras, _text, _stereo_texts, _stereo)

@@ -1,0 +1,78 @@
+"""Two cameras and where they stand, as far as a camera file tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.types import Array, Camera, StereoCalibration
+
+
+@dataclass(frozen=True, eq=False)
+class Rectification:
+    """Turns that make two cameras parallel, as OpenCV names them: `R_left`, `R_right` (3, 3), `P_left`, `P_right` (3, 4), `Q` (4, 4)."""
+
+    R_left: Array
+    R_right: Array
+    P_left: Array
+    P_right: Array
+    Q: Array
+
+    def __post_init__(self) -> None:
+        shapes = {"R_left": (3, 3), "R_right": (3, 3), "P_left": (3, 4), "P_right": (3, 4), "Q": (4, 4)}
+        _freeze(self, shapes)
+
+    @classmethod
+    def without_q(cls, R_left: Array, R_right: Array, P_left: Array, P_right: Array) -> Rectification:
+        """For a file that has no place for Q (4, 4), which takes (x, y, disparity, 1) to a point in the rectified left camera."""
+        f, shift = P_right[0, 0], P_right[:2, 3]
+        along = int(abs(shift[1]) > abs(shift[0]))  # cameras above each other have their disparity in y
+        baseline = shift[along] / f
+        if not np.isfinite(baseline) or baseline == 0:
+            raise RcdnError("Rectification.P_right must have a baseline in its fourth column")
+        Q = np.array([
+            [1, 0, 0, -P_left[0, 2]],
+            [0, 1, 0, -P_left[1, 2]],
+            [0, 0, 0, f],
+            [0, 0, -1 / baseline, (P_left[along, 2] - P_right[along, 2]) / baseline],
+        ])  # fmt: skip
+        return cls(R_left, R_right, P_left, P_right, Q)
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCameras:
+    """`T_right_left` (4, 4) takes left camera coordinates to right ones, m; `rectification` None if the file has none."""
+
+    left: Camera
+    right: Camera
+    T_right_left: Array
+    rectification: Rectification | None = None
+
+    def __post_init__(self) -> None:
+        _freeze(self, {"T_right_left": (4, 4)})
+
+    @classmethod
+    def of(cls, found: StereoCalibration | StereoCameras) -> StereoCameras:
+        """The cameras of a calibration."""
+        if isinstance(found, StereoCameras):
+            return found
+        turns = Rectification(found.R_left, found.R_right, found.P_left, found.P_right, found.Q)
+        return cls(found.left.camera, found.right.camera, found.T_right_left, turns)
+
+
+def motion(R: Array, t: Array) -> Array:
+    """(4, 4) of a rotation (3, 3) and a translation (3,)."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, np.ravel(t)
+    return T
+
+
+def _freeze(owner: object, shapes: dict[str, tuple[int, ...]]) -> None:
+    for name, shape in shapes.items():
+        array = np.array(getattr(owner, name), float)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise RcdnError(f"{type(owner).__name__}.{name} must be finite, of shape {shape}, not {array.shape}")
+        array.setflags(write=False)
+        object.__setattr__(owner, name, array)

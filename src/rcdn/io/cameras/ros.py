@@ -1,0 +1,94 @@
+"""ROS camera_info YAML, one camera a file; a pair's pose follows from the rectification of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.io.cameras.base import Format, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
+from rcdn.io.cameras.yaml_text import block_matrix, load
+from rcdn.io.fields import numbers, take
+from rcdn.types import Array, Camera
+
+TITLE = "ROS camera_info"
+_NAMES = {"pinhole": "plumb_bob", "brown": "plumb_bob", "rational": "rational_polynomial", "fisheye": "equidistant"}
+_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+
+
+def _file(camera: Camera, name: str, R: Array, P: Array) -> str:
+    pinhole_numbers(camera, TITLE)
+    if camera.model not in _NAMES:
+        raise unheld(camera, TITLE)
+    D = camera.distortion
+    if _NAMES[camera.model] == "plumb_bob":
+        D = np.concatenate([D, np.zeros(5 - len(D))])  # ROS wants all five
+    width, height = camera.image_size
+    return (
+        f"image_width: {width}\nimage_height: {height}\ncamera_name: {name}\n"
+        + block_matrix("camera_matrix", camera.K)
+        + f"distortion_model: {_NAMES[camera.model]}\n"
+        + block_matrix("distortion_coefficients", D)
+        + block_matrix("rectification_matrix", R)
+        + block_matrix("projection_matrix", P)
+    )
+
+
+def _text(camera: Camera) -> str:
+    return _file(camera, "camera", np.eye(3), np.concatenate([camera.K, np.zeros((3, 1))], axis=1))
+
+
+def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
+    if (turns := pair.rectification) is None:
+        raise FormatError(
+            f"{TITLE} holds a pair's pose in its rectification, and this pair has none; write opencv, kalibr or json"
+        )
+    left = _file(pair.left, "left", turns.R_left, turns.P_left)
+    return left, _file(pair.right, "right", turns.R_right, turns.P_right)
+
+
+def _matrix(data: Any, key: str, shape: tuple[int, int], path: str) -> Array:
+    record = take(data, key, dict, path)
+    return numbers(record, "data", f"{path}: {key}", finite=True, shape=(shape[0] * shape[1],)).reshape(shape)
+
+
+def _camera(data: Any, path: str) -> Camera:
+    size = size_of(data, "image_width", "image_height", path)
+    K = _matrix(data, "camera_matrix", (3, 3), path)
+    record = take(data, "distortion_coefficients", dict, path)
+    where = f"{path}: distortion_coefficients"
+    D = numbers(record, "data", where, finite=True, shape=(-1,))
+    kind = data.get("distortion_model") or {5: "plumb_bob", 8: "rational_polynomial"}.get(len(D))
+    if not isinstance(kind, str) or kind not in _LENGTHS:
+        raise FormatError(f"{path}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {kind!r}")
+    if len(D) not in _LENGTHS[kind]:
+        raise FormatError(f"{where}: {kind} takes {_LENGTHS[kind][-1]} numbers, not {len(D)}")
+    if kind == "equidistant":
+        return make_camera(path, K, D, size, "fisheye")
+    model, distortion = opencv_lens(where, D)
+    return make_camera(path, K, distortion, size, model)
+
+
+def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
+    if len(files) != 2:
+        raise FormatError(f"{files[0][1]}: {TITLE} holds one camera a file; give the right camera's, too")
+    left, right = (_camera(data, path) for data, path in files)
+    R_left, R_right = (_matrix(data, "rectification_matrix", (3, 3), path) for data, path in files)
+    P_left, P_right = (_matrix(data, "projection_matrix", (3, 4), path) for data, path in files)
+    if P_right[0, 0] <= 0 or P_right[1, 1] <= 0 or not P_right[:2, 3].any():
+        raise FormatError(
+            f"{files[1][1]}: 'projection_matrix' has no baseline; give the right camera of a stereo calibration"
+        )
+    shift = np.linalg.solve(P_right[:, :3], P_right[:, 3])
+    T = motion(R_right.T @ R_left, R_right.T @ shift)
+    return StereoCameras(left, right, T, Rectification.without_q(R_left, R_right, P_left, P_right))
+
+
+def _cameras(data: Any, path: str) -> dict[str, Camera]:
+    return {"camera": _camera(data, path)}
+
+
+FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo)

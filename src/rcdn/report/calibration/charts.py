@@ -1,0 +1,187 @@
+"""Charts as SVG: bars of each view, residuals against the radius. Widths are in units of which a chart has WIDTH."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.report.calibration.facts import thinned, used_residuals
+from rcdn.report.calibration.markup import Html, coordinate, dots, each, number, tag
+from rcdn.types import Array, Calibration
+
+WIDTH, HEIGHT = 440, 280
+LEFT, RIGHT, TOP, BOTTOM = 46, 8, 24, 40
+MOST = 6000
+"""dots of one drawing; beyond, they are thinned evenly"""
+WORSE = 1.5
+"""× the RMS of all: a view's bar stands out"""
+BAND, FEWEST = 18, 8
+"""bands of the radius; corners in one that give a mean"""
+
+
+def plot(label: str, *children: object, height: float = HEIGHT, width: float = WIDTH, most: str | None = None) -> Html:
+    """An SVG of `width` × `height` units with a description for those who can't see it; `most`: its largest CSS width."""
+    return tag(
+        "svg",
+        *children,
+        class_="plot",
+        viewBox=f"0 0 {coordinate(width)} {coordinate(height)}",
+        role="img",
+        aria_label=label,
+        style=f"max-width:{most}" if most else None,
+    )
+
+
+def legend(*entries: tuple[str, Html]) -> Html:
+    """Words beside the marks (18 × 14 units) that they explain."""
+    svg = [(word, tag("svg", mark, viewBox="0 0 18 14", class_="plot", aria_hidden="true")) for word, mark in entries]
+    return tag("ul", each([tag("li", mark, word) for word, mark in svg]), class_="legend")
+
+
+def ticks(low: float, high: float, most: int) -> Array:
+    """Round numbers from `low` to `high`, about `most` steps of 1, 2 or 5 times a power of ten."""
+    step = nice((high - low) / most)
+    return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
+
+
+def nice(value: float) -> float:
+    """The least of 1, 2, 5 × 10ⁿ that isn't below `value`; 1 for what has no such number."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(m * power for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9)))
+
+
+@dataclass(frozen=True)
+class Axes:
+    """From data to units: x in `left`..`right`, y in `low`..`high`."""
+
+    left: float
+    right: float
+    low: float
+    high: float
+
+    def x(self, value: Array | float) -> Array:
+        """Units across."""
+        return LEFT + (np.asarray(value) - self.left) / (self.right - self.left) * (WIDTH - LEFT - RIGHT)
+
+    def y(self, value: Array | float) -> Array:
+        """Units down."""
+        return HEIGHT - BOTTOM - (np.asarray(value) - self.low) / (self.high - self.low) * (HEIGHT - TOP - BOTTOM)
+
+    def rows(self, name: str) -> Html:
+        """Horizontal grid with numbers, the axis' name above."""
+        out = [tag("text", name, x=0, y=11)]
+        for value in ticks(self.low, self.high, 5):
+            y = float(self.y(value))
+            out.append(tag("path", class_="grid", d=f"M{LEFT} {coordinate(y)}H{WIDTH - RIGHT}"))
+            label = coordinate(value, 4).replace("-", "−")
+            out.append(tag("text", label, x=LEFT - 6, y=y + 4, text_anchor="end"))
+        return each(out)
+
+    def columns(self, name: str, values: Array) -> Html:
+        """Numbers below, and the axis' name below them."""
+        y = HEIGHT - BOTTOM
+        out = [tag("path", class_="axis", d=f"M{LEFT} {y}H{WIDTH - RIGHT}")]
+        out += [
+            tag("text", coordinate(v), x=float(self.x(v)), y=y + 15, text_anchor="middle")
+            for v in values
+        ]
+        out.append(tag("text", name, x=WIDTH - RIGHT, y=HEIGHT - 6, text_anchor="end"))
+        return each(out)
+
+
+def view_bars(calibration: Calibration, key: str = "") -> Html:
+    """RMS of each view in the order of the input; views left out are dashed and crossed. Each bar leads to its picture, whose
+    anchor begins with `key`."""
+    views = calibration.views
+    rms = np.array([v.rms for v in views])
+    used = np.array([not v.reason for v in views], bool)
+    seen = rms[used & np.isfinite(rms)]
+    top = 1.15 * float(seen.max() if len(seen) else np.nanmax(rms, initial=0.0)) or 1.0
+    axes = Axes(0.5, len(views) + 0.5, 0.0, top)
+    slot = (WIDTH - LEFT - RIGHT) / max(len(views), 1)
+    bars = [_bar(axes, k, float(rms[k]), bool(used[k]), min(0.76 * slot, 26), calibration, key) for k in range(len(views))]
+    rule = float(axes.y(min(calibration.rms, top))) if np.isfinite(calibration.rms) else None
+    label = f"RMS of each of {len(views)} views, in the order of the input. All used views together: {number(calibration.rms)} px."
+    every = max(1, int(np.ceil(32 / slot)))
+    every = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10**9) if s >= every)
+    names = [k for k in range(1, len(views) + 1) if k == 1 or k % every == 0 and k - 1 >= every / 2]
+    return plot(
+        label,
+        axes.rows("RMS, px"),
+        each(bars),
+        None if rule is None else tag("path", class_="rule", d=f"M{LEFT} {coordinate(rule)}H{WIDTH - RIGHT}"),
+        axes.columns("view", np.array(names, float)),
+    )
+
+
+def _bar(axes: Axes, k: int, rms: float, used: bool, wide: float, calibration: Calibration, key: str) -> Html:
+    view = calibration.views[k]
+    x, base = float(axes.x(k + 1)), HEIGHT - BOTTOM
+    y = float(axes.y(min(rms, axes.high))) if np.isfinite(rms) else base
+    worse = used and rms > WORSE * calibration.rms
+    kind = "bar out" if not used else "bar worse" if worse else "bar"
+    marks = [tag("rect", class_=kind, x=x - wide / 2, y=y, width=wide, height=max(base - y, 0.0))]
+    if not used:
+        h = min(max(wide / 2, 2.0), 5.0)
+        d = f"M{coordinate(x - h)} {coordinate(base - 9 - h)}l{coordinate(2 * h)} {coordinate(2 * h)}m0-{coordinate(2 * h)}"
+        marks.append(tag("path", class_="cross", d=f"{d}l-{coordinate(2 * h)} {coordinate(2 * h)}"))
+    if np.isfinite(rms) and rms > axes.high:  # it goes on beyond the chart
+        marks.append(tag("path", class_="cross", d=f"M{coordinate(x - 3)} {TOP - 1}l3-4 3 4"))
+    told = f"view {k + 1}: {view.name}, {number(rms)} px" + (f", left out: {view.reason}" if view.reason else "")
+    return tag("a", tag("title", told), *marks, href=f"#view-{key}{k + 1}", tabindex="-1")
+
+
+def radius_chart(calibration: Calibration) -> tuple[Html, str]:
+    """The residuals' part that points outwards, against the distance from the principal point; and a sentence on it."""
+    xy, residuals = used_residuals(calibration)
+    camera = calibration.camera
+    away = xy - camera.K[:2, 2]
+    radius = np.hypot(*away.T)
+    outward = (residuals * away).sum(axis=1) / np.maximum(radius, 1e-9)
+    width, height = camera.image_size
+    ends = np.array([[0, 0], [width, 0], [0, height], [width, height]]) - camera.K[:2, 2]
+    far = float(np.hypot(*ends.T).max())
+    reach = float(np.quantile(np.abs(outward), 0.995)) * 1.15 if len(outward) else 1.0
+    axes = Axes(0.0, far, -reach or -1.0, reach or 1.0)
+    some = thinned(len(xy), MOST)
+    shown = np.stack([axes.x(radius[some]), axes.y(np.clip(outward[some], axes.low, axes.high))], axis=-1)
+    middle, mean, spread = _running(radius, outward, far)
+    sentence = ""
+    if len(middle):
+        worst = int(np.argmax(np.abs(mean)))
+        sentence = f"The running mean stays within ±{number(abs(mean[worst]))} px; the scatter is {number(np.std(outward))} px."
+    art = plot(
+        f"Residuals against the radius, {len(xy)} corners. {sentence}",
+        axes.rows("outward part of the residual, px"),
+        tag("path", class_="dot", stroke_width=2.6, stroke_opacity=0.35, d=dots(shown)),
+        _ribbon(axes, middle, mean, spread),
+        axes.columns("distance from the principal point, px", ticks(0, far, 5)),
+    )
+    return art, sentence
+
+
+def _running(radius: Array, values: Array, far: float) -> tuple[Array, Array, Array]:
+    """Middles, means and standard deviations in bands of the radius that hold enough corners."""
+    band = np.minimum((radius / far * BAND).astype(int), BAND - 1)
+    rows = [
+        (radius[band == b].mean(), values[band == b].mean(), values[band == b].std())
+        for b in range(BAND)
+        if (band == b).sum() >= FEWEST
+    ]
+    table = np.array(rows).reshape(-1, 3)
+    return table[:, 0], table[:, 1], table[:, 2]
+
+
+def _ribbon(axes: Axes, middle: Array, mean: Array, spread: Array) -> Html | None:
+    if len(middle) < 2:
+        return None
+    x = axes.x(middle)
+    top, bottom, line = (
+        [f"{coordinate(a)} {coordinate(b)}" for a, b in zip(x, axes.y(np.clip(v, axes.low, axes.high)), strict=True)]
+        for v in (mean + spread, mean - spread, mean)
+    )
+    area = tag("path", class_="band", d=f"M{'L'.join(top)}L{'L'.join(bottom[::-1])}z")
+    return each([area, tag("path", class_="mean", d=f"M{'L'.join(line)}")])

@@ -1,0 +1,269 @@
+"""Thumbnails of all pictures with what was found in them, and one picture with the lens undone; in a page of bounded size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from rcdn.geometry import project, unproject
+from rcdn.io import as_grey
+from rcdn.report.calibration.facts import thinned
+from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, rings, segments, tag
+from rcdn.types import Array, BoardView, Calibration, Camera
+
+Pictures = Callable[[str], Array | None]
+"""The photograph (H, W) of a view's name, or None."""
+
+WIDTHS = (560, 480, 400, 320, 240, 180, 128)
+"""px that thumbnails may be wide; the widest that fits is taken"""
+MOST = 120
+"""pictures that are shown"""
+DOTS = 40_000
+"""corners that are drawn into all thumbnails together"""
+THUMB_QUALITY, SAMPLE_QUALITY, SAMPLE_WIDTH = 70, 80, 760
+HALF_VIEW = 55.0
+"""degrees off the axis: how far the undistorted picture goes at most; beyond, a flat picture is nothing but stretched edges"""
+TRIES = 5
+"""pictures that are tried for the sample until one can be read"""
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One picture: its `views` with their numbers (from 1), its `size` (width, height) px, and a small JPEG if it is shown."""
+
+    name: str
+    views: tuple[tuple[int, BoardView], ...]
+    size: tuple[int, int]
+    jpeg: bytes | None = None
+
+    @property
+    def out(self) -> bool:
+        """No board of this picture was used."""
+        return all(v.reason for _, v in self.views)
+
+
+def shots(calibration: Calibration) -> list[Shot]:
+    """The pictures in the order of the input, without JPEGs."""
+    views: dict[str, list[tuple[int, BoardView]]] = {}
+    for k, view in enumerate(calibration.views, start=1):
+        views.setdefault(view.name, []).append((k, view))
+    return [Shot(name, tuple(found), calibration.camera.image_size) for name, found in views.items()]
+
+
+def worth_showing(every: list[Shot], most: int = MOST) -> list[Shot]:
+    """At most `most` of them: first what was left out, then the worst, then evenly what remains; in the order of the input."""
+    if len(every) <= most:
+        return every
+    out = [k for k, s in enumerate(every) if any(v.reason for _, v in s.views)][: most // 2]
+    rest = [k for k in range(len(every)) if k not in set(out)]
+    worst = sorted(rest, key=lambda k: -max((v.rms for _, v in every[k].views if v.rms == v.rms), default=0.0))[: most // 4]
+    rest = [k for k in rest if k not in set(worst)]
+    even = [rest[i] for i in thinned(len(rest), most - len(out) - len(worst))]
+    return [every[k] for k in sorted({*out, *worst, *even})]
+
+
+def with_jpegs(chosen: list[Shot], pictures: Pictures | None, budget: int) -> list[Shot]:
+    """The shots with JPEGs of one width, the widest whose data fit in `budget` bytes of the page; where even the narrowest don't,
+    the last ones stay without."""
+    if pictures is None or not chosen:
+        return chosen
+    read = [(shot, _small(pictures(shot.name), WIDTHS[0])) for shot in chosen]
+    for width in WIDTHS:
+        done = [_with_jpeg(shot, picture, width) for shot, picture in read]
+        if sum(_in_page(s) for s in done) <= budget:
+            return done
+    room = np.cumsum([_in_page(s) for s in done]) <= budget
+    return [s if fits else replace(s, jpeg=None) for s, fits in zip(done, room, strict=True)]
+
+
+def _small(picture: Array | None, width: int) -> tuple[Array, tuple[int, int]] | None:
+    """A picture (8 bits, no more than `width` wide), and its full size."""
+    if picture is None:
+        return None
+    grey = as_grey(picture)
+    high, wide = grey.shape
+    factor = min(1.0, width / max(wide, high))
+    size = max(round(wide * factor), 1), max(round(high * factor), 1)
+    grey = grey if factor == 1 else cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    return np.clip(grey, 0, 255).astype(np.uint8), (wide, high)
+
+
+def _with_jpeg(shot: Shot, read: tuple[Array, tuple[int, int]] | None, width: int) -> Shot:
+    if read is None:
+        return shot
+    small = _small(read[0], width)
+    assert small is not None
+    return replace(shot, size=read[1], jpeg=jpeg(small[0], THUMB_QUALITY))
+
+
+def jpeg(grey: Array, quality: int) -> bytes:
+    """A grey picture as JPEG."""
+    return cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
+def _in_page(shot: Shot) -> int:
+    return 0 if shot.jpeg is None else 4 * len(shot.jpeg) // 3 + 4
+
+
+def framed(shot: Shot, overlay: Html, alt: str) -> Html:
+    """A picture, or a grey field of its shape, with an SVG in the picture's pixels over it (pixel centres at integers)."""
+    wide, high = shot.size
+    picture = None
+    if shot.jpeg is not None:
+        picture = tag("img", src=Html(data_uri(shot.jpeg)), alt=alt, width=wide, height=high, loading="lazy", decoding="async")
+    drawn = tag("svg", overlay, viewBox=f"-0.5 -0.5 {wide} {high}", preserveAspectRatio="none", **_seen_as(alt, picture))
+    style = f"aspect-ratio:{wide}/{high}" if picture is None else None
+    return tag("div", picture, drawn, class_="frame", style=style)
+
+
+def _seen_as(alt: str, picture: Html | None) -> dict[str, str]:
+    return {"aria_hidden": "true"} if picture is not None else {"role": "img", "aria_label": alt}
+
+
+def corners_overlay(shot: Shot, most: int) -> Html:
+    """Marks of the corners: dots (used), crosses (outliers), rings (views left out), at most `most` of them, with a dark edge."""
+    views = [v for _, v in shot.views]
+    decimals = 0 if max(shot.size) > 1500 else 1
+    size = max(shot.size) / 90
+    groups = {
+        "u": [v.xy[v.used] for v in views if not v.reason],
+        "o": [v.xy[~v.used] for v in views if not v.reason],
+        "l": [v.xy for v in views if v.reason],
+    }
+    total = sum(len(v) for v in views)
+    out = []
+    for kind, parts in groups.items():
+        xy = np.concatenate(parts or [np.zeros((0, 2))])
+        xy = xy[thinned(len(xy), max(most * len(xy) // max(total, 1), 1))] if total > most else xy
+        if not len(xy):
+            continue
+        d = dots(xy, decimals) if kind == "u" else crosses(xy, size, decimals) if kind == "o" else rings(xy, size, decimals)
+        wide = (3.2 if len(xy) < 150 else 2.4) if kind == "u" else 1.8
+        out += [tag("path", class_=c, stroke_width=w, d=d) for c, w in (("halo2", wide + 1.6), (kind, wide))]
+    return each(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One picture before and after: JPEGs of `size` px, the board's outer lines (L, 2, 2) as chords in their pixels, the largest
+    distance of a corner from its chord, px, before and after, the shown horizontal angle, degrees."""
+
+    number: int
+    name: str
+    size: tuple[int, int]
+    pair: tuple[bytes, bytes]
+    chords: tuple[Array, Array]
+    corners: tuple[Array, Array]
+    bow: tuple[float, float]
+    angle: float
+
+
+def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None:
+    """The used view in which the lens bends the board's lines most, its picture before and after; None if no picture can be had."""
+    camera = calibration.camera
+    if pictures is None or camera.model == "pinhole":
+        return None
+    numbered = [(k, v) for k, v in enumerate(calibration.views, start=1) if not v.reason]
+    bent = sorted(numbered, key=lambda item: -_bow(item[1].xy, _outer_lines(item[1])))
+    for number, view in bent[:TRIES]:
+        picture = pictures(view.name)
+        if picture is not None and picture.shape[:2] == camera.image_size[::-1]:
+            return _sample(number, view, camera, as_grey(picture))
+    return None
+
+
+def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample:
+    flat = flat_camera(camera)
+    factor = min(1.0, SAMPLE_WIDTH / max(camera.image_size))
+    size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
+    before = cv2.resize(grey, size, interpolation=cv2.INTER_AREA) if factor < 1 else grey
+    before = np.clip(before, 0, 255).astype(np.uint8)
+    after = undistort(before, resized(camera, size), resized(flat, size))
+    straight = project(flat, unproject(camera, view.xy))
+    lines = _outer_lines(view)
+    ratio = np.array(size) / np.array(camera.image_size)
+    chords, corners = [], []
+    for xy in (view.xy, straight):
+        shown = (xy + 0.5) * ratio - 0.5
+        chords.append(np.array([[shown[line[0]], shown[line[-1]]] for line in lines]).reshape(-1, 2, 2))
+        on = np.array(sorted({i for line in lines for i in line}), int)
+        corners.append(shown[on])
+    angle = 2 * np.degrees(np.arctan(camera.image_size[0] / 2 / flat.K[0, 0]))
+    bow = _bow(view.xy, lines), _bow(straight, lines)
+    pair = jpeg(before, SAMPLE_QUALITY), jpeg(after, SAMPLE_QUALITY)
+    return Sample(number, view.name, size, pair, (chords[0], chords[1]), (corners[0], corners[1]), bow, float(angle))
+
+
+def flat_camera(camera: Camera) -> Camera:
+    """A pinhole camera of the same size that shows the picture's middle lines out to its edges, but no more than HALF_VIEW off the
+    axis, with square pixels and no empty corners under a barrel distortion."""
+    width, height = camera.image_size
+    cx, cy = camera.K[:2, 2]
+    ends = np.array([[-0.5, cy], [width - 0.5, cy], [cx, -0.5], [cx, height - 0.5]])
+    rays = unproject(camera, ends)
+    most = np.tan(np.radians(HALF_VIEW))
+    across = np.abs(rays[[0, 1, 2, 3], [0, 0, 1, 1]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(rays[:, 2] > 0, across / rays[:, 2], np.inf)
+    reach = np.minimum(np.where(np.isfinite(reach) & (reach > 1e-6), reach, most), most)
+    f = max(width / (reach[0] + reach[1]), height / (reach[2] + reach[3]))
+    centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
+    return Camera(np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]), np.zeros(0), camera.image_size, "pinhole")
+
+
+def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """The camera of the same picture at another `size` (width, height); pixel centres at integers."""
+    sx, sy = size[0] / camera.image_size[0], size[1] / camera.image_size[1]
+    K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ camera.K
+    return Camera(K, camera.distortion, size, camera.model)
+
+
+def undistort(picture: Array, camera: Camera, flat: Camera, R: Array | None = None) -> Array:
+    """`picture` of `camera` as `flat`, turned by `R` (takes camera axes to those of `flat`), would have seen it; grey where
+    nothing was seen."""
+    width, height = flat.image_size
+    pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
+    rays = unproject(flat, pixels)
+    at = project(camera, rays if R is None else rays @ R)
+    back = project(camera, unproject(camera, at.reshape(-1, 2))).reshape(at.shape)  # beyond the lens's fold there's nothing
+    at = np.where(np.isfinite(back), at, -1e4).astype(np.float32)
+    return cv2.remap(picture, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=96)
+
+
+def _outer_lines(view: BoardView) -> list[list[int]]:
+    """Indices of the used corners along the board's first and last row and column, in order; only lines of at least three."""
+    lines = []
+    used = np.flatnonzero(view.used)
+    for axis in (0, 1):
+        label = view.ij[used, axis]
+        for value in (label.min(initial=0), label.max(initial=0)) if len(used) else ():
+            line = used[label == value]
+            if len(line) >= 3:
+                lines.append([int(i) for i in line[np.argsort(view.ij[line, 1 - axis])]])
+    return lines
+
+
+def _bow(xy: Array, lines: list[list[int]]) -> float:
+    """Largest distance of a corner from the chord of its line, px; 0 without lines."""
+    worst = 0.0
+    for line in lines:
+        a, b = xy[line[0]], xy[line[-1]]
+        along = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
+        away = xy[line] - a
+        gap = np.abs(away[:, 0] * along[1] - away[:, 1] * along[0])
+        worst = max(worst, float(np.nanmax(gap, initial=0.0)))
+    return worst
+
+
+def chord_overlay(chords: Array, corners: Array) -> Html:
+    """Straight lines through the ends of the board's outer lines, and the corners on those lines."""
+    line, points = segments(chords[:, 0], chords[:, 1]), dots(corners[np.isfinite(corners).all(axis=1)])
+    return each([
+        tag("path", class_="halo2", stroke_width=3.2, d=line),
+        tag("path", class_="h", stroke_width=1.6, d=line),
+        tag("path", class_="halo2", stroke_width=6, d=points),
+        tag("path", class_="c", stroke_width=4, d=points),
+    ])  # fmt: skip
