@@ -6,6 +6,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rcdn.calibration import calibrate as calibrate
+    from rcdn.calibration import calibrate_stereo as calibrate_stereo
+    from rcdn.calibration import estimate_pose as estimate_pose
     from rcdn.config import DetectorConfig as DetectorConfig
     from rcdn.detector import Detection as Detection
     from rcdn.detector import Detector as Detector
@@ -13,17 +16,26 @@ if TYPE_CHECKING:
     from rcdn.errors import RcdnError as RcdnError
     from rcdn.io import read_image as read_image
     from rcdn.types import Board as Board
+    from rcdn.types import Calibration as Calibration
+    from rcdn.types import Camera as Camera
     from rcdn.types import Corners as Corners
+    from rcdn.types import Pose as Pose
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Board": "types",
+    "Calibration": "types",
+    "Camera": "types",
     "Corners": "types",
     "Detection": "detector",
     "Detector": "detector",
     "DetectorConfig": "config",
+    "Pose": "types",
     "RcdnError": "errors",
+    "calibrate": "calibration",
+    "calibrate_stereo": "calibration",
+    "estimate_pose": "calibration",
     "find_chessboard_corners": "detector",
     "read_image": "io",
 }

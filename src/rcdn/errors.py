@@ -14,7 +14,7 @@ class ConfigError(RcdnError, ValueError):
 
 
 class FormatError(RcdnError):
-    """A file of detections that can't be read, or a result that its format can't hold."""
+    """A file of detections, cameras or a calibration that can't be read, or a result that its format can't hold."""
 
 
 class OutputError(RcdnError):

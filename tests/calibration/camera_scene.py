@@ -32,7 +32,9 @@ def pose(rng, spread=0.5, tilt=0.8, distance=(0.3, 0.8), size=SIZE):
     z = rng.uniform(*distance)
     centre = np.array([*rng.uniform(-spread, spread, 2) * [1, 0.75] * z, z])
     axis = np.append(rng.normal(size=2), 0)
-    R = rotation(axis / np.linalg.norm(axis) * rng.uniform(0.2, 1) * tilt) @ rotation(np.array([0, 0, rng.uniform(-3, 3)]))
+    R = rotation(axis / np.linalg.norm(axis) * rng.uniform(0.2, 1) * tilt) @ rotation(
+        np.array([0, 0, rng.uniform(-3, 3)])
+    )
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, centre - R @ [*(np.array(size) - 1) * SPACING / 2, 0]
     return T

@@ -20,12 +20,28 @@ ROUGH = 0.0015
 """of the picture's width: an RMS that no good detector and flat board give"""
 FAR_SPACING = 1.0
 """m"""
-THIRDS = (("upper left", "upper middle", "upper right"), ("left", "middle", "right"), ("lower left", "lower middle", "lower right"))
+THIRDS = (
+    ("upper left", "upper middle", "upper right"),
+    ("left", "middle", "right"),
+    ("lower left", "lower middle", "lower right"),
+)
 
 
 def advise(calibration: Calibration) -> tuple[str, ...]:
     """Sentences on what weakens `calibration` and what to do about it; () if nothing does."""
-    checks = (_focal, _few, _tilt, _coverage, _corners_of_picture, _held_out, _rough, _outliers, _sizes, _symmetric, _spacing)
+    checks = (
+        _focal,
+        _few,
+        _tilt,
+        _coverage,
+        _corners_of_picture,
+        _held_out,
+        _rough,
+        _outliers,
+        _sizes,
+        _symmetric,
+        _spacing,
+    )
     return tuple(text for check in checks if (text := check(calibration)))
 
 

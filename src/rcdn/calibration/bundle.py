@@ -212,7 +212,12 @@ class Solution:
 
 
 def solve(
-    start: State, corners: Corners3, weight: Array, free: Array | None = None, loss: str = "linear", repeats: int = REPEATS
+    start: State,
+    corners: Corners3,
+    weight: Array,
+    free: Array | None = None,
+    loss: str = "linear",
+    repeats: int = REPEATS,
 ) -> Solution:
     """The `State` that makes the sum of squares of `weight` (N,) × (observed − projected) (N, 2) least, from `start`.
 

@@ -11,14 +11,23 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
-from rcdn.calibration.labels import Labelled, Size, orientation_of, settle, usual_size
+from rcdn.calibration.labels import Labelled, Size, bend, mirrored, orientation_of, settle, usual_size
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import LENS, Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
+from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
 
-MODELS: tuple[CameraModel, ...] = ("pinhole", "brown", "fisheye", "rational")
-"""the lens models, the simplest first"""
+LENSES: dict[str, tuple[CameraModel, int]] = {
+    "pinhole": ("pinhole", 0),
+    "radtan": ("brown", 4),
+    "brown": ("brown", 5),
+    "fisheye": ("fisheye", 4),
+    "rational": ("rational", 8),
+}
+"""name → model and how many numbers its distortion has, the simplest first"""
+AUTO = ("pinhole", "brown", "fisheye", "rational")
+"""what `auto` compares"""
+MODELS = ("auto", *LENSES)
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 SAME_SIZE = 0.75
 """share of the boards whose pictures have one size: the others are left out, or it would be an error"""
@@ -39,11 +48,11 @@ def calibrate(
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
-    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of a square,
-    m. `names` of the boards' pictures: boards of one name are held out together (default: each board its own). `model`: `pinhole` (no
-    distortion), `brown` (k1 k2 p1 p2 k3), `rational` (8 numbers), `fisheye` (Kannala–Brandt), or `auto`: the simplest that none beats on
-    pictures held out. `size` (columns, rows) of the board in inner corners; default: the usual one of the complete boards. `warp`: the board may
-    be bent a little, a paraboloid of two parameters.
+    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of
+    a square, m. `names` of the boards' pictures: boards of one name are held out together (default: each board its own). `model`:
+    `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the
+    simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board in inner corners; default: the
+    usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
@@ -56,10 +65,10 @@ def calibrate(
     task = _task(boards, labels, names, image_size, spacing, whole, warp)
     start = first_camera(task.seen, image_size)
     task, T = _with_poses(task, poses(start, task.seen))
-    models = [m for m in MODELS if model in ("auto", m)]
+    models = AUTO if model == "auto" else (model,)
     fits = _fits(task, models, start, T, warp)
     trials, weight = _trials(task, list(fits.values()), warp)
-    chosen = choose.best(trials, weight, task.picture)
+    chosen = choose.best(trials, weight)
     scores = [
         ModelScore(m, choose.rms(t.gaps, weight), choose.rms(t.held, weight)) for m, t in zip(fits, trials, strict=True)
     ]
@@ -84,9 +93,11 @@ class _Task:
 
 def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str) -> None:
     if not (np.isfinite(spacing) and spacing > 0):
-        raise ConfigError(f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}")
-    if model not in ("auto", *MODELS):
-        raise ConfigError(f"model must be one of auto, {', '.join(MODELS)}, not {model!r}")
+        raise ConfigError(
+            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
+        )
+    if model not in MODELS:
+        raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {model!r}")
     if names is not None and len(names) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
     if not boards:
@@ -116,6 +127,8 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: 
         return label.reason
     if len(board) < FEWEST_CORNERS or min(board.size) < 2:
         return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
+    if mirrored(board):
+        return "its labels run the wrong way round: were pixels mirrored after the corners were found?"
     return "it isn't settled which part of the board it shows, which a warp needs" if warp and not label.settled else ""
 
 
@@ -142,9 +155,13 @@ def _task(
     lengths = [len(a) for a in ij]
     frame = np.repeat(np.arange(len(index)), lengths)
     joint = np.concatenate(ij)
-    sigma = np.concatenate([_sigma(boards[k]) for k in index])
+    sigma = np.concatenate([sigma_of(boards[k]) for k in index])
     corners = Corners3(
-        frame, np.zeros(len(frame), int), joint * spacing, np.concatenate([boards[k].xy for k in index]), _bend(joint, whole)
+        frame,
+        np.zeros(len(frame), int),
+        joint * spacing,
+        np.concatenate([boards[k].xy for k in index]),
+        bend(joint, whole),
     )
     picture = np.repeat([numbers[names[k]] for k in index], lengths)
     seen = [Seen(a * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
@@ -157,21 +174,13 @@ def _too_few(many: int, reasons: dict[int, str]) -> str:
     return f"{got} can't settle a camera{why}: take 10 to 30 pictures of the board in different places and tilts"
 
 
-def _sigma(board: Board) -> Array:
+def sigma_of(board: Board) -> Array:
     return np.full(len(board), np.nan) if board.sigma is None else board.sigma
-
-
-def _bend(ij: Array, whole: Size | None) -> Array:
-    """(N, 2) what a warp of 1 m along the columns and along the rows raises corners by: 1 − u² in −1..1 (as in mrcal)."""
-    if whole is None:
-        return np.zeros((len(ij), 2))
-    middle = (np.array(whole) - 1) / 2
-    return np.asarray(1 - ((ij - middle) / np.maximum(middle, 0.5)) ** 2)
 
 
 def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
     """Only the views that got a pose."""
-    good = np.isfinite(T).all(axis=(1, 2))
+    good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T
     if good.sum() < FEWEST_VIEWS:
@@ -186,11 +195,11 @@ def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
     return _Task(index, seen, reasons, corners, task.sigma[keep], task.picture[keep]), T[good]
 
 
-def _fits(task: _Task, models: Sequence[CameraModel], start: Camera, T: Array, warp: bool) -> dict[CameraModel, robust.Fit]:
+def _fits(task: _Task, models: Sequence[str], start: Camera, T: Array, warp: bool) -> dict[str, robust.Fit]:
     """Fits of the models that come near the best; the others are no lens for these corners."""
     rough = {}
     for m in models:
-        state = State.mono(Camera(start.K, np.zeros(len(LENS[m])), start.image_size, m), T)
+        state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
         rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state, warp=warp))
     least = min(noise for _, noise in rough.values())
     near = {m: found for m, found in rough.items() if found[1] <= HOPELESS_MODEL * least}
@@ -222,7 +231,9 @@ def _result(
 ) -> Calibration:
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     if len(used) < FEWEST_VIEWS:
-        raise CalibrationError(_too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]}))
+        raise CalibrationError(
+            _too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]})
+        )
     cov = covariance(fit.arrow, np.array(used), fit.scale)
     camera = fit.state.cameras[0]
     lens = [*range(len(camera.parameters)), *range(len(cov) - 6, len(cov))]
@@ -256,7 +267,7 @@ def _views(
                 board=turn[name],
                 ij=label.ij,
                 xy=board.xy,
-                sigma=_sigma(board),
+                sigma=sigma_of(board),
                 pose=None if f is None else Pose(fit.state.poses[f]),
                 residuals=np.full((len(board), 2), np.nan) if f is None else fit.residuals[mine],
                 used=np.zeros(len(board), bool) if f is None else fit.used[mine],

@@ -19,12 +19,14 @@ from rcdn.types import Array, Board
 
 LOOKS, VIEWS = 150, 40
 """candidates of a video, and frames that are kept, at most"""
-WIDE, THUMB = 640, (16, 12)
-"""px: sharpness is measured at this width, or as the frame is if that is less; (width, height) of what is compared"""
+WIDE = 640
+"""px: frames are looked at in this width, or as they are if that is less"""
+THUMB, SMOOTH = (16, 12), 1.5
+"""(width, height) of what is compared, and how far it is smoothed, so that it changes evenly as a board moves"""
 NEAR, SHARP = 7, 0.7
 """a frame is sharp if its energy is at least SHARP of the largest within NEAR frames of it"""
-SAME = 1.0
-"""grey levels, mean over the thumbnail: frames that differ by less show the same"""
+SAME = 0.02
+"""of the mean of a thumbnail: frames that differ by less show the same"""
 ALIKE = 0.004
 """of the diagonal: boards whose outlines differ by less add nothing"""
 BLURRED = 4.0
@@ -33,7 +35,10 @@ BLURRED = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Glance:
-    """What a quick look at a frame keeps: `energy` of its gradients, grey levels², and a `small` copy (12, 16) float32, of mean 0."""
+    """What a quick look at a frame keeps.
+
+    `energy` of its gradients, grey levels²; `small` (12, 16) float32: how much its grey values vary in each cell, grey levels a pixel.
+    """
 
     energy: float
     small: Array
@@ -42,15 +47,17 @@ class Glance:
 def glance(grey: Array) -> Glance:
     """A quick look at a frame (H, W).
 
-    The energy is the geometric mean of those along x and y: motion takes the one along its direction only.
+    The energy is the geometric mean of those along x and y: motion takes the one along its direction only. What is compared is total
+    variation, which blur leaves as it is, and which tells where a board is whatever its squares' colours there.
     """
     height, width = grey.shape
     scale = min(1.0, WIDE / width)
     size = max(2, round(width * scale)), max(2, round(height * scale))
     view = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    along = [float(np.square(np.diff(view, axis=axis)).mean()) for axis in (0, 1)]
-    small = cv2.resize(view, THUMB, interpolation=cv2.INTER_AREA)
-    return Glance(float(np.sqrt(along[0] * along[1])), small - small.mean())
+    dx, dy = np.diff(view, axis=1)[:-1], np.diff(view, axis=0)[:, :-1]
+    small = cv2.resize(np.abs(dx) + np.abs(dy), THUMB, interpolation=cv2.INTER_AREA)
+    energy = float(np.sqrt(np.square(dx).mean() * np.square(dy).mean()))
+    return Glance(energy, cv2.GaussianBlur(small, (0, 0), SMOOTH))
 
 
 def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
@@ -63,6 +70,7 @@ def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
         return []
     energy = np.array([g.energy for g in glances])
     small = np.stack([g.small.ravel() for g in glances])
+    small /= max(float(np.percentile(small.mean(axis=1), 90)), 1e-6)
     eligible = energy >= SHARP * _largest_near(energy)
     gap = np.where(eligible, np.inf, -1.0)
     chosen: list[int] = []

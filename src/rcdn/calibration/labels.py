@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, Orientation
 
 Size = tuple[int, int]
@@ -72,3 +73,20 @@ def _turned(ij: Array, size: Size) -> Array:
     cols, rows = size
     i, j = ij[:, 0], ij[:, 1]
     return np.stack([j, cols - 1 - i] if cols % 2 == 0 else [rows - 1 - j, i], axis=-1)
+
+
+def bend(ij: Array, whole: Size | None) -> Array:
+    """(N, 2) what a warp of 1 m along the columns and along the rows raises corners by: 1 − u² in −1..1 (as in mrcal)."""
+    if whole is None:
+        return np.zeros((len(ij), 2))
+    middle = (np.array(whole) - 1) / 2
+    return np.asarray(1 - ((ij - middle) / np.maximum(middle, 0.5)) ** 2)
+
+
+def mirrored(board: Board) -> bool:
+    """True if columns × rows of a board don't turn like x × y: no picture of a board from its front gives that."""
+    H = homography(board.ij, board.xy)
+    middle = board.ij.mean(axis=0)
+    origin, right, below = apply_homography(H, middle + np.array([[0, 0], [0.5, 0], [0, 0.5]]))
+    (a, b), (c, d) = right - origin, below - origin
+    return bool(a * d - b * c < 0)

@@ -100,7 +100,9 @@ def _agreeing(gaps: Array, frame: Array, weight: Array, frames: int) -> tuple[Ar
             reasons[f] = "no pose fits its corners"
         elif np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
-            reasons[f] = f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"
+            reasons[f] = (
+                f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"
+            )
         elif share > TOO_MANY:
             reasons[f] = f"{share:.0%} of its corners disagree with the other views"
     lost = np.array([bool(r) for r in reasons])

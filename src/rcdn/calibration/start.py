@@ -42,7 +42,7 @@ def division_camera(focal: float, bend: float, half: float, image_size: tuple[in
     """A division camera with its principal point in the middle; `bend`: λ·r² at `half` px from there."""
     width, height = image_size
     K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
-    return Camera(K, [bend * (focal / half) ** 2], image_size, "division")
+    return Camera(K, np.array([bend * (focal / half) ** 2]), image_size, "division")
 
 
 def poses(camera: Camera, views: list[Seen]) -> Array:
@@ -93,7 +93,7 @@ class _Batch:
 
     def _scaled_poses(self, camera: Camera) -> Array:
         rays = unproject(camera, self.xy)
-        blind = ~np.isfinite(rays).all(axis=2)
+        blind = np.asarray(~np.isfinite(rays).all(axis=2))
         weight = np.where(blind, 0.0, self.there)
         rays = np.where(blind[:, :, None], [0.0, 0.0, 1.0], rays)
         rays /= np.linalg.norm(rays, axis=2, keepdims=True)

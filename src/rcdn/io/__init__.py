@@ -1,5 +1,17 @@
-"""Files in and out: pictures and videos, detections as JSON, corners.vnl. Everything public is here."""
+"""Files in and out: pictures and videos, detections as JSON, corners.vnl, cameras and calibrations. Everything public is here."""
 
+from rcdn.io.calibration import read_calibration, read_stereo_calibration, write_calibration
+from rcdn.io.cameras import (
+    CameraFormat,
+    Rectification,
+    StereoCameras,
+    camera_format,
+    read_camera,
+    read_cameras,
+    read_stereo,
+    write_camera,
+    write_stereo,
+)
 from rcdn.io.files import check_writable, expand, is_video, write_bytes, write_text
 from rcdn.io.formats import (
     FormatError,
@@ -11,20 +23,32 @@ from rcdn.io.images import as_grey, frames, read_image, write_image
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
+    "CameraFormat",
     "FormatError",
     "ImageResult",
+    "Rectification",
+    "StereoCameras",
     "as_grey",
+    "camera_format",
     "check_writable",
     "expand",
     "frames",
     "is_video",
+    "read_calibration",
+    "read_camera",
+    "read_cameras",
     "read_detections",
     "read_image",
+    "read_stereo",
+    "read_stereo_calibration",
     "read_vnl",
     "read_vnl_boards",
     "write_bytes",
+    "write_calibration",
+    "write_camera",
     "write_detections",
     "write_image",
+    "write_stereo",
     "write_text",
     "write_vnl",
 ]

@@ -11,6 +11,9 @@ import numpy as np
 from rcdn.errors import FormatError
 from rcdn.types import Array
 
+MOST = 2**31
+"""no size in a file is larger"""
+
 _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number", bool: "true or false"}
 
 
@@ -71,6 +74,14 @@ def number(record: Any, key: str, where: str) -> float:
     if not np.isfinite(found):
         raise FormatError(f"{where}: {key!r} must be a finite number")
     return found
+
+
+def two_whole_numbers(record: Any, key: str, where: str) -> tuple[int, int]:
+    """A list of two whole numbers."""
+    pair = numbers(record, key, where, finite=True, shape=(2,))
+    if (pair != np.floor(pair)).any() or (np.abs(pair) > MOST).any():
+        raise FormatError(f"{where}: {key!r} must hold two whole numbers")
+    return int(pair[0]), int(pair[1])
 
 
 def nullable(values: Any) -> Any:

@@ -157,18 +157,17 @@ def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, 
     text = read_text(path)
     if format is not None:
         return format, _FORMATS[_known(format)].load(str(path), text)
-    for kind in ("json", "mrcal", "colmap"):
-        if _SIGNS[kind].search(text):
+    lines = (line.strip() for line in text.splitlines())
+    first = next((line for line in lines if line and not line.startswith("#")), "")
+    for kind, sign in _SIGNS.items():
+        if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
             return _known(kind), _FORMATS[kind].load(str(path), text)
     data = yaml_text.load(str(path), text) if text.strip() else None
     return _yaml_kind(data, path), data
 
 
-_SIGNS = {
-    "json": re.compile(r'\A\s*\{\s*"'),
-    "mrcal": re.compile(r"""^\s*\{?\s*['"]lens_?model['"]\s*:""", re.M),
-    "colmap": re.compile(r"\A(\s*#.*\n|\s*\n)*\s*\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\s"),
-}
+# what the first line that isn't a comment begins with
+_SIGNS = {"mrcal": r"\{", "json": r"\{", "colmap": r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\b"}
 
 
 def _yaml_kind(data: Any, path: str | Path) -> CameraFormat:
@@ -176,7 +175,8 @@ def _yaml_kind(data: Any, path: str | Path) -> CameraFormat:
     keys = {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
     if kalibr.names(data):
         return "kalibr"
-    if isinstance(keys.get("camera_matrix"), dict):
+    matrix = keys.get("camera_matrix")
+    if isinstance(matrix, dict) and not isinstance(matrix, yaml_text.Matrix):
         return "ros"
     if {"camera_matrix", "m1", "r"} & set(keys):
         return "opencv"

@@ -46,10 +46,10 @@ def _model(camera: Camera) -> tuple[str, Array]:
 
 
 def _text(camera: Camera) -> str:
-    core = pinhole_numbers(camera, TITLE) + [0, 0, HALF, HALF]
+    fx, fy, cx, cy = pinhole_numbers(camera, TITLE)
     name, d = _model(camera)
     width, height = camera.image_size
-    return f"{_HEAD}# Number of cameras: 1\n1 {name} {width} {height} {' '.join(map(digits, [*core, *d]))}\n"
+    return f"{_HEAD}# Number of cameras: 1\n1 {name} {width} {height} {' '.join(map(digits, [fx, fy, cx + HALF, cy + HALF, *d]))}\n"
 
 
 def _load(path: str, text: str) -> list[tuple[str, list[str]]]:

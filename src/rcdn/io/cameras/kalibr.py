@@ -12,7 +12,7 @@ from rcdn.errors import FormatError
 from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pair_of, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow, load
-from rcdn.io.fields import numbers, take
+from rcdn.io.fields import numbers, take, two_whole_numbers
 from rcdn.types import Array, Camera
 
 TITLE = "Kalibr's camchain"
@@ -69,14 +69,14 @@ def _camera(record: Any, where: str) -> Camera:
             f"{where}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {lens!r}; calibrate again"
         )
     K = matrix(*numbers(record, "intrinsics", where, finite=True, shape=(4,)))
-    width, height = numbers(record, "resolution", where, finite=True, shape=(2,)).astype(int).tolist()
+    size = two_whole_numbers(record, "resolution", where)
     if lens == "none":
-        return make_camera(where, K, [], (width, height), "pinhole")
+        return make_camera(where, K, [], size, "pinhole")
     d = numbers(record, "distortion_coeffs", where, finite=True, shape=(_LENGTHS[lens],))
     if lens == "equidistant":
-        return make_camera(where, K, d, (width, height), "fisheye")
+        return make_camera(where, K, d, size, "fisheye")
     model, distortion = opencv_lens(where, d)
-    return make_camera(where, K, distortion, (width, height), model)
+    return make_camera(where, K, distortion, size, model)
 
 
 def _cameras(data: Any, path: str) -> dict[str, Camera]:

@@ -13,7 +13,7 @@ from rcdn.errors import FormatError
 from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras, motion
 from rcdn.io.cameras.yaml_text import flow
-from rcdn.io.fields import numbers, take
+from rcdn.io.fields import numbers, take, two_whole_numbers
 from rcdn.types import Array, Camera
 
 TITLE = "mrcal's .cameramodel"
@@ -77,9 +77,9 @@ def _camera(data: Any, path: str) -> Camera:
         )
     data = {k: list(v) if isinstance(v, tuple) else v for k, v in data.items()}
     values = numbers(data, "intrinsics", path, finite=True, shape=(4 + _LENGTHS[name],))
-    width, height = numbers(data, "imagersize", path, finite=True, shape=(2,)).astype(int).tolist()
+    size = two_whole_numbers(data, "imagersize", path)
     model, distortion = opencv_lens(path, values[4:])
-    return make_camera(path, matrix(*values[:4]), distortion, (width, height), model)
+    return make_camera(path, matrix(*values[:4]), distortion, size, model)
 
 
 def _pose(data: Any, path: str) -> Array:

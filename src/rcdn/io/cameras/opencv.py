@@ -10,7 +10,7 @@ import numpy as np
 from rcdn.errors import FormatError
 from rcdn.io.cameras.base import Format, make_camera, opencv_lens, pair_of, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
-from rcdn.io.cameras.yaml_text import block_matrix, load
+from rcdn.io.cameras.yaml_text import Matrix, block_matrix, load
 from rcdn.io.fields import number
 from rcdn.types import Array, Camera
 
@@ -60,10 +60,11 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
 def _get(data: dict[str, Any], key: str, shape: tuple[int, int] | None, where: str) -> Array:
     """The matrix of `key`, upper or lower case (older samples write Camera_Matrix)."""
     value = data.get(key.lower())
-    if not isinstance(value, np.ndarray) or (shape and value.shape != shape):
+    array = value.array(f"{where}: {key!r}") if isinstance(value, Matrix) else None
+    if array is None or (shape and array.shape != shape):
         size = "{} × {}".format(*shape) if shape else "row or column"
         raise FormatError(f"{where}: {key!r} must be a {size} matrix (!!opencv-matrix)")
-    return value
+    return array
 
 
 def _camera(data: dict[str, Any], keys: tuple[str, str], size: tuple[int, int], where: str) -> Camera:

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.errors import FormatError
 from rcdn.io.cameras.base import Format, make_camera, pair_of
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import nullable, numbers, read_json, take
+from rcdn.io.fields import numbers, read_json, take, two_whole_numbers
 from rcdn.types import Camera, CameraModel
 
 TITLE = "rcdn's JSON"
@@ -41,15 +41,9 @@ def camera_of(owner: Any, where: str) -> Camera:
     model: CameraModel = take(record, "model", str, where)
     if model not in get_args(CameraModel):
         raise FormatError(f"{where}: 'model' must be one of {', '.join(get_args(CameraModel))}, not {model!r}")
-    width, height = numbers(record, "image_size", where, finite=True, shape=(2,)).astype(int).tolist()
+    size = two_whole_numbers(record, "image_size", where)
     K = numbers(record, "K", where, finite=True, shape=(3, 3))
-    return make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), (width, height), model)
-
-
-def pair_record(pair: StereoCameras) -> dict[str, Any]:
-    """The fields of a pair beside its cameras."""
-    record = {"T_right_left": pair.T_right_left.tolist()}
-    return record | {name: nullable(getattr(pair.rectification, name)) for name in SHAPES if pair.rectification}
+    return make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), size, model)
 
 
 def to_text(kind: str, record: dict[str, Any]) -> str:
@@ -77,7 +71,23 @@ def cameras(data: Any, path: str) -> dict[str, Camera]:
     raise FormatError(f"{path}: holds no camera; give a file of `rcdn calibrate`")
 
 
-def pair(data: Any, path: str) -> StereoCameras:
+def _text(camera: Camera) -> str:
+    return to_text("camera", {"camera": camera_record(camera)})
+
+
+def _stereo_texts(found: StereoCameras) -> tuple[str, ...]:
+    sides = {side: {"camera": camera_record(getattr(found, side))} for side in _BLOCKS}
+    turns = {name: getattr(found.rectification, name).tolist() for name in SHAPES if found.rectification}
+    return (to_text("stereo cameras", {"T_right_left": found.T_right_left.tolist(), **turns, **sides}),)
+
+
+def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
+    if len(files) > 1:
+        raise FormatError(f"{files[1][1]}: {TITLE} holds both cameras in one file; give that one only")
+    return _pair(*files[0])
+
+
+def _pair(data: Any, path: str) -> StereoCameras:
     """The pair of a pair's file or of a stereo calibration."""
     left, right = pair_of(cameras(data, path), path)
     T = numbers(data, "T_right_left", path, finite=True, shape=(4, 4))
@@ -85,21 +95,6 @@ def pair(data: Any, path: str) -> StereoCameras:
         return StereoCameras(left, right, T)
     turns = {name: numbers(data, name, path, finite=True, shape=shape) for name, shape in SHAPES.items()}
     return StereoCameras(left, right, T, Rectification(**turns))
-
-
-def _text(camera: Camera) -> str:
-    return to_text("camera", {"camera": camera_record(camera)})
-
-
-def _stereo_texts(found: StereoCameras) -> tuple[str, ...]:
-    sides = {side: {"camera": camera_record(getattr(found, side))} for side in _BLOCKS}
-    return (to_text("stereo cameras", sides | pair_record(found)),)
-
-
-def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
-    if len(files) > 1:
-        raise FormatError(f"{files[1][1]}: {TITLE} holds both cameras in one file; give that one only")
-    return pair(*files[0])
 
 
 def _block(record: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ def motion(R: Array, t: Array) -> Array:
     return T
 
 
-def _freeze(owner: object, shapes: dict[str, tuple[int, ...]]) -> None:
+def _freeze(owner: object, shapes: Mapping[str, tuple[int, ...]]) -> None:
     for name, shape in shapes.items():
         array = np.array(getattr(owner, name), float)
         if array.shape != shape or not np.isfinite(array).all():

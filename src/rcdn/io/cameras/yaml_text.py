@@ -13,25 +13,29 @@ from rcdn.errors import FormatError
 from rcdn.types import Array
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]
-    """YAML's plain values, and OpenCV's matrices as arrays (rows, cols)."""
+class Matrix(dict[str, Any]):
+    """A matrix of OpenCV's YAML as it stands in the file; `array()` (rows, cols), or FormatError that opens with `where`."""
+
+    def array(self, where: str) -> Array:
+        try:
+            return np.array(self["data"], dtype=float).reshape(int(self["rows"]), int(self["cols"]))
+        except (KeyError, ValueError, TypeError, OverflowError) as error:
+            raise FormatError(f"{where} must have rows, cols and as many numbers in data; export it again") from error
 
 
-def _opencv_matrix(loader: Any, node: Any) -> Array:
-    record = loader.construct_mapping(node, deep=True)
-    try:
-        return np.array(record["data"], dtype=float).reshape(int(record["rows"]), int(record["cols"]))
-    except (KeyError, ValueError, TypeError, OverflowError) as error:
-        raise yaml.constructor.ConstructorError(
-            None, None, "a matrix needs rows, cols and data that fit", node.start_mark
-        ) from error
+class _Loader(yaml.SafeLoader):
+    """YAML's plain values, and OpenCV's matrices."""
 
 
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
+def _matrix(loader: Any, node: Any) -> Matrix:
+    return Matrix(loader.construct_mapping(node, deep=True))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
 
 
 def load(path: str, text: str) -> Any:
-    """The value of a YAML file. Raises FormatError with the line of the trouble."""
+    """The value of a YAML file, OpenCV's matrices as `Matrix`. Raises FormatError with the line of the trouble."""
     plain = re.sub(r"\A%YAML[: ]1\.\d[^\n]*\n", "", text)  # OpenCV's head is not YAML's
     try:
         return yaml.load(plain, _Loader)
@@ -54,6 +58,6 @@ def flow(values: Iterable[float]) -> str:
 def block_matrix(key: str, array: Array, tag: str = "") -> str:
     """A matrix with rows, cols and data, as ROS writes it, or with OpenCV's tag as OpenCV does; one row a line."""
     array = np.atleast_2d(array)
-    rows = ",\n      ".join(", ".join(digits(v) for v in row) for row in array)
+    rows = (", " if array.shape[1] == 1 else ",\n      ").join(", ".join(digits(v) for v in row) for row in array)
     depth = "   dt: d\n" if tag else ""
     return f"{key}:{tag}\n   rows: {array.shape[0]}\n   cols: {array.shape[1]}\n{depth}   data: [{rows}]\n"

@@ -1,0 +1,126 @@
+"""The pose of one board under a known camera, with both answers that a flat board allows."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from rcdn.calibration import robust
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.labels import bend
+from rcdn.calibration.start import Seen, poses
+from rcdn.calibration.uncertainty import motion_covariance
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.geometry import unproject
+from rcdn.types import Array, Board, Camera, Pose, PoseEstimate
+
+FEWEST = 4
+SURE = 9.0
+"""by how much the better pose's sum of whitened squares must be less: three standard deviations"""
+HOPEFUL = 10.0
+"""× the best start's median distance of corners: a start beyond it isn't refined"""
+ASIDE = 0.1
+"""least z of a unit ray in the view that faces the board, for IPPE's flat picture (84°)"""
+
+
+def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: Array | None = None) -> PoseEstimate:
+    """`T_cam_board` of `board` under `camera`: where its corner (0, 0) and its columns (x), rows (y) and back (z) are.
+
+    `spacing`: side of a square, m (default: the pose is in squares). `warp` (2,) as `Calibration.warp`, for whole boards. Starts from both poses
+    that a plane allows (IPPE, Collins & Bartoli 2014), refines them with corners weighted by sigma and outliers left out, and takes the
+    better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its own first corner.
+    Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
+    """
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ConfigError(
+            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
+        )
+    corners, sigma = _corners(board, spacing, warp)
+    starts = _worth(camera, _starts(camera, corners), corners)
+    fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: f.noise)
+    first = fits[0]
+    others = [f for f in fits[1:] if _apart(first, f)]
+    worse = [_square(f, first) - _square(first, first) for f in others]
+    gaps = residuals(first.state, corners)
+    length = (gaps[first.used] ** 2).sum(axis=1)
+    return PoseEstimate(
+        first.state.poses[0],
+        motion_covariance(first.arrow, 0, first.scale),
+        float(np.sqrt(length.mean())),
+        gaps,
+        Pose(others[0].state.poses[0]) if others else None,
+        bool(others and worse[0] < SURE * first.scale),
+    )
+
+
+def _corners(board: Board, spacing: float, warp: Array | None) -> tuple[Corners3, Array]:
+    zero = np.zeros(len(board), int)
+    raised = np.zeros(len(board)) if warp is None else bend(board.ij, board.size) @ np.asarray(warp, float)
+    sigma = np.zeros(len(board)) if board.sigma is None else np.nan_to_num(board.sigma)
+    # the warp is known: as a bend of one unit by the state's warp (1, 0)
+    return Corners3(zero, zero, board.ij * spacing, board.xy, np.stack([raised, 0 * raised], axis=-1)), sigma
+
+
+def _starts(camera: Camera, corners: Corners3) -> list[Array]:
+    """Poses (4, 4) to start from: both of IPPE where the board lies in half a view, else that of the rays' homography."""
+    rays = unproject(camera, corners.xy)
+    seen = np.isfinite(rays).all(axis=1)
+    if seen.sum() < FEWEST or np.linalg.matrix_rank(corners.board[seen] - corners.board[seen].mean(axis=0), 1e-9) < 2:
+        raise CalibrationError(
+            f"a pose needs {FEWEST} corners, not all in one line, with viewing rays; the board has {int(seen.sum())} that this camera can see"
+        )
+    rays = rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True)
+    turn = _facing(rays.mean(axis=0))
+    flat = rays @ turn.T
+    if flat[:, 2].min() < ASIDE:
+        return list(poses(camera, [Seen(corners.board[seen], corners.xy[seen])]))
+    points = np.column_stack([corners.board[seen], np.zeros(int(seen.sum()))])
+    try:
+        _, vectors, shifts, _ = cv2.solvePnPGeneric(
+            points, flat[:, :2] / flat[:, 2:], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error as error:
+        raise CalibrationError("no pose fits the board's corners: are its labels right?") from error
+    return [_back(turn, cv2.Rodrigues(r)[0], t) for r, t in zip(vectors, shifts, strict=True)]
+
+
+def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array]:
+    """The starts whose corners lie not much farther off than those of the best."""
+    miss = []
+    for T in starts:
+        gaps = np.linalg.norm(residuals(State.mono(camera, T[None], np.array([1.0, 0.0])), corners), axis=1)
+        miss.append(float(np.median(np.nan_to_num(gaps, nan=np.inf))))
+    return [T for T, m in zip(starts, miss, strict=True) if m <= HOPEFUL * min(miss)]
+
+
+def _facing(direction: Array) -> Array:
+    """(3, 3) a rotation that takes `direction` to the z axis."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _back(turn: Array, R: Array, t: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn.T @ R, turn.T @ np.ravel(t)
+    return T
+
+
+def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
+    start = State.mono(camera, T[None], np.array([1.0, 0.0]))
+    nothing = default_free(start, lens=False)
+    state, noise = robust.rough_fit(start, corners, sigma, nothing)
+    return robust.fit(state, noise, corners, sigma, nothing)
+
+
+def _apart(a: robust.Fit, b: robust.Fit) -> bool:
+    """True if the two fits went to different poses (more than half a degree)."""
+    R = a.state.poses[0, :3, :3].T @ b.state.poses[0, :3, :3]
+    return bool(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))) > 0.5)
+
+
+def _square(fit: robust.Fit, of: robust.Fit) -> float:
+    """Sum of whitened squares of one fit, over the corners and by the weights of another."""
+    square = (fit.residuals**2).sum(axis=1) * of.weight**2
+    return float(np.nan_to_num(square[of.used], nan=np.inf).sum())

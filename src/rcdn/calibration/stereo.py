@@ -1,0 +1,237 @@
+"""Two cameras that look at the same boards: where they stand to each other, and pictures turned into one plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from rcdn.calibration import robust
+from rcdn.calibration.advice import advise
+from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.calibrate import calibrate
+from rcdn.calibration.labels import Size, bend
+from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, turn_labels
+from rcdn.calibration.uncertainty import covariance
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.geometry import cross_matrix, unproject
+from rcdn.types import Array, Board, BoardView, Calibration, Camera, Pose, StereoCalibration
+
+Names = tuple[Sequence[str], Sequence[str]]
+
+
+def calibrate_stereo(
+    left: Sequence[Board],
+    right: Sequence[Board],
+    spacing: float,
+    *,
+    pairs: Sequence[tuple[int, int]] | None = None,
+    names: Names | None = None,
+    model: str = "auto",
+    size: Size | None = None,
+) -> StereoCalibration:
+    """Both cameras and the place of the right one, from boards that both saw at the same moment.
+
+    `left`, `right`: the cameras' boards, partial ones and boards that only one camera saw too (they help its lens). `pairs`: (index in
+    `left`, index in `right`) of the same board at the same moment; default: equal indices. Only whole boards (labels settled) tell where
+    the cameras stand; of a symmetric one the turn that agrees with the other pairs is taken. `names` of the pictures; the rest as in
+    `calibrate`.
+
+    Starts from each camera's own calibration, then solves lenses, poses and place together. Raises CalibrationError if the pairs don't agree on
+    the cameras' place, and says so if mirrored pictures would explain it.
+    """
+    pairs = _pairs(left, right, pairs)
+    named = names or (None, None)
+    first = calibrate(left, spacing, names=named[0], model=model, size=size)
+    second = calibrate(right, spacing, names=named[1], model=model, size=size or first.size)
+    if first.size != second.size:
+        raise CalibrationError(
+            f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): name the size to use"
+        )
+    shared = [p for p in pairs if _tells(first.views[p[0]]) and _tells(second.views[p[1]])]
+    if len(shared) < FEWEST_PAIRS:
+        raise CalibrationError(
+            f"only {len(shared)} pairs show the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
+            "and check that the pictures are given in the same order or with the same names"
+        )
+    T, turned, odd = place(first, second, shared)
+    task = _task(first, second, [p for p in shared if p not in odd], turned)
+    fit = robust.fit(
+        _start(task, first, second, T), max(first.noise, second.noise), task.corners, task.sigma, _free(first, second)
+    )
+    return _result(task, fit, first, second, odd, spacing)
+
+
+def _text(size: Size | None) -> str:
+    return "no whole one" if size is None else f"{size[0]}×{size[1]}"
+
+
+def _pairs(
+    left: Sequence[Board], right: Sequence[Board], pairs: Sequence[tuple[int, int]] | None
+) -> Sequence[tuple[int, int]]:
+    if pairs is None:
+        if len(left) != len(right):
+            raise ConfigError(f"left has {len(left)} boards, right {len(right)}: give pairs, or boards in pairs")
+        return [(k, k) for k in range(len(left))]
+    if any(not (0 <= a < len(left) and 0 <= b < len(right)) for a, b in pairs):
+        raise ConfigError("pairs must hold (index in left, index in right)")
+    return list(pairs)
+
+
+def _tells(view: BoardView) -> bool:
+    return view.settled and not view.reason
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their corners; `rows` (camera, view) →
+    rows of the corners; `turned`: quarter turns of right views."""
+
+    seen: list[tuple[int, int]]
+    corners: Corners3
+    sigma: Array
+    rows: dict[tuple[int, int], Array]
+
+
+def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]], turned: dict[int, int]) -> _Task:
+    lefts, rights = {a for a, _ in pairs}, {b for _, b in pairs}
+    alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
+    alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
+    seen = [*pairs, *alone]
+    frame, camera, ij, xy, sigma, rows, at = [], [], [], [], [], {}, 0
+    for f, pair in enumerate(seen):
+        for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
+            if k < 0:
+                continue
+            view = calibration.views[k]
+            turn = turned.get(k, 0) if c else 0
+            frame.append(np.full(len(view), f))
+            camera.append(np.full(len(view), c))
+            ij.append(turn_labels(view.ij, first.size or (1, 1), turn) if turn else view.ij)
+            xy.append(view.xy)
+            sigma.append(np.nan_to_num(view.sigma))
+            rows[c, k] = np.arange(at, at + len(view))
+            at += len(view)
+    joint = np.concatenate(ij)
+    corners = Corners3(
+        np.concatenate(frame), np.concatenate(camera), joint * first.spacing, np.concatenate(xy), 0 * bend(joint, None)
+    )
+    return _Task(seen, corners, np.concatenate(sigma), rows)
+
+
+def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
+    poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
+    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), np.zeros(2))
+
+
+def _free(first: Calibration, second: Calibration) -> Array:
+    return np.concatenate([np.ones(len(first.std) + len(second.std) + 6, bool), np.zeros(2, bool)])
+
+
+def _result(
+    task: _Task, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]], spacing: float
+) -> StereoCalibration:
+    used = [f for f, reason in enumerate(fit.reasons) if not reason]
+    pairs = [f for f in used if min(task.seen[f]) >= 0]
+    if len(pairs) < FEWEST_PAIRS:
+        raise CalibrationError(
+            f"only {len(pairs)} pairs agree with each other: check that pictures are paired by moment"
+        )
+    cov, T = covariance(fit.arrow, np.array(used), fit.scale), fit.state.rig[1]
+    a, b = len(first.std), len(second.std)
+    to_right = _motion_of_right(T, a, b, len(cov))
+    keep = np.eye(len(cov))
+    left_cov = keep[[*range(a), *range(len(cov) - 6, len(cov))]]
+    right_cov = np.concatenate([keep[a : a + b], to_right])
+    left, right = (
+        _one(task, fit, calibration, c, M @ cov @ M.T)
+        for c, (calibration, M) in enumerate(((first, left_cov), (second, right_cov)))
+    )
+    left, right = (_paired(task, odd, c, calibration) for c, calibration in enumerate((left, right)))
+    rectified = _rectify(left.camera, right.camera, T)
+    places = slice(a + b, a + b + 6)
+    seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
+    rms = float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
+    epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
+    advice = [f"Left: {t}" for t in advise(left)] + [f"Right: {t}" for t in advise(right)]
+    if odd:
+        advice.insert(0, f"{len(odd)} pairs disagree with the others on where the cameras stand and were left out.")
+    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, tuple(advice))
+
+
+def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
+    """(6, size) mean motion of the boards in the right camera, of that in the left one and of the right camera's own."""
+    M = np.zeros((6, size))
+    M[:, a + b : a + b + 6] = np.eye(6)
+    R, t = T[:3, :3], T[:3, 3]
+    M[:3, -6:-3] = R
+    M[3:, -6:-3] = cross_matrix(t) @ R
+    M[3:, -3:] = R
+    return M
+
+
+def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Array) -> Calibration:
+    """One camera's calibration after the joint solution."""
+    views = []
+    for k, view in enumerate(before.views):
+        rows = task.rows.get((camera, k))
+        if rows is None:
+            views.append(view)
+            continue
+        f = int(task.corners.frame[rows[0]])
+        T = fit.state.rig[camera] @ fit.state.poses[f]
+        ij = np.rint(task.corners.board[rows] / before.spacing).astype(int)
+        views.append(
+            replace(
+                view, ij=ij, pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=fit.reasons[f]
+            )
+        )
+    done = replace(before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise)
+    return replace(done, advice=advise(done))
+
+
+def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:
+    """With views in the order of the frames, so that pairs come first and stand beside each other."""
+    order = [pair[camera] for pair in task.seen if pair[camera] >= 0]
+    rest = [k for k in range(len(calibration.views)) if k not in set(order)]
+    return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
+
+
+def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
+    """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras."""
+    E = cross_matrix(T[:3, 3] / np.linalg.norm(T[:3, 3])) @ T[:3, :3]
+    squares = []
+    for f in pairs:
+        a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
+        labels = [
+            {tuple(x): r for x, r in zip(task.corners.board[rows].round(9).tolist(), rows, strict=True)}
+            for rows in (a, b)
+        ]
+        common = [(labels[0][x], labels[1][x]) for x in labels[0] if x in labels[1]]
+        mine = np.array([(p, q) for p, q in common if fit.used[p] and fit.used[q]])
+        if not len(mine):
+            continue
+        rays = [unproject(c, task.corners.xy[rows]) for c, rows in zip((left, right), mine.T, strict=True)]
+        x, y = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
+        for ray, normal, camera in ((y, x @ E.T, right), (x, y @ E, left)):
+            angle = (ray * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
+            squares.append((angle * camera.K[0, 0]) ** 2)
+    return float(np.sqrt(np.nanmean(np.concatenate(squares))))
+
+
+def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Rotations, projections and Q that bring both pictures into one plane (Bouguet's way, OpenCV's stereoRectify)."""
+    nothing = np.zeros(5)
+    R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
+        left.K,
+        nothing,
+        right.K,
+        nothing,
+        left.image_size,
+        T[:3, :3].copy(),
+        T[:3, 3:].copy(),
+        flags=cv2.CALIB_ZERO_DISPARITY,
+    )
+    return R1, R2, P1, P2, Q

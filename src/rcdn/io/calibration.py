@@ -1,0 +1,183 @@
+"""A whole calibration as our JSON, described field by field in docs/formats.md: every digit is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from rcdn.errors import FormatError, RcdnError
+from rcdn.io.cameras import ours
+from rcdn.io.fields import nullable, number, numbers, read_text, take, two_whole_numbers
+from rcdn.io.files import write_text
+from rcdn.types import Array, BoardView, Calibration, ModelScore, Orientation, Pose, StereoCalibration
+
+_KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
+
+
+def write_calibration(path: str | Path, found: Calibration | StereoCalibration) -> None:
+    """Write a calibration of one camera or of two, one view a line, whole or not at all.
+
+    The same input gives the same bytes. Numbers that nobody knows (NaN) are null. Raises OutputError as `write_text`.
+    """
+    record = _record(found) if isinstance(found, Calibration) else _stereo_record(found)
+    write_text(path, ours.to_text(_KINDS[type(found)], record))
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Read what `write_calibration` wrote of one camera: equal in every number.
+
+    Unknown fields, and those that follow from others (rms, held_out, std), are passed over. Raises FormatError, naming the file
+    and the field, if it can't be read, isn't JSON, is of another version or kind, or doesn't have the form of docs/formats.md.
+    """
+    return _calibration(_load(path, "calibration"), str(path))
+
+
+def read_stereo_calibration(path: str | Path) -> StereoCalibration:
+    """Read what `write_calibration` wrote of two cameras; as `read_calibration`."""
+    data, where = _load(path, "stereo calibration"), str(path)
+    left, right = (_calibration(take(data, side, dict, where), f"{where}: {side}") for side in ("left", "right"))
+    T = numbers(data, "T_right_left", where, finite=True, shape=(4, 4))
+    R_left, R_right, P_left, P_right, Q = (numbers(data, n, where, shape=shape) for n, shape in ours.SHAPES.items())
+    rms, epipolar = _known(data, "rms", where), _known(data, "epipolar", where)
+    cov = numbers(data, "cov", where, shape=(6, 6))
+    advice = _texts(data, "advice", where)
+    return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice)
+
+
+# ---- values → JSON
+
+
+def _record(found: Calibration) -> dict[str, Any]:
+    names = found.camera.parameter_names
+    return {
+        "camera": ours.camera_record(found.camera),
+        "rms": nullable(found.rms),
+        "held_out": nullable(found.held_out),
+        "std": dict(zip(names, nullable(found.std), strict=True)),
+        "spacing": float(found.spacing),
+        "size": None if found.size is None else [int(n) for n in found.size],
+        "orientation": found.orientation,
+        "warp": None if found.warp is None else nullable(found.warp),
+        "warp_std": None if found.warp_std is None else nullable(found.warp_std),
+        "noise": nullable(found.noise),
+        "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
+        "advice": list(found.advice),
+        "cov": nullable(found.cov),
+        "views": [_view_record(view) for view in found.views],
+    }
+
+
+def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
+    return {
+        "T_right_left": found.T_right_left.tolist(),
+        **{name: nullable(getattr(found, name)) for name in ours.SHAPES},
+        "rms": nullable(found.rms),
+        "epipolar": nullable(found.epipolar),
+        "baseline": nullable(found.baseline),
+        "advice": list(found.advice),
+        "cov": nullable(found.cov),
+        "left": _record(found.left),
+        "right": _record(found.right),
+    }
+
+
+def _view_record(view: BoardView) -> dict[str, Any]:
+    return {
+        "name": view.name,
+        "board": int(view.board),
+        "reason": view.reason,
+        "settled": bool(view.settled),
+        "rms": nullable(view.rms),
+        "pose": None if view.pose is None else nullable(view.pose.T_cam_board),
+        "ij": view.ij.tolist(),
+        "xy": nullable(view.xy),
+        "sigma": nullable(view.sigma),
+        "residuals": nullable(view.residuals),
+        "used": view.used.astype(int).tolist(),
+    }
+
+
+# ---- JSON → values
+
+
+def _load(path: str | Path, kind: str) -> Any:
+    data = ours.load(str(path), read_text(path))
+    if data.get("kind") != kind:
+        raise FormatError(f"{path}: holds {data.get('kind')!r}, not {kind!r}; write it with `rcdn calibrate --json`")
+    return data
+
+
+def _calibration(data: Any, where: str) -> Calibration:
+    camera = ours.camera_of(data, where)
+    many = len(camera.parameters) + 6
+    size = None if data.get("size") is None else two_whole_numbers(data, "size", where)
+    models = [_score(m, f"{where}: models[{k}]") for k, m in enumerate(take(data, "models", list, where))]
+    views = [_view(v, f"{where}: views[{k}]") for k, v in enumerate(take(data, "views", list, where))]
+    return Calibration(
+        camera=camera,
+        spacing=number(data, "spacing", where),
+        views=tuple(views),
+        cov=numbers(data, "cov", where, shape=(many, many)),
+        noise=_known(data, "noise", where),
+        models=tuple(models),
+        size=size,
+        orientation=_orientation(data, where),
+        warp=_optional(data, "warp", where),
+        warp_std=_optional(data, "warp_std", where),
+        advice=_texts(data, "advice", where),
+    )
+
+
+def _view(record: Any, where: str) -> BoardView:
+    pose = record.get("pose") if isinstance(record, dict) else None
+    ij, used = (numbers(record, key, where, finite=True) for key in ("ij", "used"))
+    if (ij != np.floor(ij)).any() or not np.isin(used, (0, 1)).all():
+        raise FormatError(f"{where}: 'ij' must hold whole numbers and 'used' 0 or 1")
+    try:
+        return BoardView(
+            name=take(record, "name", str, where),
+            board=take(record, "board", int, where),
+            ij=ij,
+            xy=numbers(record, "xy", where),
+            sigma=numbers(record, "sigma", where),
+            pose=None if pose is None else Pose(numbers(record, "pose", where, shape=(4, 4))),
+            residuals=numbers(record, "residuals", where),
+            used=used.astype(bool),
+            reason=take(record, "reason", str, where),
+            settled=take(record, "settled", bool, where),
+        )
+    except RcdnError as error:
+        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
+
+
+def _score(record: Any, where: str) -> ModelScore:
+    name = take(record, "model", str, where)
+    return ModelScore(name, _known(record, "rms", where), _known(record, "held_out", where))
+
+
+def _known(record: Any, key: str, where: str) -> float:
+    """A number, NaN if it is null; the field must be there."""
+    if not isinstance(record, dict) or key not in record:
+        raise FormatError(f"{where}: {key!r} must be a number or null")
+    return float(numbers({key: [record[key]]}, key, where, shape=(1,))[0])
+
+
+def _optional(record: dict[str, Any], key: str, where: str) -> Array | None:
+    return None if record.get(key) is None else numbers(record, key, where, shape=(2,))
+
+
+def _texts(record: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
+    values = take(record, key, list, where)
+    if not all(isinstance(v, str) for v in values):
+        raise FormatError(f"{where}: {key!r} must hold text")
+    return tuple(values)
+
+
+def _orientation(record: dict[str, Any], where: str) -> Orientation | None:
+    value = record.get("orientation")
+    for known in (None, *get_args(Orientation)):
+        if value == known:
+            return known
+    raise FormatError(f"{where}: 'orientation' must be null or one of {', '.join(get_args(Orientation))}")
