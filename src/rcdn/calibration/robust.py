@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from rcdn.calibration.bundle import Arrow, Corners3, State, default_free, residuals, solve
+from rcdn.calibration.bundle import BEHIND, Arrow, Corners3, State, default_free, residuals, solve
+from rcdn.geometry import rotation
 from rcdn.types import Array
 
-GATE = 5.0
-"""standard deviations of a corner's distance from which on it is an outlier (one in 270,000 by chance)"""
+GATE = 4.5
+"""standard deviations of a corner's distance from which on it is an outlier (one in 25,000 by chance)"""
 CROOKED = 5.0
 """× the usual scatter: a view whose typical corner lies that far off is left out"""
 TOO_MANY = 0.3
@@ -43,7 +44,36 @@ def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array) -> tup
     for _ in range(2):
         state = solve(state, corners, _weights(noise, sigma), free, "soft_l1").state
         noise = _median_noise(residuals(state, corners), sigma)
+        state = _unflipped(state, corners, _weights(noise, sigma))
     return state, noise
+
+
+def _unflipped(state: State, corners: Corners3, weight: Array) -> State:
+    """With the other of the two poses that a plane allows where that fits better: a pose may have gone to the wrong one."""
+    seen = np.unique(corners.frame)
+    other = solve(
+        _flipped(state, corners, seen), corners, weight, default_free(state, lens=False), "soft_l1", repeats=2
+    ).state
+    costs = []
+    for each in (state, other):
+        square = np.nan_to_num((residuals(each, corners) * weight[:, None]) ** 2, nan=BEHIND**2)
+        costs.append(np.bincount(corners.frame, (np.sqrt(1 + square / 4) - 1).sum(axis=1), len(state.poses)))
+    better = costs[1] < costs[0]
+    return replace(state, poses=np.where(better[:, None, None], other.poses, state.poses))
+
+
+def _flipped(state: State, corners: Corners3, frames: Array) -> State:
+    """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' middles."""
+    poses = state.poses.copy()
+    for f in frames:
+        R, t = poses[f, :3, :3], poses[f, :3, 3]
+        middle = R[:, :2] @ corners.board[corners.frame == f].mean(axis=0) + t
+        sight, normal = middle / np.linalg.norm(middle), R[:, 2]
+        axis = np.cross(normal, sight)
+        # the angle between them, twice
+        Q = rotation(2 * axis / max(np.linalg.norm(axis), 1e-12) * np.arctan2(np.linalg.norm(axis), normal @ sight))
+        poses[f, :3, :3], poses[f, :3, 3] = Q @ R, middle - Q @ (middle - t)
+    return replace(state, poses=poses)
 
 
 def fit(start: State, noise: float, corners: Corners3, sigma: Array, free: Array) -> Fit:
