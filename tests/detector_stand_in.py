@@ -10,7 +10,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
+from rcdn.errors import DependencyError
 from rcdn.types import Board, Corners
 
 BROKEN, STOP, KILL, KILL_ONCE, SLOW = 255, 254, 253, 252, 251
@@ -72,4 +74,49 @@ def picture(path: Path, cols=9, rows=6, missing=0) -> Path:
     image[0, :3] = cols, rows, missing
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), image)
+    return path
+
+
+class BrightSquare:
+    """Finds a board of 4 × 3 corners where the picture is bright, and none in a dark one: for videos, which change pixels."""
+
+    def __init__(self, config) -> None:
+        self.config = config
+
+    def detect(self, image):
+        mark("look")
+        y, x = np.nonzero(image > 128)
+        if not len(x):
+            return Found(Corners(np.zeros((0, 2)), [], []), [])
+        ij = np.array([(i, j) for j in range(3) for i in range(4)])
+        low, high = np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
+        xy = low + (high - low) * (ij + 0.5) / [4, 3]
+        board = Board(xy, ij, image.shape[::-1], np.ones(12), np.zeros(12), "unique", np.full(12, 1 / 30))
+        return Found(Corners(xy, np.ones(12), np.zeros(12)), [board])
+
+
+class NoDetector:
+    """A detector that can't be made."""
+
+    def __init__(self, config) -> None:
+        raise DependencyError("onnxruntime is missing:\ninstall it")
+
+
+def ends_at_once(config):
+    """Kills the process that should make a detector."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def video(path: Path, places) -> Path:
+    """Write a video of 160 × 120 with a bright square of 40 × 30 px at each of `places` (x, y); None: a dark frame."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10, (160, 120))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no video")
+    for place in places:
+        frame = np.full((120, 160, 3), 20, np.uint8)
+        if place is not None:
+            x, y = place
+            frame[y : y + 30, x : x + 40] = 230
+        writer.write(frame)
+    writer.release()
     return path

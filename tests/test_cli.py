@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -21,7 +20,8 @@ from rcdn.cli import detect as verb
 from rcdn.cli._options import parse_size
 from rcdn.errors import DependencyError, OutputError
 from rcdn.io import ImageResult, read_detections, read_vnl
-from rcdn.types import Board, Corners
+from rcdn.types import Corners
+
 
 @pytest.fixture
 def run(monkeypatch, tmp_path):

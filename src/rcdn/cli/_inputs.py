@@ -51,21 +51,24 @@ def gather(
     cache: Cache | None = None,
     frames: int = KEPT,
     numbers: Numbers | None = None,
+    size: tuple[int, int] | None = None,
     make: Callable[[DetectorConfig], Any] = _batch.make_detector,
 ) -> Gathered:
     """Detections of all `inputs`: pictures, videos, folders, patterns, and files of detections (.json, corners.vnl).
 
     `jobs` processes (0: one for each core) compute what the `cache` doesn't know. Of each video at most `frames` frames are used,
     sharp and different ones; `numbers` gives them instead, video by video, as the other camera of a pair has them
-    (`Gathered.frames`). A file that fails is reported on stderr and the others go on. Whatever the `jobs` and the cache, the result is
-    the same. Raises ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
+    (`Gathered.frames`). `size`: the board's (columns, rows), which a corners.vnl doesn't hold; None: guessed.
+
+    A file that fails is reported on stderr and the others go on. Whatever the `jobs` and the cache, the result is the same. Raises
+    ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
     """
     run = _Run(_expanded(inputs), frames, numbers)
     for failure in run.failures:
         say_error(failure.message)
     if not run.paths:
         raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
-    run.read_saved()
+    run.read_saved(size)
     jobs = _pool.jobs_for(jobs, list(run.shot.values()))
     config = _pool.one_thread(config, jobs)
     run.detect(_batch.Work(partial(make, config), cache), jobs)
@@ -103,20 +106,20 @@ class _Run:
 
     # ---- detections that were saved
 
-    def read_saved(self) -> None:
+    def read_saved(self, size: tuple[int, int] | None) -> None:
         for index, path in enumerate(self.paths):
             if index in self.shot:
                 continue
             try:
-                self._images[index] = self._saved(path)
+                self._images[index] = self._saved(path, size)
             except Exception as error:
                 self._fail(_batch.Failure(str(path), _batch.explain(error, str(path))), say_error)
 
-    def _saved(self, path: Path) -> list[ImageResult]:
-        from rcdn.io import read_detections, read_vnl
+    def _saved(self, path: Path, size: tuple[int, int] | None) -> list[ImageResult]:
+        from rcdn.io import read_detections, read_vnl_boards
 
         if path.suffix.lower() == ".vnl":
-            return list(read_vnl(path))
+            return read_vnl_boards(path, size)
         images, errors = read_detections(path)
         if errors:
             names = ", ".join(name for name, _ in errors[:3]) + (", …" if len(errors) > 3 else "")
