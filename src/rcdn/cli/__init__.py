@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import board, detect, evaluate, export, render, train
+from rcdn.cli import board, calibrate, detect, evaluate, export, pose, render, train
 from rcdn.cli._group import Group
 
 app = typer.Typer(
@@ -40,13 +40,15 @@ def rcdn(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
     ] = False,
 ) -> None:
-    """Find the corners of checkerboards in photographs, and the boards they belong to.
+    """Find the corners of checkerboards in photographs, the boards they belong to, and the cameras that took them.
 
     Nobody has to say how big the board is; parts of boards and several boards in a picture are found, too.
     """
 
 
 app.command("detect")(detect.detect)
+app.command("calibrate")(calibrate.calibrate)
+app.command("pose")(pose.pose)
 app.command("board")(board.board)
 app.command("render")(render.render)
 app.command("train")(train.train)

@@ -1,0 +1,104 @@
+"""`rcdn pose`: where boards stand before a known camera."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from rcdn.cli import _batch, _camera_text
+from rcdn.cli._cache import open_cache
+from rcdn.cli._group import FAILED, say_error
+from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, parse_size
+from rcdn.config import DetectorConfig
+from rcdn.errors import ConfigError, RcdnError
+
+
+def pose(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="INPUTS...",
+            help="Pictures, folders, patterns or videos, or detections that were saved (.json, .vnl).",
+        ),
+    ],
+    camera: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="The camera, as `rcdn calibrate -o` or --json writes it (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON).",
+        ),
+    ],
+    spacing: Annotated[
+        float, typer.Option(metavar="METRES", help="Side of one square, in metres: 25 mm squares have 0.025.")
+    ],
+    board: Annotated[
+        GridSize | None,
+        typer.Option(parser=parse_size, metavar="COLSxROWS", help="Only boards of that many inner corners, whole."),
+    ] = None,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write poses with their covariances as JSON.")
+    ] = None,
+    jobs: Jobs = 0,
+    cache: CacheFolder = None,
+    no_cache: NoCache = False,
+) -> None:
+    """Find where boards stand: a line for each, its corner (0, 0) in metres from the camera (x right, y down, z forward).
+
+    Where a picture allows two poses, it says so. The JSON has T_cam_board and the covariance of a small motion after it
+    (rotation vector, rad, in camera axes; then metres).
+
+    Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
+    """
+    from rcdn.calibration import estimate_pose
+    from rcdn.cli._inputs import gather
+    from rcdn.io import read_camera, write_text
+
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ConfigError(f"--spacing must be the side of one square in metres (25 mm: 0.025), not {spacing}")
+    lens = read_camera(camera)
+    _batch.check_file("--json", json, [Path(i) for i in inputs])
+    config = DetectorConfig.preset("auto")
+    size = None if board is None else (board.cols, board.rows)
+    got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
+    records: list[dict[str, Any]] = []
+    failed = bool(got.failures)
+    for image in got.images:
+        for k, found in enumerate(image.boards):
+            if size is not None and (not found.complete or sorted(found.size) != sorted(size)):
+                continue
+            try:
+                if found.image_size != tuple(lens.image_size):
+                    raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
+                done = estimate_pose(found, lens, spacing)
+            except RcdnError as error:
+                say_error(f"{image.path}: {error}")
+                failed = True
+                continue
+            typer.echo(_camera_text.pose_line(image.path, done))
+            records.append(_record(image.path, k, found, done))
+    if not records:
+        say_error("no pose: no board was found in the pictures; see what `rcdn detect --overlay` draws")
+    if json is not None:
+        lines = ",\n".join(json_module.dumps(r) for r in records)
+        write_text(json, f'{{"version": 1, "spacing": {spacing!r}, "poses": [\n{lines}\n]}}\n')
+    if failed or not records:
+        raise typer.Exit(FAILED)
+
+
+def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
+    other = None if pose.other is None else pose.other.T_cam_board.tolist()
+    return {
+        "path": path,
+        "board": number,
+        "size": list(board.size),
+        "orientation": board.orientation,
+        "T_cam_board": pose.T_cam_board.tolist(),
+        "cov": pose.cov.tolist(),
+        "rms": pose.rms,
+        "ambiguous": pose.ambiguous,
+        "other": other,
+    }
