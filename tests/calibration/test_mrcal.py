@@ -1,0 +1,56 @@
+"""The same corners.vnl through mrcal: cameras within the uncertainty, and the same projection uncertainty."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from rcdn.calibration import calibrate, projection_uncertainty
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.io import ImageResult, write_vnl
+from rcdn.types import Board, Corners
+
+MRCAL = shutil.which("mrcal-calibrate-cameras")
+ASK = """
+import json, sys, mrcal, numpy as np
+model = mrcal.cameramodel(sys.argv[1])
+rays = mrcal.unproject(np.array(json.loads(sys.argv[2])), *model.intrinsics(), normalize=True)
+std = mrcal.projection_uncertainty(rays, model, atinfinity=True, what="rms-stdev")
+print(json.dumps({"intrinsics": model.intrinsics()[1].tolist(), "std": std.tolist()}))
+"""
+PIXELS = [[320.0, 240.0], [100, 100], [320, 60], [560, 400], [480, 240]]
+
+
+@pytest.mark.skipif(MRCAL is None, reason="mrcal isn't installed (Debian: apt install mrcal)")
+@pytest.mark.parametrize("model", ["pinhole", "brown"])
+def test_camera_and_uncertainty_are_those_of_mrcal(tmp_path, model):
+    camera = CAMERAS[model]
+    boards, _ = random_boards(camera, 3, views=15, noise=0.3, whole=True)
+    plain = [Board(b.xy, b.ij, b.image_size, b.response, b.status, "unique") for b in boards]
+    results = [
+        ImageResult(f"view{k:02d}.png", *camera.image_size, Corners(np.zeros((0, 2)), [], []), (b,))
+        for k, b in enumerate(plain)
+    ]
+    write_vnl(tmp_path / "corners.vnl", results, (9, 6))
+    for r in results:
+        (tmp_path / r.path).touch()
+    ours = calibrate(plain, SPACING, model=model)
+    lens = {"pinhole": "LENSMODEL_PINHOLE", "brown": "LENSMODEL_OPENCV5"}[model]
+    words = (
+        f"{MRCAL} --corners-cache corners.vnl --lensmodel {lens} --focal 500 --imagersize 640 480 --object-spacing {SPACING} --object-width-n 9 "
+        "--object-height-n 6 --outdir . --skip-calobject-warp-solve --skip-regularization --skip-outlier-rejection view*.png"
+    )
+    # its own Python, not that of a virtual environment
+    env = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    subprocess.run(words.split(), cwd=tmp_path, check=True, capture_output=True, env=env, timeout=120)
+    asked = ["/usr/bin/python3", "-c", ASK, "camera-0.cameramodel", json.dumps(PIXELS)]
+    said = subprocess.run(asked, cwd=tmp_path, check=True, capture_output=True, text=True, env=env, timeout=60).stdout
+    theirs = json.loads(said)
+    gap = (ours.camera.parameters - theirs["intrinsics"]) / ours.std
+    assert np.abs(gap).max() < 0.05  # the weights are the same but for the boards' order
+    # mrcal takes the residuals' mean square for the noise; ours counts what the unknowns took out of it
+    corners, unknowns = sum(len(b) for b in boards), 6 * len(boards) + len(ours.std)
+    freedom = np.sqrt(2 * corners / (2 * corners - unknowns))
+    assert projection_uncertainty(ours, PIXELS) == pytest.approx(freedom * np.array(theirs["std"]), rel=0.02)
