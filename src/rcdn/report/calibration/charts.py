@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.report.calibration.facts import thinned, used_residuals
-from rcdn.report.calibration.markup import Html, coordinate, dots, each, number, tag
+from rcdn.report.calibration.markup import Html, coordinate, crosses, dots, each, join, number, pixels, tag
 from rcdn.types import Array, Calibration
 
 WIDTH, HEIGHT = 440, 280
@@ -84,54 +84,78 @@ class Axes:
         """Numbers below, and the axis' name below them."""
         y = HEIGHT - BOTTOM
         out = [tag("path", class_="axis", d=f"M{LEFT} {y}H{WIDTH - RIGHT}")]
-        out += [
-            tag("text", coordinate(v), x=float(self.x(v)), y=y + 15, text_anchor="middle")
-            for v in values
-        ]
+        out += [tag("text", coordinate(v), x=float(self.x(v)), y=y + 15, text_anchor="middle") for v in values]
         out.append(tag("text", name, x=WIDTH - RIGHT, y=HEIGHT - 6, text_anchor="end"))
         return each(out)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One view: its `value` (NaN: no bar), whether it was left `out`, what is `told` when pointed at, and the anchor it leads to."""
+
+    value: float
+    out: bool
+    told: str
+    leads_to: str
 
 
 def view_bars(calibration: Calibration, key: str = "") -> Html:
     """RMS of each view in the order of the input; views left out are dashed and crossed. Each bar leads to its picture, whose
     anchor begins with `key`."""
-    views = calibration.views
-    rms = np.array([v.rms for v in views])
-    used = np.array([not v.reason for v in views], bool)
-    seen = rms[used & np.isfinite(rms)]
-    top = 1.15 * float(seen.max() if len(seen) else np.nanmax(rms, initial=0.0)) or 1.0
-    axes = Axes(0.5, len(views) + 0.5, 0.0, top)
-    slot = (WIDTH - LEFT - RIGHT) / max(len(views), 1)
-    bars = [_bar(axes, k, float(rms[k]), bool(used[k]), min(0.76 * slot, 26), calibration, key) for k in range(len(views))]
-    rule = float(axes.y(min(calibration.rms, top))) if np.isfinite(calibration.rms) else None
-    label = f"RMS of each of {len(views)} views, in the order of the input. All used views together: {number(calibration.rms)} px."
-    every = max(1, int(np.ceil(32 / slot)))
-    every = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10**9) if s >= every)
-    names = [k for k in range(1, len(views) + 1) if k == 1 or k % every == 0 and k - 1 >= every / 2]
-    return plot(
-        label,
-        axes.rows("RMS, px"),
-        each(bars),
-        None if rule is None else tag("path", class_="rule", d=f"M{LEFT} {coordinate(rule)}H{WIDTH - RIGHT}"),
-        axes.columns("view", np.array(names, float)),
-    )
+    bars = []
+    for k, view in enumerate(calibration.views, start=1):
+        told = f"view {k}: {view.name}, {pixels(view.rms)}" + (f", left out: {view.reason}" if view.reason else "")
+        bars.append(Bar(view.rms, bool(view.reason), told, f"#view-{key}{k}"))
+    return bar_chart(bars, calibration.rms, "RMS, px", "view")
 
 
-def _bar(axes: Axes, k: int, rms: float, used: bool, wide: float, calibration: Calibration, key: str) -> Html:
-    view = calibration.views[k]
-    x, base = float(axes.x(k + 1)), HEIGHT - BOTTOM
-    y = float(axes.y(min(rms, axes.high))) if np.isfinite(rms) else base
-    worse = used and rms > WORSE * calibration.rms
-    kind = "bar out" if not used else "bar worse" if worse else "bar"
+def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Html:
+    """Bars in the order given, with a dashed line at `overall`; `name` of the values, `what` one bar stands for. Bars left out don't
+    stretch the axis: they end at its top with a mark."""
+    values = np.array([b.value for b in bars], float)
+    within = values[[np.isfinite(b.value) and not b.out for b in bars]] if bars else values
+    top = 1.15 * float(within.max() if len(within) else np.nanmax(values, initial=0.0)) or 1.0
+    axes = Axes(0.5, len(bars) + 0.5, 0.0, top)
+    slot = (WIDTH - LEFT - RIGHT) / max(len(bars), 1)
+    drawn = each([_bar(axes, k, bar, overall, min(0.76 * slot, 26)) for k, bar in enumerate(bars, start=1)])
+    rule = None
+    if np.isfinite(overall) and overall <= top:
+        rule = tag("path", class_="rule", d=f"M{LEFT} {coordinate(float(axes.y(overall)))}H{WIDTH - RIGHT}")
+    label = f"{name.split(',')[0]} of each of {len(bars)} {what}s, in the order of the input. All used together: {pixels(overall)}."
+    art = plot(label, axes.rows(name), drawn, rule, axes.columns(what, _bar_names(len(bars), slot)))
+    return join(art, _bar_legend(bars, overall))
+
+
+def _bar_legend(bars: list[Bar], overall: float) -> Html:
+    """The kinds of bars that there are."""
+    box = "M2 2h14v12h-14z"
+    marks = [("used", tag("path", class_="bar", d=box))]
+    if any(not b.out and b.value > WORSE * overall for b in bars):
+        marks.append((f"over {WORSE:g} × the dashed line", tag("path", class_="bar worse", d=box)))
+    if any(b.out for b in bars):
+        crossed = tag("path", class_="cross", d="M6 5l6 6m0-6l-6 6")
+        marks.append(("left out", join(tag("path", class_="bar out", d=box), crossed)))
+    return legend(*marks)
+
+
+def _bar_names(many: int, slot: float) -> Array:
+    """The numbers below the bars: as many as have room."""
+    room = 36 / slot
+    every = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10**9) if s >= room)
+    return np.array([k for k in range(1, many + 1) if k == 1 or (k % every == 0 and k - 1 >= room)], float)
+
+
+def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Html:
+    x, base = float(axes.x(k)), HEIGHT - BOTTOM
+    y = float(axes.y(min(bar.value, axes.high))) if np.isfinite(bar.value) else base
+    kind = "bar out" if bar.out else "bar worse" if bar.value > WORSE * overall else "bar"
     marks = [tag("rect", class_=kind, x=x - wide / 2, y=y, width=wide, height=max(base - y, 0.0))]
-    if not used:
+    if bar.out:
         h = min(max(wide / 2, 2.0), 5.0)
-        d = f"M{coordinate(x - h)} {coordinate(base - 9 - h)}l{coordinate(2 * h)} {coordinate(2 * h)}m0-{coordinate(2 * h)}"
-        marks.append(tag("path", class_="cross", d=f"{d}l-{coordinate(2 * h)} {coordinate(2 * h)}"))
-    if np.isfinite(rms) and rms > axes.high:  # it goes on beyond the chart
+        marks.append(tag("path", class_="cross", d=crosses(np.array([[x, base - 9]]), h)))
+    if np.isfinite(bar.value) and bar.value > axes.high:  # it goes on beyond the chart
         marks.append(tag("path", class_="cross", d=f"M{coordinate(x - 3)} {TOP - 1}l3-4 3 4"))
-    told = f"view {k + 1}: {view.name}, {number(rms)} px" + (f", left out: {view.reason}" if view.reason else "")
-    return tag("a", tag("title", told), *marks, href=f"#view-{key}{k + 1}", tabindex="-1")
+    return tag("a", tag("title", bar.told), *marks, href=bar.leads_to, tabindex="-1")
 
 
 def radius_chart(calibration: Calibration) -> tuple[Html, str]:
@@ -152,7 +176,11 @@ def radius_chart(calibration: Calibration) -> tuple[Html, str]:
     sentence = ""
     if len(middle):
         worst = int(np.argmax(np.abs(mean)))
-        sentence = f"The running mean stays within ±{number(abs(mean[worst]))} px; the scatter is {number(np.std(outward))} px."
+        scatter = number(np.std(outward), 2)
+        sentence = (
+            f"The running mean stays within ±{number(abs(mean[worst]), 2)} px; single residuals scatter by {scatter} px "
+            "(one standard deviation)."
+        )
     art = plot(
         f"Residuals against the radius, {len(xy)} corners. {sentence}",
         axes.rows("outward part of the residual, px"),

@@ -12,23 +12,32 @@ from rcdn.types import Array, BoardView, Calibration, Camera
 
 LONGER = 8
 """cells of the coverage along the frame's longer side"""
-GRID = 33
-"""points along the frame's longer side at which the projection uncertainty is measured"""
+GRID = 200
+"""boxes along the frame's longer side in whose middles the projection uncertainty is measured"""
 WIDEST = 90.0
 """degrees off the axis; what a fisheye sees beyond is taken for the dark around its circle, and doesn't count"""
+NEARLY = 80.0
+"""degrees; a lens model that has rays up to here and then none has reached such a circle, too; one that ends before is broken"""
 
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """`coverage` (rows, cols) used corners in each cell; `in_view` (rows, cols) cells that the lens can fill; `covered` the share
-    of those with a corner. `uncertainty` (h, w) px at points spread evenly from edge to edge of the frame, NaN out of view;
-    `at_corners` the worst of its four corners (of all in view, if no corner is), `typical` its median. `fov` horizontal,
+    """`coverage` (rows, cols) used corners in each cell; `in_view` (rows, cols) cells that count; `covered` the share of those with a
+    corner. `uncertainty` (h, w) px in the middles of small boxes all over the frame, NaN where there's no ray; `beyond` (h, w) those
+    that don't count, out of the lens's sight, and `broken` those where the lens model ends though there is a picture; `reach` the
+    share of the others. `corners` (2, 2) px in the frame's corners and `middle`; `at_corners` the worst corner (the worst anywhere, if
+    no corner counts; infinite if the model is broken there), `typical` the median over the frame. `fov` horizontal,
     vertical and diagonal, degrees. `focal_std` relative, the worse axis; `centre_std` px, the worse axis."""
 
     coverage: Array
     in_view: Array
     covered: float
     uncertainty: Array
+    beyond: Array
+    broken: Array
+    reach: float
+    corners: Array
+    middle: float
     at_corners: float
     typical: float
     fov: tuple[float, float, float]
@@ -48,19 +57,25 @@ def measure(calibration: Calibration) -> Facts:
     camera = calibration.camera
     cells = cells_of(camera.image_size)
     count = np.asarray(coverage(calibration, cells=cells))
-    in_view = sees(camera, cell_centres(camera.image_size, cells)) | (count > 0)
-    points = grid_points(camera.image_size)
-    spread = np.asarray(projection_uncertainty(calibration, points.reshape(-1, 2)), float).reshape(points.shape[:2])
-    spread = np.where(sees(camera, points), spread, np.nan)
-    ends = spread[[0, 0, -1, -1], [0, -1, 0, -1]]
-    known = ends if np.isfinite(ends).any() else spread[np.isfinite(spread)]
+    points = cell_centres(camera.image_size, cells_of(camera.image_size, GRID))
+    beyond, broken = out_of_sight(camera, points)
+    in_view = ~cell_majority(beyond, cells) | (count > 0)
+    spread = np.where(beyond | broken, np.nan, _uncertainty(calibration, points))
+    width, height = camera.image_size
+    ends = _uncertainty(calibration, np.array([[[x, y] for x in (0.0, width - 1)] for y in (0.0, height - 1)]))
+    ends = np.where(_ends(beyond), np.nan, ends)
     std, K = calibration.std, camera.K
     return Facts(
         coverage=count,
         in_view=in_view,
         covered=float((count > 0).sum() / max(in_view.sum(), 1)),
         uncertainty=spread,
-        at_corners=float(np.nanmax(known)) if np.isfinite(known).any() else float("nan"),
+        beyond=beyond,
+        broken=broken,
+        reach=float(1 - broken.sum() / max((~beyond).sum(), 1)),
+        corners=ends,
+        middle=float(spread[len(spread) // 2, spread.shape[1] // 2]),
+        at_corners=_worst_corner(ends, spread, broken),
         typical=float(np.nanmedian(spread)) if np.isfinite(spread).any() else float("nan"),
         fov=field_of_view(camera),
         focal_std=float(np.max(std[:2] / K[[0, 1], [0, 1]])),
@@ -70,10 +85,15 @@ def measure(calibration: Calibration) -> Facts:
     )
 
 
-def cells_of(image_size: tuple[int, int]) -> tuple[int, int]:
-    """(columns, rows) of nearly square cells, LONGER along the longer side."""
+def _uncertainty(calibration: Calibration, pixels: Array) -> Array:
+    flat = projection_uncertainty(calibration, pixels.reshape(-1, 2))
+    return np.asarray(flat, float).reshape(pixels.shape[:-1])
+
+
+def cells_of(image_size: tuple[int, int], longer: int = LONGER) -> tuple[int, int]:
+    """(columns, rows) of nearly square cells, `longer` along the longer side."""
     width, height = image_size
-    side = max(width, height) / LONGER
+    side = max(width, height) / longer
     return max(round(width / side), 2), max(round(height / side), 2)
 
 
@@ -85,20 +105,42 @@ def cell_centres(image_size: tuple[int, int], cells: tuple[int, int]) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
-def grid_points(image_size: tuple[int, int]) -> Array:
-    """(h, w, 2) px, from the first pixel's centre to the last one's."""
-    width, height = image_size
-    step = max(width, height) / (GRID - 1)
-    many = [max(round(side / step), 4) + 1 for side in (width, height)]
-    x, y = np.linspace(0, width - 1, many[0]), np.linspace(0, height - 1, many[1])
-    return np.stack(np.meshgrid(x, y), axis=-1)
+def out_of_sight(camera: Camera, pixels: Array) -> tuple[Array, Array]:
+    """Of pixels (..., 2) spread over the frame: those beyond what the lens sees, and those where its model ends too early, bool."""
+    angle = off_axis(camera, pixels)
+    blind = ~np.isfinite(angle)
+    full = bool((angle[~blind] >= NEARLY).any())
+    beyond = np.nan_to_num(angle) > WIDEST
+    return beyond | (blind & full), blind & (not full)
 
 
-def sees(camera: Camera, pixels: Array) -> Array:
-    """(...,) bool: the lens has a ray for the pixel (..., 2), no more than WIDEST off the axis."""
+def off_axis(camera: Camera, pixels: Array) -> Array:
+    """(...,) degrees between the axis and the ray of the pixel (..., 2); NaN without a ray."""
     rays = unproject(camera, pixels)
-    angle = np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2]))
-    return np.asarray(np.isfinite(angle) & (angle <= WIDEST))
+    return np.asarray(np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])))
+
+
+def cell_majority(mask: Array, cells: tuple[int, int]) -> Array:
+    """(rows, cols) bool: at least half of the points of `mask` (h, w) that fall into the cell are true."""
+    row = np.minimum(np.arange(mask.shape[0]) * cells[1] // mask.shape[0], cells[1] - 1)
+    col = np.minimum(np.arange(mask.shape[1]) * cells[0] // mask.shape[1], cells[0] - 1)
+    flat = (row[:, None] * cells[0] + col).ravel()
+    share = np.bincount(flat, mask.ravel(), cells[0] * cells[1]) / np.maximum(
+        np.bincount(flat, minlength=cells[0] * cells[1]), 1
+    )
+    return np.asarray(share.reshape(cells[1], cells[0]) >= 0.5)
+
+
+def _ends(field: Array) -> Array:
+    """(2, 2) the values in a field's corners."""
+    return field[[[0], [-1]], [0, -1]]
+
+
+def _worst_corner(ends: Array, spread: Array, broken: Array) -> float:
+    if _ends(broken).any():
+        return float("inf")
+    known = ends if np.isfinite(ends).any() else spread[np.isfinite(spread)]
+    return float(np.nanmax(known)) if np.isfinite(known).any() else float("nan")
 
 
 def field_of_view(camera: Camera) -> tuple[float, float, float]:
@@ -110,9 +152,7 @@ def field_of_view(camera: Camera) -> tuple[float, float, float]:
         [(cx, -0.5), (cx, bottom)],
         [(-0.5, -0.5), (right, bottom)],
     ]
-    rays = unproject(camera, np.array(pairs, float))
-    # measured through the axis, so that a fisheye may have more than 180°
-    angle = np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])).sum(axis=1)
+    angle = off_axis(camera, np.array(pairs, float)).sum(axis=1)  # through the axis: a fisheye may have more than 180°
     return float(angle[0]), float(angle[1]), float(angle[2])
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
 from rcdn.report.calibration.charts import MOST, WIDTH, legend, nice, plot
-from rcdn.report.calibration.facts import Facts, cell_centres, cells_of, thinned, used_residuals
-from rcdn.report.calibration.markup import Html, coordinate, counted, dots, each, number, percent, segments, tag
+from rcdn.report.calibration.facts import Facts, cell_centres, cell_majority, cells_of, thinned, used_residuals
+from rcdn.report.calibration.markup import Html, coordinate, counted, dots, each, number, percent, pixels, segments, tag
 from rcdn.types import Array, Calibration
 
 TYPICAL = 20.0
@@ -16,11 +18,12 @@ FINER = 1.5
 """cells of the mean residuals for each of the coverage's, along one side"""
 ENOUGH = 5
 """corners in a cell that give a mean"""
-CHANCE = 3.5
-"""× the standard error: a longer mean is no chance (0.2 % of cells without error, two independent axes)"""
-FINE = 120
-"""steps of the uncertainty's drawing along the frame's longer side"""
-BANDS = 7
+CHANCE = 0.05
+"""probability that noise alone makes any cell of the drawing stand out"""
+BANDS, FEWEST_BANDS = 7, 3
+STEPS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))
+"""limits of bands, times powers of ten"""
+BROKEN = "the lens model has no ray here"
 
 
 class Sensor:
@@ -37,6 +40,10 @@ class Sensor:
         """Pixels (…, 2) in units: the first pixel's outer edge is 0."""
         return (np.asarray(xy, float) + 0.5) * self.scale
 
+    def clipped(self, *children: object) -> Html:
+        """What may not leave the frame."""
+        return tag("svg", *children, width=self.width, height=self.height)
+
     def draw(self, label: str, *children: object) -> Html:
         """The frame with `children` on it."""
         frame = tag("rect", class_="sensor", x=0.5, y=0.5, width=self.width - 1, height=self.height - 1)
@@ -51,6 +58,7 @@ def coverage_map(calibration: Calibration, facts: Facts) -> Html:
     size = np.array([sensor.width / cols, sensor.height / rows])
     corner = np.stack(np.meshgrid(np.arange(cols), np.arange(rows)), axis=-1) * size
     empty, blind = facts.in_view & (facts.coverage == 0), ~facts.in_view
+    broken = empty & cell_majority(facts.broken, (cols, rows))
     xy, _ = used_residuals(calibration)
     some = thinned(len(xy), MOST)
     across = "".join(f"M{coordinate(x * size[0])} 0V{coordinate(sensor.height)}" for x in range(1, cols))
@@ -59,14 +67,17 @@ def coverage_map(calibration: Calibration, facts: Facts) -> Html:
         f"{len(xy)} used corners over the sensor of {calibration.camera.image_size[0]} × {calibration.camera.image_size[1]} px; "
         f"{int(empty.sum())} of {int(facts.in_view.sum())} cells are empty.",
         tag("path", class_="blind", d=_boxes(corner[blind], size)),
+        tag("path", class_="broken", d=_boxes(corner[broken], size)),
         tag("path", class_="grid", d=across + down),
         tag("path", class_="hatch", d=_hatching(corner[empty], size)),
         tag("path", class_="dot", stroke_width=3, stroke_opacity=0.75, d=dots(sensor.to(xy[some]))),
     )
-    marks = [
-        ("used corner", tag("path", class_="dot", stroke_width=5, d="M9 7h0")),
-        ("cell without a corner", tag("path", class_="hatch", d=_hatching(np.array([[1.0, 0]]), np.array([16.0, 14])))),
-    ]
+    marks = [("used corner", tag("path", class_="dot", stroke_width=5, d="M9 7h0"))]
+    if empty.any():
+        hatched = _hatching(np.array([[1.0, 0]]), np.array([16.0, 14]))
+        marks.append(("cell without a corner", tag("path", class_="hatch", d=hatched)))
+    if broken.any():
+        marks.append((BROKEN, tag("path", class_="broken", d="M1 0h16v14h-16z")))
     if blind.any():
         marks.append(("out of the lens’s sight", tag("path", class_="blind", d="M1 0h16v14h-16z")))
     return each([art, legend(*marks), _thinning(len(xy), len(some)) or Html("")])
@@ -95,14 +106,14 @@ def residual_map(calibration: Calibration) -> Html:
     sensor = Sensor(calibration.camera.image_size, below=30)
     xy, residuals = used_residuals(calibration)
     longer = np.hypot(*residuals.T)
-    stretch = TYPICAL / (float(np.quantile(longer, 0.9)) if len(xy) else 1.0)
-    stretch = stretch if np.isfinite(stretch) else 1.0
+    stretch = TYPICAL / max(float(np.quantile(longer, 0.9)) if len(xy) else 1.0, 1e-9)
     some = thinned(len(xy), MOST)
     start = sensor.to(xy[some])
+    lines = segments(start, start + residuals[some] * stretch)
     art = sensor.draw(
         f"Residuals of {len(xy)} corners as lines over the sensor, enlarged {number(stretch / sensor.scale, 2)} times. "
         f"The longest is {number(longer.max(initial=0))} px.",
-        tag("path", class_="line", stroke_width=1, stroke_opacity=0.8, d=segments(start, start + residuals[some] * stretch)),
+        sensor.clipped(tag("path", class_="line", stroke_width=1, stroke_opacity=0.8, d=lines)),
         tag("path", class_="dot", stroke_width=2.2, d=dots(start)),
         _scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
@@ -112,29 +123,37 @@ def residual_map(calibration: Calibration) -> Html:
 def mean_map(calibration: Calibration) -> tuple[Html, str]:
     """Mean residuals in cells of the sensor as arrows; those that chance doesn't explain stand out. And a sentence on them."""
     sensor = Sensor(calibration.camera.image_size, below=30)
-    where, mean, many, noise = mean_residuals(calibration)
+    where, mean, error = mean_residuals(calibration)
     size = np.hypot(*mean.T)
-    systematic = size > CHANCE * noise / np.sqrt(np.maximum(many, 1))
+    # the square of a mean over its variance along one axis has the distribution χ² of two degrees of freedom
+    systematic = size > np.sqrt(2 * np.log(max(len(size), 1) / CHANCE)) * error
     stretch = 1.6 * TYPICAL / max(float(size.max(initial=0.0)), 1e-9)
     start = sensor.to(where) - mean * stretch / 2
     end = start + mean * stretch
     if not len(size):
         sentence = "Too few corners for a mean anywhere."
     elif systematic.any():
-        worst = number(float(size[systematic].max()))
+        odd = int(systematic.sum())
         sentence = (
-            f"{int(systematic.sum())} of {counted(len(size), 'cell')} stand out from chance, the largest by {worst} px: "
-            "the lens model, or the board’s flatness, isn’t quite right there."
+            f"{odd} of {counted(len(size), 'cell')} stand{'s' if odd == 1 else ''} out from chance, the largest by "
+            f"{number(float(size[systematic].max()), 2)} px: there the lens model, or the board’s flatness, may not be quite right."
         )
     else:
-        sentence = f"Nothing stands out from chance in {counted(len(size), 'cell')}; the largest mean is {number(float(size.max()))} px."
+        sentence = f"Nothing stands out from chance in {counted(len(size), 'cell')}; the largest mean is {number(float(size.max()), 2)} px."
     arrows = [
-        tag("path", class_=f"line{' systematic' if odd else ''}", stroke_width=2.2 if odd else 1.3, d=_arrows(start[pick], end[pick]))
-        for odd, pick in ((False, ~systematic), (True, systematic))
+        tag(
+            "path",
+            class_=f"line{' systematic' if red else ''}",
+            stroke_width=2.2 if red else 1.3,
+            d=_arrows(start[pick], end[pick]),
+        )
+        for red, pick in ((False, ~systematic), (True, systematic))
         if pick.any()
     ]
     art = sensor.draw(
-        f"Mean residual in each cell of the sensor. {sentence}", *arrows, _scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×")
+        f"Mean residual in each cell of the sensor. {sentence}",
+        sensor.clipped(*arrows),
+        _scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
     marks = legend(
         ("as chance would have it", tag("path", class_="line", stroke_width=1.3, d="M1 7h15m-4-4l4 4l-4 4")),
@@ -143,19 +162,23 @@ def mean_map(calibration: Calibration) -> tuple[Html, str]:
     return each([art, marks]), sentence
 
 
-def mean_residuals(calibration: Calibration) -> tuple[Array, Array, Array, float]:
-    """Cells' mean positions and mean residuals (C, 2), px, their corners (C,), and the scatter of one residual along one axis, px."""
+def mean_residuals(calibration: Calibration) -> tuple[Array, Array, Array]:
+    """Cells' middles and mean residuals (C, 2), px, and the means' standard errors along one axis (C,), px: from the scatter in the
+    cell or in all cells, whichever is larger."""
     xy, residuals = used_residuals(calibration)
     image_size = calibration.camera.image_size
     cols, rows = (round(FINER * n) for n in cells_of(image_size))
     cell = np.floor((xy + 0.5) / np.array(image_size) * [cols, rows]).astype(int).clip(0, [cols - 1, rows - 1])
     flat = cell[:, 1] * cols + cell[:, 0]
     many = np.bincount(flat, minlength=cols * rows)
-    total = np.stack([np.bincount(flat, residuals[:, a], cols * rows) for a in (0, 1)], axis=-1)
     enough = many >= ENOUGH
+    share = np.maximum(many, 1)
+    mean = np.stack([np.bincount(flat, residuals[:, a], cols * rows) / share for a in (0, 1)], axis=-1)
+    square = np.bincount(flat, (residuals**2).sum(axis=1), cols * rows) / share
+    own = (square - (mean**2).sum(axis=1)) / 2 * share / np.maximum(share - 1, 1)
+    noise = float((residuals**2).mean()) if len(residuals) else 0.0
     where = cell_centres(image_size, (cols, rows)).reshape(-1, 2)
-    noise = float(np.sqrt((residuals**2).mean())) if len(residuals) else 0.0
-    return where[enough], total[enough] / many[enough, None], many[enough], noise
+    return where[enough], mean[enough], np.sqrt(np.maximum(own, noise) / share)[enough]
 
 
 def _arrows(start: Array, end: Array) -> str:
@@ -179,50 +202,47 @@ def _scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
 def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
     """Bands of the projection uncertainty over the sensor, values in the middle and in the corners, and the hull of the used corners."""
     sensor = Sensor(calibration.camera.image_size)
-    field = _fine(facts.uncertainty)
+    field = facts.uncertainty
     levels = band_levels(field)
-    band = np.where(np.isfinite(field), np.searchsorted(levels, np.nan_to_num(field)), -1)
+    band = np.where(np.isfinite(field), np.searchsorted(levels, np.nan_to_num(field)), np.where(facts.broken, -2, -1))
     step = np.array([sensor.width / field.shape[1], sensor.height / field.shape[0]])
     bands = [
-        tag("path", class_="blind" if b < 0 else "heat", fill_opacity=None if b < 0 else _shade(b, len(levels)), d=_runs(band == b, step))
+        tag(
+            "path",
+            class_={-1: "blind", -2: "broken"}.get(int(b), "heat"),
+            fill_opacity=None if b < 0 else _shade(b, len(levels)),
+            d=_runs(band == b, step),
+        )
         for b in np.unique(band)
     ]
     xy, _ = used_residuals(calibration)
     hull = cv2.convexHull(xy.astype(np.float32))[:, 0] if len(xy) > 2 else np.zeros((0, 2))
     outline = "L".join(f"{coordinate(x)} {coordinate(y)}" for x, y in sensor.to(hull))
     art = sensor.draw(
-        f"Projection uncertainty over the sensor: median {number(facts.typical)} px, worst of the corners {number(facts.at_corners)} px.",
+        f"Projection uncertainty over the sensor: median {pixels(facts.typical)}, worst of the corners {pixels(facts.at_corners)}.",
         tag("g", each(bands), shape_rendering="crispEdges"),
         tag("path", class_="rule", fill="none", d=f"M{outline}z") if outline else None,
         _values(sensor, facts),
     )
-    return each([art, _band_legend(levels, bool((band < 0).any()))])
+    return each([art, _band_legend(levels, int(band.min()))])
 
 
 def band_levels(field: Array) -> Array:
-    """Round limits (1, 2, 5 × 10ⁿ) inside the range of `field`, at most BANDS − 1; the largest are left away first, for a rim that
-    blows up tells nothing that the words `more than` don't."""
+    """Round limits (1, 2, 5 × 10ⁿ, or closer ones where those are too few) inside the range of `field`, at most BANDS − 1; the largest
+    are left away first, for a rim that blows up tells nothing that the words `more than` don't."""
     known = field[np.isfinite(field) & (field > 0)]
     if not len(known):
         return np.array([1.0])
-    low, high = np.log10(known.min()), np.log10(known.max())
-    series = [m * 10.0**p for p in range(int(np.floor(low)), int(np.ceil(high)) + 1) for m in (1, 2, 5)]
-    inside = [v for v in series if known.min() < v < known.max()]
+    powers = range(int(np.floor(np.log10(known.min()))), int(np.ceil(np.log10(known.max()))) + 1)
+    for steps in STEPS:
+        inside = [m * 10.0**p for p in powers for m in steps if known.min() < m * 10.0**p < known.max()]
+        if len(inside) >= FEWEST_BANDS:
+            break
     return np.array(inside[: BANDS - 1] or [nice(float(known.max()))])
 
 
 def _shade(band: int, levels: int) -> str:
     return coordinate(0.04 + 0.78 * band / max(levels, 1), 2)
-
-
-def _fine(values: Array) -> Array:
-    """The field at the middles of about FINE squares along the longer side, interpolated in its logarithm."""
-    rows, cols = values.shape
-    many = np.array([rows, cols]) * FINE // max(rows, cols)
-    y, x = ((np.arange(n) + 0.5) / n * (size - 1) for n, size in zip(many, (rows, cols), strict=True))
-    grid = [g.astype(np.float32) for g in np.meshgrid(x, y)]
-    log = np.log(np.maximum(values, 1e-9)).astype(np.float32)
-    return np.exp(cv2.remap(log, grid[0], grid[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(float))
 
 
 def _runs(mask: Array, step: Array) -> str:
@@ -239,12 +259,11 @@ def _runs(mask: Array, step: Array) -> str:
 
 def _values(sensor: Sensor, facts: Facts) -> Html:
     """The number in the middle, and in each corner."""
-    field = facts.uncertainty
     w, h = sensor.width, sensor.height
+    (a, b), (c, d) = facts.corners
     spots = [
-        (field[0, 0], 8, 18, "start"), (field[0, -1], w - 8, 18, "end"),
-        (field[-1, 0], 8, h - 9, "start"), (field[-1, -1], w - 8, h - 9, "end"),
-        (field[len(field) // 2, field.shape[1] // 2], w / 2, h / 2 + 4, "middle"),
+        (a, 8, 18, "start"), (b, w - 8, 18, "end"), (c, 8, h - 9, "start"), (d, w - 8, h - 9, "end"),
+        (facts.middle, w / 2, h / 2 + 4, "middle"),
     ]  # fmt: skip
     return each([
         tag("text", f"{number(v, 2)} px", class_="strong halo", x=float(x), y=float(y), text_anchor=anchor)
@@ -253,14 +272,19 @@ def _values(sensor: Sensor, facts: Facts) -> Html:
     ])  # fmt: skip
 
 
-def _band_legend(levels: Array, blind: bool) -> Html:
+def _band_legend(levels: Array, least: int) -> Html:
     edges = [coordinate(v, 9) for v in levels]
-    words = [f"below {edges[0]} px", *(f"{a}–{b}" for a, b in zip(edges, edges[1:], strict=False)), f"above {edges[-1]}"]
+    words = [
+        f"below {edges[0]} px",
+        *(f"{a}–{b}" for a, b in pairwise(edges)),
+        f"above {edges[-1]}",
+    ]
     box = "M1 0h16v14h-16z"
     marks = [(w, tag("path", class_="heat", fill_opacity=_shade(k, len(levels)), d=box)) for k, w in enumerate(words)]
     marks.append(("hull of the used corners", tag("path", class_="rule", fill="none", d="M0 7h18")))
-    if blind:
-        marks.append(("out of the lens’s sight", tag("path", class_="blind", d=box)))
+    if least < 0:
+        word, kind = (BROKEN, "broken") if least == -2 else ("out of the lens’s sight", "blind")
+        marks.append((word, tag("path", class_=kind, d=box)))
     return legend(*marks)
 
 

@@ -13,7 +13,9 @@ from rcdn.types import Array
 VOID = frozenset({"img", "meta", "link", "br"})
 DASH = "–"
 """stands for a number that isn't known"""
-_UNSEEN = re.compile("[\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufdd0-\ufdef\ufffe\uffff]")
+_UNSEEN = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufdd0-\ufdef\ufffe\uffff]"
+)
 
 
 class Html(str):
@@ -27,12 +29,15 @@ def escape(text: object) -> Html:
     name can't hide or turn round its letters; halves of surrogate pairs, as in names that aren't UTF-8, are written as \\udcff."""
     if isinstance(text, Html):
         return text
-    seen = "".join(chr(0x2400 + ord(c)) if c < " " else c for c in str(text))
-    seen = _UNSEEN.sub(lambda m: m[0].encode("unicode_escape").decode(), seen)
+    seen = _UNSEEN.sub(lambda m: _visible(m[0]), str(text))
     return Html(_escape(seen.encode("utf-8", "backslashreplace").decode(), quote=True))
 
 
-def tag(name: str, *children: object, **attributes: object) -> Html:
+def _visible(letter: str) -> str:
+    return chr(0x2400 + ord(letter)) if letter < " " else letter.encode("unicode_escape").decode()
+
+
+def tag(name: str, /, *children: object, **attributes: object) -> Html:
     """An element: children are escaped unless they are `Html`. `class_` is class, `aria_label` aria-label; None and False leave an
     attribute out, True names it only."""
     words = []
@@ -40,7 +45,7 @@ def tag(name: str, *children: object, **attributes: object) -> Html:
         if value is None or value is False:
             continue
         word = key.rstrip("_").replace("_", "-")
-        shown = coordinate(value) if isinstance(value, (float, np.floating)) else value
+        shown = coordinate(float(value)) if isinstance(value, (float, np.floating)) else value
         words.append(f" {word}" if value is True else f' {word}="{escape(shown)}"')
     start = f"<{name}{''.join(words)}>"
     return Html(start if name in VOID else f"{start}{join(*children)}</{name}>")
@@ -76,10 +81,17 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
     return ("+" if sign and value > 0 else "") + text.replace("-", "−")
 
 
+def pixels(value: float) -> str:
+    """A length in pixels: to a thousandth from 0.1 to 1, else to three digits."""
+    if np.isfinite(value) and 0.1 <= abs(value) < 1:
+        return f"{value:.3f} px".replace("-", "−")
+    return f"{number(value)} px" if np.isfinite(value) else DASH
+
+
 def percent(share: float) -> str:
     """A share as per cent: two digits below ten."""
     share = 100 * float(share)
-    return f"{number(share, 2) if abs(share) < 10 else number(round(share))} %"
+    return f"{number(share, 2) if not abs(share) >= 10 else round(share)} %"
 
 
 def value_and_std(value: float, std: float) -> tuple[str, str]:

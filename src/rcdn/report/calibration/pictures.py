@@ -59,7 +59,9 @@ def worth_showing(every: list[Shot], most: int = MOST) -> list[Shot]:
         return every
     out = [k for k, s in enumerate(every) if any(v.reason for _, v in s.views)][: most // 2]
     rest = [k for k in range(len(every)) if k not in set(out)]
-    worst = sorted(rest, key=lambda k: -max((v.rms for _, v in every[k].views if v.rms == v.rms), default=0.0))[: most // 4]
+    worst = sorted(rest, key=lambda k: -max((v.rms for _, v in every[k].views if v.rms == v.rms), default=0.0))[
+        : most // 4
+    ]
     rest = [k for k in rest if k not in set(worst)]
     even = [rest[i] for i in thinned(len(rest), most - len(out) - len(worst))]
     return [every[k] for k in sorted({*out, *worst, *even})]
@@ -72,6 +74,9 @@ def with_jpegs(chosen: list[Shot], pictures: Pictures | None, budget: int) -> li
         return chosen
     read = [(shot, _small(pictures(shot.name), WIDTHS[0])) for shot in chosen]
     for width in WIDTHS:
+        few = [_with_jpeg(shot, picture, width) for shot, picture in read[:: max(len(read) // 8, 1)]]
+        if width > WIDTHS[-1] and sum(map(_in_page, few)) * len(read) / len(few) > 1.5 * budget:
+            continue  # surely too much
         done = [_with_jpeg(shot, picture, width) for shot, picture in read]
         if sum(_in_page(s) for s in done) <= budget:
             return done
@@ -87,8 +92,13 @@ def _small(picture: Array | None, width: int) -> tuple[Array, tuple[int, int]] |
     high, wide = grey.shape
     factor = min(1.0, width / max(wide, high))
     size = max(round(wide * factor), 1), max(round(high * factor), 1)
-    grey = grey if factor == 1 else cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-    return np.clip(grey, 0, 255).astype(np.uint8), (wide, high)
+    return shrunk(grey, size), (wide, high)
+
+
+def shrunk(grey: Array, size: tuple[int, int]) -> Array:
+    """A grey picture at `size` (width, height), no larger than its own; 8 bits."""
+    small = grey if size == grey.shape[::-1] else cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(np.clip(small, 0, 255).astype(np.uint8))
 
 
 def _with_jpeg(shot: Shot, read: tuple[Array, tuple[int, int]] | None, width: int) -> Shot:
@@ -108,13 +118,16 @@ def _in_page(shot: Shot) -> int:
     return 0 if shot.jpeg is None else 4 * len(shot.jpeg) // 3 + 4
 
 
-def framed(shot: Shot, overlay: Html, alt: str) -> Html:
+def framed(shot: Shot, overlay: Html, alt: str, lazy: bool = True) -> Html:
     """A picture, or a grey field of its shape, with an SVG in the picture's pixels over it (pixel centres at integers)."""
     wide, high = shot.size
     picture = None
     if shot.jpeg is not None:
-        picture = tag("img", src=Html(data_uri(shot.jpeg)), alt=alt, width=wide, height=high, loading="lazy", decoding="async")
-    drawn = tag("svg", overlay, viewBox=f"-0.5 -0.5 {wide} {high}", preserveAspectRatio="none", **_seen_as(alt, picture))
+        later = {"loading": "lazy", "decoding": "async"} if lazy else {}
+        picture = tag("img", src=Html(data_uri(shot.jpeg)), alt=alt, width=wide, height=high, **later)
+    drawn = tag(
+        "svg", overlay, viewBox=f"-0.5 -0.5 {wide} {high}", preserveAspectRatio="none", **_seen_as(alt, picture)
+    )
     style = f"aspect-ratio:{wide}/{high}" if picture is None else None
     return tag("div", picture, drawn, class_="frame", style=style)
 
@@ -127,7 +140,7 @@ def corners_overlay(shot: Shot, most: int) -> Html:
     """Marks of the corners: dots (used), crosses (outliers), rings (views left out), at most `most` of them, with a dark edge."""
     views = [v for _, v in shot.views]
     decimals = 0 if max(shot.size) > 1500 else 1
-    size = max(shot.size) / 90
+    size = max(shot.size) / 110
     groups = {
         "u": [v.xy[v.used] for v in views if not v.reason],
         "o": [v.xy[~v.used] for v in views if not v.reason],
@@ -140,10 +153,25 @@ def corners_overlay(shot: Shot, most: int) -> Html:
         xy = xy[thinned(len(xy), max(most * len(xy) // max(total, 1), 1))] if total > most else xy
         if not len(xy):
             continue
-        d = dots(xy, decimals) if kind == "u" else crosses(xy, size, decimals) if kind == "o" else rings(xy, size, decimals)
-        wide = (3.2 if len(xy) < 150 else 2.4) if kind == "u" else 1.8
-        out += [tag("path", class_=c, stroke_width=w, d=d) for c, w in (("halo2", wide + 1.6), (kind, wide))]
+        d = (
+            dots(xy, decimals)
+            if kind == "u"
+            else crosses(xy, size, decimals)
+            if kind == "o"
+            else rings(xy, size, decimals)
+        )
+        wide = _dot(xy, shot.size[0]) if kind == "u" else 1.8
+        out += [
+            tag("path", class_=c, stroke_width=w, d=d)
+            for c, w in (("halo2", wide + min(1.6, 0.5 * wide)), (kind, wide))
+        ]
     return each(out)
+
+
+def _dot(xy: Array, width: int) -> float:
+    """Size of a corner's dot, screen px, in a thumbnail of usual width: smaller where corners lie close together."""
+    pitch = float(np.sqrt(np.prod(np.ptp(xy, axis=0) + 1) / len(xy))) * 240 / width
+    return float(np.clip(0.28 * pitch, 1.6, 4.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +195,10 @@ def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None
     if pictures is None or camera.model == "pinhole":
         return None
     numbered = [(k, v) for k, v in enumerate(calibration.views, start=1) if not v.reason]
-    bent = sorted(numbered, key=lambda item: -_bow(item[1].xy, _outer_lines(item[1])))
+    flat = flat_camera(camera)
+    bent = sorted(
+        numbered, key=lambda item: (-_inside(item[1], camera, flat), -_bow(item[1].xy, _outer_lines(item[1])))
+    )
     for number, view in bent[:TRIES]:
         picture = pictures(view.name)
         if picture is not None and picture.shape[:2] == camera.image_size[::-1]:
@@ -175,12 +206,17 @@ def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None
     return None
 
 
+def _inside(view: BoardView, camera: Camera, flat: Camera) -> bool:
+    """Nearly all corners are still in the undistorted picture."""
+    xy = project(flat, unproject(camera, view.xy))
+    return float(((xy > 0) & (xy < np.array(flat.image_size) - 1)).all(axis=1).mean()) > 0.95
+
+
 def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample:
     flat = flat_camera(camera)
     factor = min(1.0, SAMPLE_WIDTH / max(camera.image_size))
     size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
-    before = cv2.resize(grey, size, interpolation=cv2.INTER_AREA) if factor < 1 else grey
-    before = np.clip(before, 0, 255).astype(np.uint8)
+    before = shrunk(grey, size)
     after = undistort(before, resized(camera, size), resized(flat, size))
     straight = project(flat, unproject(camera, view.xy))
     lines = _outer_lines(view)
@@ -211,7 +247,9 @@ def flat_camera(camera: Camera) -> Camera:
     reach = np.minimum(np.where(np.isfinite(reach) & (reach > 1e-6), reach, most), most)
     f = max(width / (reach[0] + reach[1]), height / (reach[2] + reach[3]))
     centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
-    return Camera(np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]), np.zeros(0), camera.image_size, "pinhole")
+    return Camera(
+        np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]), np.zeros(0), camera.image_size, "pinhole"
+    )
 
 
 def resized(camera: Camera, size: tuple[int, int]) -> Camera:
@@ -227,10 +265,17 @@ def undistort(picture: Array, camera: Camera, flat: Camera, R: Array | None = No
     width, height = flat.image_size
     pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
     rays = unproject(flat, pixels)
-    at = project(camera, rays if R is None else rays @ R)
-    back = project(camera, unproject(camera, at.reshape(-1, 2))).reshape(at.shape)  # beyond the lens's fold there's nothing
-    at = np.where(np.isfinite(back), at, -1e4).astype(np.float32)
+    rays = rays if R is None else rays @ R
+    at = project(camera, rays)
+    back = unproject(camera, at.reshape(-1, 2)).reshape(rays.shape)
+    # beyond the lens's fold a pixel is reached by a ray that it doesn't see
+    gap = np.linalg.norm(_unit(back) - _unit(rays), axis=-1)
+    at = np.where((gap < 1e-6)[..., None], at, -1e4).astype(np.float32)
     return cv2.remap(picture, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=96)
+
+
+def _unit(rays: Array) -> Array:
+    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
 def _outer_lines(view: BoardView) -> list[list[int]]:
@@ -239,7 +284,7 @@ def _outer_lines(view: BoardView) -> list[list[int]]:
     used = np.flatnonzero(view.used)
     for axis in (0, 1):
         label = view.ij[used, axis]
-        for value in (label.min(initial=0), label.max(initial=0)) if len(used) else ():
+        for value in (label.min(), label.max()) if len(used) else ():
             line = used[label == value]
             if len(line) >= 3:
                 lines.append([int(i) for i in line[np.argsort(view.ij[line, 1 - axis])]])

@@ -20,7 +20,7 @@ main,header,footer{max-width:1160px;margin:0 auto;padding:0 24px}
 header{padding-top:32px}
 h1{font-size:1.65rem;line-height:1.25;margin:0 0 4px;letter-spacing:-.01em;overflow-wrap:anywhere}
 h2{font-size:1.25rem;line-height:1.3;margin:48px 0 6px;letter-spacing:-.005em}
-h3{font-size:1rem;line-height:1.35;margin:0 0 2px}
+h3,h4{font-size:1rem;line-height:1.35;margin:0 0 2px}
 p{margin:0 0 8px;max-width:75ch}
 a{color:var(--accent);text-underline-offset:2px}
 :focus-visible{outline:3px solid var(--accent);outline-offset:2px}
@@ -30,17 +30,17 @@ bdi,code{overflow-wrap:anywhere}
 code,pre{font-family:ui-monospace,SFMono-Regular,Menlo,Consolas,"Liberation Mono",monospace;font-size:.875rem}
 nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:4px 18px;padding:0;margin:14px 0 18px;font-size:.9375rem}
 .card{background:var(--card);border:1px solid var(--line);border-radius:12px;padding:18px 20px;margin:0}
-.two{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:20px;align-items:start}
+.two{display:grid;grid-template-columns:repeat(2,minmax(0,1fr));gap:20px;align-items:stretch}
 .two>*{min-width:0}
 .two+.two,.card+.card,.two+.card,.card+.two{margin-top:20px}
-.two .card+.card{margin-top:0}
+.two>.card+.card{margin-top:0}.column{display:flex;flex-direction:column;gap:20px}.column>.card+.card{margin-top:0}.loose{align-items:start}
 .verdict{border-left:8px solid var(--tone);background:var(--tint);padding:22px 24px}
 .good{--tone:var(--good);--tint:var(--good-bg)}.fair{--tone:var(--fair);--tint:var(--fair-bg)}.poor{--tone:var(--poor);--tint:var(--poor-bg)}
 .verdict .top{display:flex;gap:16px;align-items:center}
 .verdict .top svg{width:52px;height:52px;flex:none}
 .verdict h2{margin:0;font-size:1.75rem;color:var(--tone);line-height:1.2}
 .verdict .top p{margin:2px 0 0}
-.verdict .summary{margin:14px 0 0}
+.verdict .summary{margin:14px 0 0;max-width:95ch}
 .sign{width:20px;height:20px;flex:none}
 .sign,.top svg{color:var(--tone)}
 .reasons{list-style:none;margin:0;padding:0;display:grid;grid-template-columns:repeat(2,minmax(0,1fr));column-gap:40px}
@@ -57,7 +57,7 @@ border-radius:12px;overflow:hidden;margin:20px 0 0}
 .key div{background:var(--card);padding:13px 16px}
 .key dt{font-size:.875rem;color:var(--soft)}
 .key dd{margin:0;font-size:1.25rem;font-weight:600;line-height:1.35;overflow-wrap:anywhere}
-.key dd small{font-size:.875rem;font-weight:400;color:var(--soft)}
+.key dd small{display:block;font-size:.875rem;font-weight:400;color:var(--soft)}
 .wide{overflow-x:auto}
 table{border-collapse:collapse;width:100%;font-size:.9375rem}
 caption{text-align:left;padding-bottom:6px;font-size:.9375rem}
@@ -88,7 +88,7 @@ figcaption{font-size:.9375rem}
 .plot .line{stroke:var(--accent);fill:none}
 .plot .mean{stroke:var(--ink);stroke-width:2;fill:none;stroke-linejoin:round}
 .plot .band{fill:var(--heat);fill-opacity:.22}
-.plot .bar{fill:var(--accent)}
+.plot .bar{fill:var(--accent);fill-opacity:.88}
 .plot .bar.worse{fill:var(--fair)}
 .plot .bar.right{fill-opacity:.55}
 .plot .bar.out{fill:none;stroke:var(--poor);stroke-dasharray:3 2}
@@ -96,6 +96,7 @@ figcaption{font-size:.9375rem}
 .plot .rule{stroke:var(--ink);stroke-width:1;stroke-dasharray:5 4}
 .plot .hatch{stroke:var(--poor);stroke-width:1.2;stroke-opacity:.6}
 .plot .blind{fill:var(--line)}
+.plot .broken{fill:var(--poor);fill-opacity:.32}
 .plot .contour{fill:none;stroke:var(--ink);stroke-opacity:.55;stroke-width:.8}
 .plot .systematic{stroke:var(--poor)}
 .plot .heat{fill:var(--heat)}
@@ -106,6 +107,11 @@ figcaption{font-size:.9375rem}
 .legend svg{width:18px;height:14px;flex:none}
 .shots{display:grid;grid-template-columns:repeat(auto-fill,minmax(240px,1fr));gap:18px 16px;margin-top:12px}
 .shot{min-width:0}
+.tall{max-height:520px;overflow:auto}
+.names{margin:6px 0 8px}
+.views h3,.views h4{margin:18px 0 2px;font-size:1rem}
+.views h3{margin-top:22px}
+figure .frame{margin:10px 0}.shot .frame{margin:0}
 .frame{position:relative;background:#2b3138;border-radius:6px;overflow:hidden}
 .frame img{display:block;width:100%;height:auto}
 .frame svg{position:absolute;inset:0;width:100%;height:100%;overflow:hidden}
@@ -123,14 +129,14 @@ dl.words{display:grid;grid-template-columns:minmax(150px,220px) 1fr;gap:8px 24px
 dl.words dt{font-weight:600}dl.words dd{margin:0;color:var(--soft);max-width:80ch}
 footer{padding-top:28px;padding-bottom:40px;color:var(--soft);font-size:.875rem}
 .sr{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);white-space:nowrap}
-@media (max-width:760px){
+@media screen and (max-width:760px){
 main,header,footer{padding-left:16px;padding-right:16px}header{padding-top:20px}
 .two,.reasons{grid-template-columns:minmax(0,1fr)}
 .reasons li:nth-child(2){border-top:1px solid var(--line)}
 .card{padding:15px 15px}.verdict{padding:18px 16px}.verdict h2{font-size:1.45rem}
 .verdict .top{gap:12px}.verdict .top svg{width:42px;height:42px}
 h1{font-size:1.4rem}h2{margin-top:38px}
-.plot text{font-size:14px}
+.plot text{font-size:15px}pre{font-size:.78rem;padding:10px 12px}
 .shots{grid-template-columns:repeat(2,minmax(0,1fr));gap:14px 10px}
 .key{grid-template-columns:repeat(2,minmax(0,1fr))}.key dd{font-size:1.125rem}
 dl.words{grid-template-columns:1fr;gap:2px}dl.words dd{margin-bottom:10px}
@@ -142,7 +148,7 @@ th,td{padding-right:10px}
 body{font-size:10.5pt}nav,button{display:none!important}main,header,footer{max-width:none;padding-left:0;padding-right:0}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .card,.shot,.reasons li,tr{break-inside:avoid}h2,h3{break-after:avoid}.shots{grid-template-columns:repeat(4,1fr)}
-details::details-content{content-visibility:visible}a{color:inherit;text-decoration:none}
+.tall{max-height:none}details::details-content{content-visibility:visible}a{color:inherit;text-decoration:none}
 }
 """
 

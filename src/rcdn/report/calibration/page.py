@@ -1,0 +1,177 @@
+"""The report of one calibration: one HTML file that a person reads in a minute."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rcdn.io import write_text
+from rcdn.provenance import provenance
+from rcdn.report.calibration import gallery, sections, style, verdict
+from rcdn.report.calibration import pictures as shown
+from rcdn.report.calibration.facts import Facts, measure
+from rcdn.report.calibration.markup import Html, counted, each, join, tag
+from rcdn.report.calibration.pictures import Pictures
+from rcdn.types import Calibration
+
+LARGEST = 6_000_000
+"""bytes of the page; thumbnails take what the rest leaves, less SPARE"""
+SPARE = 100_000
+
+WORDS = (
+    (
+        "Residual",
+        "Observed minus projected position of a corner, px. Pixel (0, 0) is the centre of the top-left pixel.",
+    ),
+    (
+        "RMS",
+        "Reprojection error: the root of the mean squared length of the used corners’ residuals, px (both axes together).",
+    ),
+    (
+        "RMS, held-out pictures",
+        "The pictures are split into groups; the camera is calibrated without a group, then only the poses of that group’s boards are solved. "
+        "The RMS of their residuals tells what to expect in new pictures.",
+    ),
+    (
+        "Standard deviation",
+        "From the covariance of the least squares, scaled to the scatter that the corners show: how far a parameter "
+        "would move if the same pictures were taken again with other noise.",
+    ),
+    (
+        "Projection uncertainty",
+        "Standard deviation, px, of where the camera sees a fixed, far point, while the boards hold still; the root mean square of both axes. "
+        "Correlated errors of the parameters that make up for one another don’t count twice.",
+    ),
+    (
+        "Coverage",
+        "Share of the cells (eight along the longer side) in which at least one used corner lies. "
+        "What a fisheye sees beyond 90° off its axis doesn’t count.",
+    ),
+    (
+        "Field of view",
+        "Angles between the rays at the frame’s edges through the principal point, and between opposite corners.",
+    ),
+    (
+        "Left out",
+        "A view or a corner that disagrees with all others by more than chance allows. It is shown, but the camera doesn’t rest on it.",
+    ),
+    ("Warp", "How far the board’s middle stands out from the plane of its rim, along its columns and its rows."),
+)
+"""how each figure is defined"""
+
+
+def write_report(
+    path: str | Path, calibration: Calibration, pictures: Pictures | None = None, title: str = "Camera calibration"
+) -> None:
+    """Write the report of `calibration` to `path`: one HTML file that needs no network and no script.
+
+    `pictures(name)` gives the photograph (H, W) of a view's name, or None; it is called once for each picture that is shown,
+    and again for the sample. Without it the drawings stand alone. The page stays below 6 MB for a hundred views: thumbnails shrink,
+    and what doesn't fit is left away and named. Written whole or not at all; the same input gives the same bytes but for the
+    date. Raises OutputError if it can't be written.
+    """
+    write_text(path, report(calibration, pictures, title))
+
+
+def report(calibration: Calibration, pictures: Pictures | None = None, title: str = "Camera calibration") -> str:
+    """The page that `write_report` writes."""
+    facts = measure(calibration)
+    found = verdict.checks(calibration, facts)
+    level = verdict.verdict(found)
+    head = join(
+        sections.banner(level, sections.summary_of(calibration, facts)),
+        sections.figures_of(calibration, facts),
+        section(
+            "why",
+            "The reasons",
+            sections.reasons(found, calibration.advice, list(verdict.LIMITS.values()), limits_hint(calibration)),
+        ),
+    )
+    sample = shown.sample(calibration, pictures)
+    parts = [
+        ("numbers", "The numbers", sections.numbers(calibration)),
+        ("sensor", "Over the sensor", pair(*sections.sensor_figures(calibration, facts))),
+        (
+            "residuals",
+            "Residuals",
+            join(pair(*sections.residual_figures(calibration)), pair(*sections.chart_figures(calibration))),
+        ),
+        ("straight", "Straight lines", gallery.before_after(sample, calibration.camera, pictures is not None)),
+    ]
+    meaning = ("meaning", "What the figures mean", sections.definitions(WORDS))
+    rest = sum(len(html.encode()) for _, _, html in [*parts, meaning]) + len(head.encode()) + len(style.SHEET)
+    views = gallery.gallery(calibration, pictures, 0)  # without photographs: what the overlays take
+    budget = max(LARGEST - SPARE - rest - len(views.encode()), 0)
+    views = gallery.gallery(calibration, pictures, budget)
+    parts += [("views", "Every picture", views), meaning]
+    return page(title, subtitle(calibration), head, parts, told(calibration, facts))
+
+
+def subtitle(calibration: Calibration) -> str:
+    """What was calibrated from what, in a line."""
+    names = {v.name for v in calibration.views}
+    width, height = calibration.camera.image_size
+    return (
+        f"{calibration.camera.model} camera, {width} × {height} px, from {counted(len(calibration.used_views), 'board')} "
+        f"of {len(calibration.views)} in {counted(len(names), 'picture')}"
+    )
+
+
+def told(calibration: Calibration, facts: Facts) -> str:
+    """What went in, for the foot of the page."""
+    names = {v.name for v in calibration.views}
+    return f"From {counted(len(names), 'picture')} with {counted(len(calibration.views), 'board')} and {counted(facts.seen, 'corner')}."
+
+
+def limits_hint(calibration: Calibration) -> str:
+    """A word on limits that grew with the picture."""
+    factor = verdict.growth(calibration.camera.image_size)
+    if factor == 1:
+        return ""
+    words = " and ".join(verdict.LIMITS[key].what.lower().replace("rms", "RMS") for key in verdict.GROWING[:1])
+    return (
+        f" In a picture as large as this, limits in px ({words}, projection uncertainty) are {factor:.2g} times these."
+    )
+
+
+def pair(*children: Html) -> Html:
+    """Side by side on a wide screen."""
+    return tag("div", each(list(children)), class_="two")
+
+
+def section(key: str, title: str, content: Html, lead: str = "") -> Html:
+    """A part of the page with its heading."""
+    return tag(
+        "section",
+        tag("h2", title, id=key),
+        tag("p", lead, class_="lead") if lead else None,
+        content,
+        aria_labelledby=key,
+    )
+
+
+def page(title: str, line: str, head: Html, parts: Sequence[tuple[str, str, Html]], told: str) -> str:
+    """The whole document."""
+    links = each([tag("li", tag("a", name, href=f"#{key}")) for key, name, _ in parts])
+    body = join(
+        tag(
+            "header",
+            tag("h1", title),
+            tag("p", line, class_="soft"),
+            tag("nav", tag("ul", links), aria_label="Parts of the page"),
+        ),
+        tag("main", head, each([section(*part) for part in parts])),
+        sections.footer(provenance(), told),
+    )
+    metas = each([
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=style.POLICY),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="generator", content="rcdn"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("link", rel="icon", href="data:,"),
+        tag("title", title),
+        tag("style", Html(style.SHEET)),
+    ])  # fmt: skip
+    script = tag("script", Html(style.SCRIPT))
+    return f'<!DOCTYPE html>\n<html lang="en">\n<head>\n{metas}\n</head>\n<body>\n{body}\n{script}\n</body>\n</html>\n'

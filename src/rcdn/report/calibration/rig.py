@@ -1,0 +1,123 @@
+"""Where two cameras stand: in numbers, and from above."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.geometry import transform, unproject
+from rcdn.report.calibration import charts, page, sections
+from rcdn.report.calibration.markup import Html, coordinate, each, number, segments, tag, value_and_std
+from rcdn.types import Array, BoardView, Calibration, StereoCalibration
+
+
+def baseline_std(stereo: StereoCalibration) -> float:
+    """Standard deviation of the baseline, m: of the translation along itself; a rotation doesn't change its length."""
+    along = stereo.T_right_left[:3, 3] / max(stereo.baseline, 1e-12)
+    return float(np.sqrt(along @ stereo.cov[3:, 3:] @ along))
+
+
+def turn_angle(stereo: StereoCalibration) -> float:
+    """Degrees by which the right camera is turned against the left."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1))))
+
+
+def section(stereo: StereoCalibration) -> Html:
+    """Baseline, translation and rotation with their standard deviations, and the cameras from above."""
+    std = baseline_std(stereo)
+    T = stereo.T_right_left
+    spread = np.sqrt(np.diag(stereo.cov))
+    rows = [("baseline", *value_and_std(1000 * stereo.baseline, 1000 * std), "mm")]
+    rows += [(f"t{n}", *value_and_std(1000 * T[k, 3], 1000 * spread[3 + k]), "mm") for k, n in enumerate("xyz")]
+    turns = np.degrees(_rotation_vector(T[:3, :3]))
+    rows += [(f"rotation {n}", *value_and_std(turns[k], np.degrees(spread[k])), "°") for k, n in enumerate("xyz")]
+    body = each(
+        [
+            tag("tr", tag("th", n, scope="row"), tag("td", v, class_="n"), tag("td", s, class_="n"), tag("td", u))
+            for n, v, s, u in rows
+        ]
+    )
+    head = tag(
+        "tr",
+        *(
+            tag("th", w, scope="col", class_="n" if w in ("value", "± std") else None)
+            for w in ("", "value", "± std", "unit")
+        ),
+    )
+    table = tag(
+        "table",
+        tag("caption", "From the left camera to the right one, with standard deviations"),
+        tag("thead", head),
+        tag("tbody", body),
+    )
+    text = (
+        "T_right_left = [\n" + "".join(f"    [{a:.9g}, {b:.9g},\n     {c:.9g}, {d:.9g}],\n" for a, b, c, d in T) + "]"
+    )
+    copied = sections.copyable("To copy", text, "copy-rig")
+    numbers = tag("div", tag("div", table, class_="card wide"), tag("div", copied, class_="card"), class_="column")
+    words = "Boards (lines) and the two cameras with their horizontal fields of view, in the left camera’s coordinates."
+    return page.pair(numbers, sections.figure("From above", _from_above(stereo), words))
+
+
+def _rotation_vector(R: Array) -> Array:
+    """Rotation vector, rad."""
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    sine, cosine = float(np.linalg.norm(axis)), (np.trace(R) - 1) / 2
+    return axis * (np.arctan2(sine, cosine) / sine if sine > 1e-9 else 1.0)
+
+
+def _from_above(stereo: StereoCalibration) -> Html:
+    """x to the right, z up the page, one scale for both."""
+    T = np.linalg.inv(stereo.T_right_left)
+    boards = [_board_line(v, stereo.left.spacing) for v in stereo.left.views if not v.reason and v.pose is not None]
+    lines = np.array(boards).reshape(-1, 2, 2)
+    spots = np.concatenate([lines.reshape(-1, 2), [[0, 0], T[[0, 2], 3]]])
+    low, high = spots.min(axis=0), spots.max(axis=0)
+    size, height = 400.0, 300.0
+    scale = min(size / max(high[0] - low[0], 1e-9), height / max(high[1] - low[1], 1e-9))
+    middle = (low + high) / 2
+    to = lambda p: (np.asarray(p, float) - middle) * [scale, -scale] + [charts.WIDTH / 2, 170.0]  # noqa: E731
+    reach = max(0.35 * (high[1] - low[1]), 0.5 * stereo.baseline)
+    cameras = [_wedge(to, np.eye(4), stereo.left, reach, "left"), _wedge(to, T, stereo.right, reach, "right")]
+    at = to(lines.reshape(-1, 2)).reshape(-1, 2, 2)
+    bar = charts.nice(60 / scale)
+    ruler = tag("path", class_="mean", d=f"M1 352v8m0-4H{coordinate(1 + bar * scale)}m0-4v8")
+    words = tag("text", f"{coordinate(bar, 6)} m", class_="strong", x=8 + bar * scale, y=360)
+    label = f"{len(boards)} boards and two cameras {number(stereo.baseline)} m apart, from above."
+    drawn = tag("path", class_="line", stroke_width=1.6, stroke_opacity=0.75, d=segments(at[:, 0], at[:, 1]))
+    return charts.plot(label, drawn, *cameras, ruler, words, height=364)
+
+
+def _board_line(view: BoardView, spacing: float) -> Array:
+    """The board's longer middle line from above, (2, 2): (x, z) of its ends, m."""
+    assert view.pose is not None
+    low, high = view.ij.min(axis=0), view.ij.max(axis=0)
+    middle = (low + high) / 2
+    across = high - low
+    ends = (
+        [[low[0], middle[1], 0], [high[0], middle[1], 0]]
+        if across[0] >= across[1]
+        else [[middle[0], low[1], 0], [middle[0], high[1], 0]]
+    )
+    return np.asarray(transform(view.pose, np.array(ends) * spacing)[:, [0, 2]])
+
+
+def _wedge(to: object, T: Array, calibration: Calibration, reach: float, name: str) -> Html:
+    """A camera as a dot with the two edges of its field of view."""
+    assert callable(to)
+    camera = calibration.camera
+    cy = camera.K[1, 2]
+    rays = unproject(camera, np.array([[-0.5, cy], [camera.image_size[0] - 0.5, cy]]))
+    rays = np.where(np.isfinite(rays), rays, [[-1.0, 0, 0], [1.0, 0, 0]]) @ T[:3, :3].T
+    ends = rays[:, [0, 2]] / np.maximum(np.hypot(rays[:, 0], rays[:, 2]), 1e-9)[:, None] * reach
+    centre = T[[0, 2], 3]
+    a, c, b = (to(p) for p in (centre + ends[0], centre, centre + ends[1]))
+    d = f"M{coordinate(a[0])} {coordinate(a[1])}L{coordinate(c[0])} {coordinate(c[1])}L{coordinate(b[0])} {coordinate(b[1])}"
+    dot = tag(
+        "path",
+        class_="mean",
+        style="stroke-width:7;stroke-linecap:round",
+        d=f"M{coordinate(c[0])} {coordinate(c[1])}h0",
+    )
+    anchor, step = ("end", -9) if name == "left" else ("start", 9)
+    word = tag("text", name, class_="strong halo", x=float(c[0] + step), y=float(c[1] + 4), text_anchor=anchor)
+    return each([tag("path", class_="heatline", stroke_width=1.4, d=d), dot, word])

@@ -1,0 +1,332 @@
+"""The parts of the page, each as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rcdn.report.calibration import charts, maps, verdict
+from rcdn.report.calibration.facts import Facts
+from rcdn.report.calibration.markup import (
+    Html,
+    counted,
+    each,
+    escape,
+    join,
+    number,
+    percent,
+    pixels,
+    tag,
+    value_and_std,
+)
+from rcdn.types import Calibration, Camera
+
+SIGNS = {
+    "good": '<circle cx="12" cy="12" r="10.5"/><path d="M6.8 12.6l3.6 3.6 7-7.8"/>',
+    "fair": '<path d="M12 2.6L22.6 21.2H1.4z"/><path d="M12 9.4v5.4M12 17.6v.4"/>',
+    "poor": '<path d="M7.8 1.6h8.4l6.2 6.2v8.4l-6.2 6.2H7.8l-6.2-6.2V7.8z"/><path d="M8 8l8 8M16 8l-8 8"/>',
+}
+"""A tick in a circle, an exclamation mark in a triangle, a cross in an octagon: told apart without their colours."""
+MODEL_NAMES = {
+    "pinhole": "pinhole (no distortion)",
+    "brown": "Brown–Conrady",
+    "rational": "rational (8 numbers)",
+    "fisheye": "fisheye (Kannala–Brandt)",
+    "division": "division (one number)",
+}
+
+
+def sign(level: str) -> Html:
+    """The level's sign."""
+    strokes = 'fill="none" stroke="currentColor" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"'
+    return Html(f'<svg class="sign" viewBox="0 0 24 24" aria-hidden="true"><g {strokes}>{SIGNS[level]}</g></svg>')
+
+
+def banner(level: verdict.Level, summary: str) -> Html:
+    """The verdict in a word, what it means, and the measurements in a sentence."""
+    words = tag("div", tag("h2", verdict.HEADLINE[level], id="verdict"), tag("p", verdict.MEANING[level]))
+    return tag(
+        "section", tag("div", sign(level), words, class_="top"), tag("p", summary, class_="summary"),
+        class_=f"card verdict {level}", aria_labelledby="verdict",
+    )  # fmt: skip
+
+
+def summary_of(calibration: Calibration, facts: Facts) -> str:
+    """The measurements in a sentence or two."""
+    used, names = calibration.used_views, {v.name for v in calibration.used_views}
+    held = calibration.held_out
+    boards = counted(len(used), "board")
+    where = f"in {counted(len(names), 'picture')}" if len(names) != len(used) else "each in its own picture"
+    text = f"{boards}, {where}, are explained to {pixels(calibration.rms)} (RMS)"
+    text += f", boards in held-out pictures to {pixels(held)}. " if np.isfinite(held) else ". "
+    text += f"Over half of the picture, projections are firm to {number(facts.typical, 2)} px or better"
+    if not np.isfinite(facts.at_corners):
+        return f"{text}; in its corners nothing is known."
+    where = "in the worst corner of the picture" if np.isfinite(facts.corners).any() else "at the rim"
+    return f"{text}; {where} to {number(facts.at_corners, 2)} px."
+
+
+def reasons(
+    found: Sequence[verdict.Check], advice: Sequence[str], limits: Sequence[verdict.Limit], hint: str = ""
+) -> Html:
+    """The checks, the worst first, one a line with its sign, then the advice."""
+    rows = []
+    for check in sorted(found, key=lambda c: -verdict.LEVELS.index(c.level)):
+        said = tag("span", f" ({verdict.HEADLINE[check.level].lower()})", class_="sr")
+        head = tag("div", tag("span", check.what, said), tag("span", check.value), class_="head")
+        rows.append(tag("li", sign(check.level), tag("div", head, tag("p", check.why)), class_=check.level))
+    card = tag("div", tag("ul", each(rows), class_="reasons"), _thresholds(limits, hint), class_="card")
+    if not advice:
+        return card
+    steps = tag("ol", each([tag("li", line) for line in advice]), class_="advice")
+    return each([card, tag("div", tag("h3", "What would make it better"), steps, class_="card")])
+
+
+def _thresholds(limits: Sequence[verdict.Limit], hint: str) -> Html:
+    rows = [
+        tag(
+            "tr",
+            tag("th", limit.what, scope="row"),
+            *(tag("td", limit.words(level), class_="n") for level in verdict.LEVELS),
+        )
+        for limit in limits
+    ]
+    heads = (
+        tag("th", w, scope="col", class_=c) for w, c in (("Check", None), ("good", "n"), ("fair", "n"), ("poor", "n"))
+    )
+    table = tag(
+        "table",
+        tag("caption", "The verdict is the worst of these checks." + hint),
+        tag("thead", tag("tr", *heads)),
+        tag("tbody", each(rows)),
+    )
+    return tag("details", tag("summary", "Where the lines are drawn"), tag("div", table, class_="wide"))
+
+
+def key_figures(pairs: Sequence[tuple[str, str, str]]) -> Html:
+    """Name, figure, and a small word beside it."""
+    return tag(
+        "dl",
+        each([tag("div", tag("dt", n), tag("dd", v, " ", tag("small", s) if s else None)) for n, v, s in pairs]),
+        class_="key",
+    )
+
+
+def figures_of(calibration: Calibration, facts: Facts) -> Html:
+    """The figures that people ask for first."""
+    K, fov = calibration.camera.K, facts.fov
+    return key_figures([
+        ("RMS", pixels(calibration.rms), "reprojection error"),
+        ("Held-out RMS", pixels(calibration.held_out), "in unseen pictures"),
+        ("Focal length", f"{number(float(np.sqrt(K[0, 0] * K[1, 1])), 5)} px", f"± {percent(facts.focal_std)}"),
+        ("Field of view", *field_of_view(fov)),
+        ("Lens model", calibration.camera.model, "{} × {} px".format(*calibration.camera.image_size)),
+        ("Corners used", f"{facts.used:,}", f"of {facts.seen:,}"),
+    ])  # fmt: skip
+
+
+def field_of_view(fov: tuple[float, float, float]) -> tuple[str, str]:
+    """Horizontal × vertical, and diagonal."""
+    if not np.isfinite(fov[:2]).all():
+        return "unknown", "the lens model ends inside the frame"
+    return f"{number(fov[0])}° × {number(fov[1])}°", f"{number(fov[2])}° diagonal" if np.isfinite(fov[2]) else ""
+
+
+def numbers(calibration: Calibration, key: str = "") -> Html:
+    """Parameters, a block to copy, the models compared, and the board."""
+    left = tag("div", tag("div", parameters(calibration), class_="card wide"), _models(calibration), class_="column")
+    copy = tag("div", copyable_camera(calibration.camera, key), class_="card")
+    return tag("div", left, tag("div", copy, _board(calibration), class_="column"), class_="two loose")
+
+
+def parameters(calibration: Calibration) -> Html:
+    """Every parameter with its standard deviation."""
+    camera = calibration.camera
+    rows = []
+    for name, value, std in zip(camera.parameter_names, camera.parameters, calibration.std, strict=True):
+        shown, spread = value_and_std(float(value), float(std))
+        unit = "px" if name in ("fx", "fy", "cx", "cy") else ""
+        rows.append(
+            tag(
+                "tr",
+                tag("th", tag("code", name), scope="row"),
+                *(tag("td", t, class_="n") for t in (shown, spread)),
+                tag("td", unit),
+            )
+        )
+    if camera.K[0, 1]:
+        rows.append(
+            tag(
+                "tr",
+                tag("th", "skew", scope="row"),
+                tag("td", number(camera.K[0, 1], 5), class_="n"),
+                tag("td", "–", class_="n"),
+                tag("td", "px"),
+            )
+        )
+    head = tag(
+        "tr",
+        *(
+            tag("th", w, scope="col", class_="n" if w in ("value", "± std") else None)
+            for w in ("parameter", "value", "± std", "unit")
+        ),
+    )
+    caption = tag(
+        "caption", f"Camera matrix and distortion, {MODEL_NAMES[camera.model]}, with standard deviations (one sigma)"
+    )
+    return tag("table", caption, tag("thead", head), tag("tbody", each(rows)))
+
+
+def copyable_camera(camera: Camera, key: str) -> Html:
+    """The camera as a block of code."""
+    K = "[" + ",\n     ".join("[" + ", ".join(f"{v:.10g}" for v in row) + "]" for row in camera.K) + "]"
+    lens = [f"{v:.10g}" for v in camera.distortion]
+    rows = "".join(f"\n    {', '.join(lens[k : k + 2])}," for k in range(0, len(lens), 2))
+    names = f"  # {' '.join(camera.parameter_names[4:])}" if lens else ""
+    size = "image_size = ({}, {})".format(*camera.image_size)
+    block = f'model = "{camera.model}"\n{size}\nK = {K}\ndistortion = [{names}{rows}{chr(10) if lens else ""}]'
+    return copyable("To copy", block, f"copy-camera{key}")
+
+
+def copyable(title: str, text: str, key: str) -> Html:
+    """Lines of numbers with a button that copies them."""
+    button = tag("button", "Copy", type="button", data_copy=key, hidden=True)
+    lines = Html("\n".join(escape(line) for line in text.split("\n")))  # here line breaks are meant
+    return join(
+        tag("div", tag("h3", title), button, class_="copyhead"),
+        tag("pre", lines, id=key, tabindex="0", aria_label="Numbers to copy"),
+    )
+
+
+def _models(calibration: Calibration) -> Html | None:
+    if not calibration.models:
+        return None
+    rows = []
+    for k, score in enumerate(calibration.models):
+        name = tag("th", score.model, " ", tag("span", "chosen", class_="tag") if k == 0 else None, scope="row")
+        cells = (tag("td", pixels(v), class_="n") for v in (score.rms, score.held_out))
+        rows.append(tag("tr", name, *cells, class_="chosen" if k == 0 else None))
+    head = tag(
+        "tr",
+        tag("th", "model", scope="col"),
+        tag("th", "RMS", scope="col", class_="n"),
+        tag("th", "held out", scope="col", class_="n"),
+    )
+    caption = tag("caption", "Lens models compared: the simplest that none beats on held-out pictures is chosen")
+    return tag("div", tag("table", caption, tag("thead", head), tag("tbody", each(rows))), class_="card wide")
+
+
+def _board(calibration: Calibration) -> Html:
+    size = "{} × {} inner corners".format(*calibration.size) if calibration.size else "not settled by the pictures"
+    turn = {
+        "unique": "one way up only",
+        "ambiguous_180": "looks the same after half a turn",
+        "ambiguous_90": "looks the same after quarter turns",
+    }
+    rows: list[tuple[str, str]] = [("size", size), ("spacing", f"{number(1000 * calibration.spacing, 4)} mm")]
+    if calibration.orientation:
+        rows.append(("orientation", turn[calibration.orientation]))
+    if calibration.warp is None:
+        rows.append(("warp", "taken as flat"))
+    else:
+        std = calibration.warp_std if calibration.warp_std is not None else np.full(2, np.nan)
+        for name, value, spread in zip(("warp along columns", "warp along rows"), calibration.warp, std, strict=True):
+            rows.append((name, "{} ± {} mm".format(*value_and_std(1000 * float(value), 1000 * float(spread)))))
+    rows += [("scatter of corners beyond their own sigma", f"{number(calibration.noise, 2)} px along an axis")]
+    body = each([tag("tr", tag("th", n, scope="row"), tag("td", v)) for n, v in rows])
+    return tag("div", tag("table", tag("caption", "The board"), tag("tbody", body)), class_="card wide")
+
+
+def figure(title: str, art: Html, text: str) -> Html:
+    """A drawing with its title above and its explanation below."""
+    return tag("figure", tag("h3", title), art, tag("figcaption", text), class_="card")
+
+
+def sensor_figures(calibration: Calibration, facts: Facts, whose: str = "") -> tuple[Html, Html]:
+    """Coverage, and projection uncertainty; `whose` ends the titles."""
+    guess = "Where there is none, the lens is only extrapolated."
+    covered = figure(
+        f"Where corners were seen{whose}", maps.coverage_map(calibration, facts),
+        f"{percent(facts.covered)} of the cells hold a used corner. {guess if facts.covered < 1 else ''}",
+    )  # fmt: skip
+    firm = figure(
+        f"How firm a projection is{whose}", maps.uncertainty_map(calibration, facts),
+        "Standard deviation of where a far point appears, if the same calibration were repeated with other noise. It tells of noise only: "
+        "a lens that the model can’t follow shows in the residuals instead.",
+    )  # fmt: skip
+    return covered, firm
+
+
+def residual_figures(calibration: Calibration, whose: str = "") -> tuple[Html, Html]:
+    """Residual vectors, and their means in cells."""
+    vectors = figure(
+        f"Corner by corner{whose}", maps.residual_map(calibration),
+        "From each corner (dot) towards where it was seen, observed − projected. They should look like noise: short, in all directions.",
+    )  # fmt: skip
+    art, sentence = maps.mean_map(calibration)
+    return vectors, figure(
+        f"Averaged over cells{whose}", art, f"{sentence} Arrows that turn together show a lens model that doesn’t fit."
+    )
+
+
+def chart_figures(calibration: Calibration, key: str = "", whose: str = "") -> tuple[Html, Html]:
+    """Bars of the views, and residuals against the radius."""
+    out = calibration.left_out
+    told = f"{counted(len(out), 'view was', 'views were')} left out. " if out else "No view was left out. "
+    bars = tag(
+        "figure", tag("h3", f"Each view{whose}"), charts.view_bars(calibration, key),
+        tag("figcaption", told, f"The dashed line is the RMS of all used views, {pixels(calibration.rms)}."),
+        _left_out(calibration, key), class_="card",
+    )  # fmt: skip
+    art, sentence = charts.radius_chart(calibration)
+    marks = charts.legend(
+        ("corner", tag("path", class_="dot", stroke_width=5, d="M9 7h0")),
+        ("running mean", tag("path", class_="mean", d="M0 7h18")),
+        ("± one standard deviation", tag("path", class_="band", d="M0 1h18v12h-18z")),
+    )
+    text = f"{sentence} A mean that leaves zero towards the right is a lens model that runs out."
+    return bars, figure(f"Residuals against the radius{whose}", join(art, marks), text)
+
+
+def _left_out(calibration: Calibration, key: str) -> Html | None:
+    rows = [
+        tag(
+            "li",
+            tag("a", f"View {k}", href=f"#view-{key}{k}"),
+            ", ",
+            tag("bdi", short(v.name)),
+            ": ",
+            tag("span", v.reason, class_="why"),
+        )
+        for k, v in enumerate(calibration.views, start=1)
+        if v.reason
+    ]
+    if not rows:
+        return None
+    first, more = rows[:6], rows[6:]
+    rest = tag("details", tag("summary", f"{len(more)} more"), tag("ul", each(more), class_="advice")) if more else None
+    return join(tag("ul", each(first), class_="advice"), rest)
+
+
+def short(name: str) -> str:
+    """The file's own name."""
+    return name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1] or name
+
+
+def definitions(words: Sequence[tuple[str, str]]) -> Html:
+    """What each figure means."""
+    return tag("dl", each([join(tag("dt", n), tag("dd", t)) for n, t in words]), class_="words")
+
+
+def footer(provenance: dict[str, Any], told: str) -> Html:
+    """Where the page comes from."""
+    commit = str(provenance.get("commit", "unknown"))
+    source = f", commit {commit[:12]}{'+' if commit.endswith('+') else ''}" if commit != "unknown" else ""
+    text = f"Made by rcdn {provenance['rcdn']}{source} on {provenance['date'][:16].replace('T', ' ')} UTC. {told}"
+    return tag(
+        "footer",
+        tag("p", text),
+        tag("p", "The page is one file: it loads nothing from the network and needs no script."),
+    )
