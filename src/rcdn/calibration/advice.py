@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from rcdn.calibration.sight import reach
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 from rcdn.types import Array, Calibration
 
@@ -13,6 +14,8 @@ FEW_VIEWS, LITTLE_TILT = 10, 20.0
 """views; degrees between board and sensor"""
 LOOSE_FOCAL, LOOSE_PIXELS = 0.005, 1.0
 """share of the focal length, px of projection in a corner of the picture: standard deviations that are worth a word"""
+WHOLE_FRAME = 0.995
+"""share of the frame with rays"""
 WORSE_HELD_OUT = 1.4
 """× the calibration's RMS"""
 MANY_OUTLIERS = 0.05
@@ -49,6 +52,16 @@ def tilts(calibration: Calibration) -> Array:
     """(V,) degrees by which each used board is tilted against the sensor."""
     normals = np.array([v.pose.R[2, 2] for v in calibration.used_views if v.pose is not None])
     return np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1)))
+
+
+def _reach(c: Calibration) -> str:
+    share = reach(c.camera)
+    if share >= WHOLE_FRAME:
+        return ""
+    return (
+        f"The lens model turns back inside the picture: {1 - share:.0%} of it has no rays. Bring the board into the corners of the picture, "
+        "or take another model."
+    )
 
 
 def _focal(c: Calibration) -> str:

@@ -249,7 +249,12 @@ def _descend(
     step = float(np.linalg.norm(slope(here).T @ function(here)))
     # SciPy takes its first trust region from the length of the start: let it be that of the first step
     offset = np.full(len(here), max(step, 1.0) / np.sqrt(max(len(here), 1)))
-    settings = {"loss": loss, "f_scale": 2.0, "tr_solver": "lsmr", "tr_options": {"regularize": False}}
+    settings = {
+        "loss": loss,
+        "f_scale": 2.0,
+        "tr_solver": "lsmr",
+        "tr_options": {"regularize": False, "atol": 1e-4, "btol": 1e-4},
+    }
     before = _cost(function(here), loss)
     done = least_squares(
         lambda y: function(y - offset), offset, lambda y: slope(y - offset), max_nfev=STEPS,

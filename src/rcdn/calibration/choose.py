@@ -7,11 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals, solve
+from rcdn.calibration.sight import reach
 from rcdn.types import Array
 
 FOLDS = 5
 FEWEST = 4
 """pictures, below which nothing is held out"""
+LOST = 0.01
+"""share of the frame without rays that is too much"""
 SIMPLER = 1.05
 """× the least held-out error: a simpler model that stays below is taken"""
 
@@ -52,9 +55,12 @@ def rms(gaps: Array, weight: Array) -> float:
 def best(trials: list[Trial], weight: Array) -> int:
     """Which of `trials`, the simplest first, to take: the simplest that does nearly as well as the best on pictures held out.
 
-    Without pictures held out: the second, if there is one, as calibrations usually have it.
+    A lens that has no rays for a part of the frame where another has them is passed over: polynomials may turn back where no corner was. Without
+    pictures held out: the second, if there is one, as calibrations usually have it.
     """
     held = np.array([rms(t.held, weight) for t in trials])
     if np.isnan(held).any():
         return min(1, len(trials) - 1)
+    reaches = np.array([reach(t.state.cameras[0]) for t in trials])
+    held[reaches < reaches.max() - LOST] = np.inf
     return int(np.flatnonzero(held <= SIMPLER * held.min())[0])

@@ -17,8 +17,6 @@ from rcdn.types import Array, Board, Camera, Pose, PoseEstimate
 FEWEST = 4
 SURE = 9.0
 """by how much the better pose's sum of whitened squares must be less: three standard deviations"""
-HOPEFUL = 10.0
-"""× the best start's median distance of corners: a start beyond it isn't refined"""
 ASIDE = 0.1
 """least z of a unit ray in the view that faces the board, for IPPE's flat picture (84°)"""
 
@@ -90,7 +88,7 @@ def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array
     for T in starts:
         gaps = np.linalg.norm(residuals(State.mono(camera, T[None], np.array([1.0, 0.0])), corners), axis=1)
         miss.append(float(np.median(np.nan_to_num(gaps, nan=np.inf))))
-    return [T for T, m in zip(starts, miss, strict=True) if m <= HOPEFUL * min(miss)]
+    return [T for T, m in zip(starts, miss, strict=True) if m <= robust.HOPEFUL * min(miss)]
 
 
 def _facing(direction: Array) -> Array:

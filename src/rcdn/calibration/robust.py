@@ -18,6 +18,8 @@ CROOKED = 5.0
 """× the usual scatter: a view whose typical corner lies that far off is left out"""
 TOO_MANY = 0.3
 """share of outliers that makes a whole view one"""
+HOPEFUL = 10.0
+"""× the median distance of a view's corners: the other of a plane's two poses isn't tried beyond it"""
 ROUNDS = 12
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
@@ -43,23 +45,32 @@ def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array) -> tup
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
         state = solve(state, corners, _weights(noise, sigma), free, "soft_l1").state
-        noise = _median_noise(residuals(state, corners), sigma)
         state = _unflipped(state, corners, _weights(noise, sigma))
+        noise = _median_noise(residuals(state, corners), sigma)
     return state, noise
 
 
 def _unflipped(state: State, corners: Corners3, weight: Array) -> State:
     """With the other of the two poses that a plane allows where that fits better: a pose may have gone to the wrong one."""
-    seen = np.unique(corners.frame)
-    other = solve(
-        _flipped(state, corners, seen), corners, weight, default_free(state, lens=False), "soft_l1", repeats=2
-    ).state
+    flipped = _flipped(state, corners, np.unique(corners.frame))
+    near, far = (_medians(residuals(each, corners), corners.frame, len(state.poses)) for each in (state, flipped))
+    mine = np.flatnonzero((far <= HOPEFUL * near)[corners.frame])
+    if not len(mine):
+        return state
+    some, firm = corners.take(mine), weight[mine]
+    other = solve(flipped, some, firm, default_free(state, lens=False), "soft_l1", repeats=2).state
     costs = []
     for each in (state, other):
-        square = np.nan_to_num((residuals(each, corners) * weight[:, None]) ** 2, nan=BEHIND**2)
-        costs.append(np.bincount(corners.frame, (np.sqrt(1 + square / 4) - 1).sum(axis=1), len(state.poses)))
+        square = np.nan_to_num((residuals(each, some) * firm[:, None]) ** 2, nan=BEHIND**2)
+        costs.append(np.bincount(some.frame, (np.sqrt(1 + square / 4) - 1).sum(axis=1), len(state.poses)))
     better = costs[1] < costs[0]
     return replace(state, poses=np.where(better[:, None, None], other.poses, state.poses))
+
+
+def _medians(gaps: Array, frame: Array, frames: int) -> Array:
+    """(F,) median length of each frame's `gaps` (N, 2), px; infinite where most can't be seen, 0 without corners."""
+    far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
+    return np.array([np.median(far[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
 
 
 def _flipped(state: State, corners: Corners3, frames: Array) -> State:
@@ -121,7 +132,7 @@ def _agreeing(gaps: Array, frame: Array, weight: Array, frames: int) -> tuple[Ar
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     miss = far * weight
     good = miss < GATE
-    px = np.array([np.median(far[frame == f]) if (frame == f).any() else np.inf for f in range(frames)])
+    px = _medians(gaps, frame, frames)
     reasons = [""] * frames
     for f in range(frames):
         mine = frame == f

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration import coverage, projection_uncertainty
-from rcdn.geometry import unproject
+from rcdn.calibration.sight import cell_centres, off_axis, out_of_sight
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 LONGER = 8
 """cells of the coverage along the frame's longer side"""
 GRID = 200
 """boxes along the frame's longer side in whose middles the projection uncertainty is measured"""
-WIDEST = 90.0
-"""degrees off the axis; what a fisheye sees beyond is taken for the dark around its circle, and doesn't count"""
-NEARLY = 80.0
-"""degrees; a lens model that has rays up to here and then none has reached such a circle, too; one that ends before is broken"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,29 +91,6 @@ def cells_of(image_size: tuple[int, int], longer: int = LONGER) -> tuple[int, in
     width, height = image_size
     side = max(width, height) / longer
     return max(round(width / side), 2), max(round(height / side), 2)
-
-
-def cell_centres(image_size: tuple[int, int], cells: tuple[int, int]) -> Array:
-    """(rows, cols, 2) px."""
-    (width, height), (cols, rows) = image_size, cells
-    x = (np.arange(cols) + 0.5) * width / cols - 0.5
-    y = (np.arange(rows) + 0.5) * height / rows - 0.5
-    return np.stack(np.meshgrid(x, y), axis=-1)
-
-
-def out_of_sight(camera: Camera, pixels: Array) -> tuple[Array, Array]:
-    """Of pixels (..., 2) spread over the frame: those beyond what the lens sees, and those where its model ends too early, bool."""
-    angle = off_axis(camera, pixels)
-    blind = ~np.isfinite(angle)
-    full = bool((angle[~blind] >= NEARLY).any())
-    beyond = np.nan_to_num(angle) > WIDEST
-    return beyond | (blind & full), blind & (not full)
-
-
-def off_axis(camera: Camera, pixels: Array) -> Array:
-    """(...,) degrees between the axis and the ray of the pixel (..., 2); NaN without a ray."""
-    rays = unproject(camera, pixels)
-    return np.asarray(np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])))
 
 
 def cell_majority(mask: Array, cells: tuple[int, int]) -> Array:
