@@ -32,7 +32,7 @@ FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 SAME_SIZE = 0.75
 """share of the boards whose pictures have one size: the others are left out, or it would be an error"""
 HOPELESS_MODEL = 2.0
-"""× the least noise that a model leaves: beyond it a model isn't tried any further"""
+"""× the least scatter that a model leaves: beyond it a model isn't tried any further"""
 HOPELESS = 0.2
 """standard deviation of the focal length, as a share of it, that is no calibration"""
 
@@ -201,8 +201,9 @@ def _fits(task: _Task, models: Sequence[str], start: Camera, T: Array, warp: boo
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
         rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state, warp=warp))
-    least = min(noise for _, noise in rough.values())
-    near = {m: found for m, found in rough.items() if found[1] <= HOPELESS_MODEL * least}
+    usual = float(np.median(task.sigma))
+    scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
+    near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
     return {
         m: robust.fit(state, noise, task.corners, task.sigma, default_free(state, warp=warp))
         for m, (state, noise) in near.items()
