@@ -9,8 +9,16 @@ from hypothesis import strategies as st
 import rcdn
 from rcdn.config import DetectorConfig
 from rcdn.metrics import match
-from rcdn.pyramid import View, boards_in_picture, closer_view, distinct_boards, distinct_corners, whole_views
-from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render, truth
+from rcdn.pyramid import (
+    View,
+    boards_in_picture,
+    closer_view,
+    distinct_boards,
+    distinct_corners,
+    unexplained,
+    whole_views,
+)
+from rcdn.synthetic import ORDINARY, Background, BoardSpec, Scene, Sensor, random_scene, render, truth
 from rcdn.types import Board, Corners, Status
 
 
@@ -140,3 +148,61 @@ def test_tiny_squares_in_a_corner_of_the_picture_are_a_grille(pitch, size, stays
     found = boards_in_picture(view, [board], size[::-1])
     assert len(found) == stays
     assert all(b.image_size == size for b in found)
+
+
+HALF = View((0, 0, 640, 480), 0.5)
+"""a reduced view"""
+
+
+def in_view(xy):
+    """Positions of the picture in `HALF`."""
+    return (np.asarray(xy, float) + 0.5) / 2 - 0.5
+
+
+def test_peaks_inside_a_complete_board_are_known():
+    board = lattice(9, 6, 20.0)
+    away = np.array([[400.0, 300.0], [30.0, 140.0]])
+    left = unexplained(HALF, in_view(np.concatenate([board.xy, away])), [board])
+    rim = (board.ij == 0).any(axis=1) | (board.ij == board.ij.max(axis=0)).any(axis=1)
+    assert left.tolist() == [*rim.tolist(), True, True]
+
+
+@pytest.mark.parametrize("side", [[(9, j) for j in range(6)], [(-1, j) for j in range(6)], [(i, 6) for i in range(9)]])
+def test_a_board_that_goes_on_in_the_view_explains_nothing(side):
+    board = lattice(9, 6, 20.0)
+    more = np.array(side) * 20.0 + (50, 40)
+    assert unexplained(HALF, in_view(np.concatenate([board.xy, more])), [board]) is None
+    assert unexplained(HALF, in_view(np.concatenate([board.xy, more[:2]])), [board]) is not None
+
+
+def test_boards_with_holes_and_thin_ones_explain_nothing():
+    full, thin = lattice(9, 6, 20.0), lattice(9, 2, 20.0, at=(50, 300))
+    keep = np.arange(54) != 20
+    holed = Board(full.xy[keep], full.ij[keep], (640, 480), np.ones(53), np.zeros(53), "unique")
+    for boards in ([], [holed], [full, thin]):
+        assert unexplained(HALF, in_view(full.xy), boards) is None
+    assert unexplained(HALF, np.zeros((0, 2)), [full]) is None
+
+
+def two_boards(near, far_blur):
+    """A sharp board and one so far out of focus that only a reduced view shows it, in one picture."""
+    sharp = render(front(7, 5, near, (640, 480)))
+    soft = render(front(5, 4, 90.0, (640, 480), blur=far_blur))
+    return np.concatenate([sharp, soft], axis=1)
+
+
+def test_a_complete_board_does_not_hide_another_that_only_a_reduced_view_shows():
+    grey = two_boards(40.0, 13.0)
+    found = rcdn.Detector().boards(grey)
+    assert [len(b) for b in found] == [35, 20]
+    assert len(rcdn.Detector(DetectorConfig.auto(pyramid=False)).boards(grey)) == 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_views_that_are_passed_over_would_have_shown_nothing_new(seed, monkeypatch):
+    grey = render(random_scene(np.random.default_rng(seed), ORDINARY, (480, 360)))
+    quick = rcdn.Detector().detect(grey)
+    monkeypatch.setattr("rcdn.detector.unexplained", lambda *_: None)
+    slow = rcdn.Detector().detect(grey)
+    assert [b.xy.tobytes() for b in quick.boards] == [b.xy.tobytes() for b in slow.boards]
+    assert quick.corners.xy.tobytes() == slow.corners.xy.tobytes()

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.boards import find_boards
+from rcdn.boards import find_boards, has_cells
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
-from rcdn.corners import Candidates, find_candidates
+from rcdn.corners import Candidates, candidates_at, find_maxima
 from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError
 from rcdn.io import as_grey
@@ -22,6 +22,7 @@ from rcdn.pyramid import (
     corners_in_picture,
     distinct_boards,
     distinct_corners,
+    unexplained,
     whole_views,
 )
 from rcdn.types import Array, Board, Corners
@@ -63,7 +64,8 @@ class Detector:
         """Corners and boards of one picture at the cost of one."""
         grey = as_grey(image)
         views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
-        looks = [self._look(grey, view) for view in views]
+        looks = [self._look(grey, views[0])]
+        looks += [self._look(grey, view, looks[0].boards) for view in views[1:]]
         if self.config.pyramid and (closer := closer_view(looks[0].strong, looks[0].boards, grey.shape)):
             looks.append(self._look(grey, closer))
         boards = distinct_boards([look.boards for look in looks])
@@ -75,20 +77,23 @@ class Detector:
         sharp = [sharpen(grey, board, self.config.sharpen.geometry) for board in boards]
         return Detection(_moved(corners, boards, sharp), sharp)
 
-    def _look(self, grey: Array, view: View) -> _Look:
-        """What one view shows, in pixels of the picture."""
+    def _look(self, grey: Array, view: View, known: list[Board] | None = None) -> _Look:
+        """What one view shows, in pixels of the picture. A reduced one that shows no more than `known` boards shows nothing."""
         part = view.of(grey)
-        found = self._candidates(part)
+        response = self._model(part, self.config.threads)
+        peaks = find_maxima(response, self.config)
+        if known and view.scale < 1:
+            strong = peaks.take(peaks.strong(self.config))
+            left = unexplained(view, strong.xy, known)
+            if left is not None and not has_cells(part, candidates_at(part, response, strong.take(left), self.config)):
+                return _Look(view, Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0)), [], np.zeros((0, 2)))
+        found = candidates_at(part, response, peaks, self.config)
         if self.config.recovery == "growth":
             boards = find_boards_paper(part, found, self.config.min_corners)
         else:
             boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0))
         corners = corners_in_picture(view, _with_members(found, boards))
-        strong = view.to_picture(found.corners.xy)
-        return _Look(view, corners, boards_in_picture(view, boards, grey.shape), strong)
-
-    def _candidates(self, grey: Array) -> Candidates:
-        return find_candidates(grey, self._model(grey, self.config.threads), self.config)
+        return _Look(view, corners, boards_in_picture(view, boards, grey.shape), view.to_picture(found.corners.xy))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +131,11 @@ def _with_members(found: Candidates, boards: list[Board]) -> Corners:
     status = np.array([member.get(s, own) for s, own in zip(spots, found.all.status.tolist(), strict=True)], np.uint8)
     keep = found.sure | np.array([s in member for s in spots], bool)
     known = replace(found.all, status=status).take(keep)
-    filled = [b.response == 0 for b in boards]  # no candidates: the board alone found them
-    more = [Corners(b.xy[f], b.response[f], b.status[f]) for b, f in zip(boards, filled, strict=True) if f.any()]
+    own = set(spots)
+    more = []  # no candidates before: the boards alone found them
+    for board in boards:
+        new = np.array([(x, y) not in own for x, y in board.xy.tolist()], bool)
+        more.append(Corners(board.xy[new], board.response[new], board.status[new]))
     return distinct_corners([known, *more], reach=0)
 
 

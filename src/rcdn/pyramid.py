@@ -29,6 +29,8 @@ MOST_ENLARGED = 500 * 400
 """px; largest part of a picture that is enlarged"""
 SAME = 0.35
 """corners closer than this share of the squares are one"""
+BEYOND = (0.3, 1.5)
+"""squares, + px of the view: so close to where a board's next corner would be, a peak may be that corner"""
 SPECK_PITCH, SPECK = 5.6, 0.1
 """px; a board of smaller squares must span this share of the picture's diagonal"""
 
@@ -97,6 +99,38 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
     if (x1 - x0) * (y1 - y0) > MOST_ENLARGED:
         return None
     return View((int(x0), int(y0), int(x1), int(y1)), 2.0)
+
+
+def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
+    """Which strong peaks `xy` (N, 2) px of a view are not known from boards of the picture, (N,) bool; None if the boards say too little.
+
+    Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
+    rim alone has none. A board that isn't complete may be fuller in the view, and so may one beyond whose rim the
+    view shows strong peaks at more than half of the places where its next corners would be: the boards say too little.
+    """
+    at = view.to_picture(xy)
+    left = np.ones(len(at), bool)
+    if not len(at) or not boards or not all(b.complete and min(b.size) > 2 for b in boards):
+        return None
+    tree, slack = cKDTree(at), BEYOND[1] / view.scale
+    for board in boards:
+        grid = board.grid()
+        for _ in range(4):
+            rim, second = grid[0], grid[1]
+            step = np.linalg.norm(rim - second, axis=1)
+            close = tree.query(2 * rim - second)[0] < BEYOND[0] * step + slack
+            if close.mean() > 0.5:
+                return None
+            grid = np.rot90(grid)
+        left &= ~_well_inside(grid, at)
+    return left
+
+
+def _well_inside(grid: Array, xy: Array) -> Array:
+    """(N,) bool: which positions lie further inside a board's `grid` (rows, columns, 2) than half way from its rim to the next corners."""
+    rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]]).astype(np.float32)
+    depth = lambda at: np.array([cv2.pointPolygonTest(rim, (float(x), float(y)), True) for x, y in at])  # noqa: E731
+    return np.asarray(depth(xy) > 0.5 * depth(grid[1:-1, 1:-1].reshape(-1, 2)).min())
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:

@@ -98,15 +98,29 @@ def test_three_corners_of_a_square_predict_the_fourth(image_of):
 
 def test_few_near_neighbours_reach_one_ring_further():
     spots = [(0, 3), (1, 3), (2, 3), (0, 2), (1, 2)]
-    assert len(grid_of(affine, spots).support((0, 0))[0]) == 5
-    assert len(grid_of(affine, SPOTS).support((0, 0))[0]) == 8
+    assert grid_of(affine, spots).predict((0, 0)).count == 5
+    assert grid_of(affine, SPOTS).predict((0, 0)).count == 8
 
 
-def test_neighbours():
+def test_the_corners_around_a_label():
     grid = grid_of(affine)
-    assert sorted(grid.neighbours((0, 0))) == sorted(grid.at[u, v] for v in range(3) for u in range(3) if u or v)
-    assert len(grid.neighbours((2, 2))) == 24
+    near = grid.around([(0, 0), (2, 2)], 2)
+    assert near[0].tolist() == [grid.at.get((u, v), -1) for v in range(-2, 3) for u in range(-2, 3)]
+    assert (near[1] >= 0).all()
+    assert (Grid({}, grid.xy).around([(4, 7)], 1) == -1).all()
     assert len(grid) == 30
+
+
+def test_many_predictions_are_those_of_each():
+    grid = grid_of(perspective)
+    spots = [*SPOTS, (-1, 0), (40, 40), (6, 5)]
+    many = grid.predictions(spots)
+    for k, spot in enumerate(spots):
+        one = grid.predict(spot)
+        assert many.support[k] == (0 if one is None else one.count)
+        if one is not None:
+            np.testing.assert_allclose(many.xy[k], one.xy, rtol=0, atol=1e-9)
+            assert many.pitch[k] == pytest.approx(one.pitch)
 
 
 def test_a_grid_copies_its_labels():

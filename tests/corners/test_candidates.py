@@ -27,10 +27,14 @@ def config(**changes):
 def test_sure_seed_and_weak():
     response = blobs([(39.5, 39.5, 0.9), (59.5, 39.5, 0.4), (79.5, 39.5, 0.12), (99.5, 39.5, 0.02)])
     found = find_candidates(GREY, response, config(threshold=Fixed(0.6), seed=0.5, weak=0.1))
-    np.testing.assert_allclose(found.all.xy[:, 0], [39.5, 59.5, 79.5], atol=0.1)
-    assert found.sure.tolist() == [True, False, False]
-    assert found.seed.tolist() == [True, True, False]
+    np.testing.assert_allclose(found.all.xy[:, 0], [39.5, 59.5], atol=0.1)
+    assert found.sure.tolist() == [True, False]
+    assert found.seed.tolist() == [True, True]
     assert len(found.corners) == 1
+    fine, status, seen = found.peaks.look(np.arange(len(found.peaks.xy)))  # only where a board asks for it
+    np.testing.assert_allclose(fine, [[79.5, 39.5]], atol=0.1)
+    assert status.tolist() == [Status.REFINED]
+    assert np.isfinite(seen.axes).all()
 
 
 def test_the_border_holds_no_corner():

@@ -10,11 +10,11 @@ from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
-from rcdn.boards.validate import believable, distinct, plain, prune
+from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.types import Array, Board, Status
 
-__all__ = ["find_boards"]
+__all__ = ["find_boards", "has_cells"]
 
 CELL = 4
 """corners of the smallest grid"""
@@ -39,14 +39,23 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
             parts.append(grid)
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
-    usual = float(np.median(field.response[candidates.sure])) if candidates.sure.any() else 0.0
+    usual = float(np.median(candidates.all.response[candidates.sure])) if candidates.sure.any() else 0.0
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
-        _finish(field, grid, free)
+        if len(grid) * 2 < least or not plain(grid, field.response, usual):
+            continue
+        if grid not in parts or not is_full(grid):  # a whole part by itself has had its turn
+            _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
             fill(field, grid, board_sign(field, grid), free)
             if distinct(grid, grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def has_cells(grey: Array, candidates: Candidates) -> bool:
+    """Is there any cell among the corners, from which a board could start?"""
+    field = as_field(grey, candidates)
+    return bool(cells(field, links(field)))
 
 
 def _finish(field: Field, grid: Grid, free: Array) -> None:
@@ -70,19 +79,22 @@ def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
 
 
 def as_field(grey: Array, candidates: Candidates) -> Field:
-    """The candidates as the recovery sees them, in their order."""
-    found, seen = candidates.all, candidates.orientation
-    refined = found.status != Status.SEED
+    """The candidates as the recovery sees them, in their order, and after them the weak peaks."""
+    found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
+    more = 0 if peaks is None else len(peaks.xy)
+    longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
         grey,
-        found.xy,
-        seen.axes,
-        seen.polarity.astype(int),
-        seen.contrast,
-        seen.fit,
-        found.response,
-        candidates.seed,
-        refined,
+        found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
+        longer(seen.axes, np.nan),
+        longer(seen.polarity.astype(int), 0),
+        longer(seen.contrast, 0),
+        longer(seen.fit, 0),
+        found.response if peaks is None else np.concatenate([found.response, peaks.score]),
+        longer(candidates.seed, False),
+        longer(found.status != Status.SEED, False),
+        peaks,
+        np.arange(len(found) + more) >= len(found),
     )
 
 
@@ -98,9 +110,12 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     cols, rows = new.max(axis=0) + 1
     filled = index >= len(field.xy)
     row = np.where(filled, 0, index)
-    found = candidates.all.take(row)
-    below = ~candidates.sure[row] & (found.status == Status.REFINED)
-    status = np.where(below | filled, Status.COMPLETED, found.status)
+    status = np.where(field.refined, Status.COMPLETED, Status.SEED)  # of weak peaks
+    known = np.where(
+        ~candidates.sure & (candidates.all.status == Status.REFINED), Status.COMPLETED, candidates.all.status
+    )
+    status[: len(known)] = known
     height, width = field.grey.shape
     turn = orientation(int(cols), int(rows)) if sign else "ambiguous_180"  # without colours nothing is settled
-    return Board(grid.xy[index], new, (width, height), np.where(filled, 0, found.response), status, turn)
+    status = np.where(filled, Status.COMPLETED, status[row])
+    return Board(grid.xy[index], new, (width, height), np.where(filled, 0, field.response[row]), status, turn)

@@ -10,11 +10,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
+from rcdn.boards.grow import SLACK
 from rcdn.boards.local import Grid
-from rcdn.boards.validate import STEPS, inner, predicted_excess
+from rcdn.boards.validate import STEPS, inner, predicted_excess, row_median
 from rcdn.types import Array
 
 ROUNDS = 8
@@ -30,14 +32,16 @@ OFF = 0.14
 """largest offset from the prediction, squares"""
 ANSWER = 0.6
 """least response of a candidate beyond the rim, share of the board's median"""
-ANSWERED = 0.06
-"""a candidate this close to a crossing is its own, squares"""
+REACH_PX, ANSWERED = 1.5, 0.06
+"""a candidate this close to a crossing is its own, px or squares"""
 BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
 """a labelled corner so many px, but within these squares, from its crossing lies on something else"""
 
 
-class _Spot(NamedTuple):
-    at: Label
+class _Spots(NamedTuple):
+    """Labels with their neighbours' predictions: `xy`, `du`, `dv` (K, 2) px."""
+
+    at: list[Label]
     xy: Array
     du: Array
     dv: Array
@@ -56,9 +60,8 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
     known = _set_right(field.grey, grid, sign)
     added: set[Label] = set()
     for _ in range(ROUNDS):
-        frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
-        spots = [s for at in sorted(frontier) if (s := _spot(grid, at))]
-        new = _accepted(field.grey, grid, sign, spots, known, free, plain)
+        spots = _spots(grid, sorted({(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)))
+        new = _accepted(field, grid, sign, spots, known, free, plain)
         if not new:
             break
         for at, (xy, corner, strength) in new.items():
@@ -68,8 +71,10 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
             else:
                 grid.at[at], free[corner] = corner, False
         added |= set(new)
-    for at in sorted(added, key=lambda a: (-predicted_excess(grid, a), a)):
-        if predicted_excess(grid, at) > 1:
+    new_ones = sorted(added)
+    excess = dict(zip(new_ones, predicted_excess(grid, new_ones).tolist(), strict=True))
+    for at in sorted(added, key=lambda a: (-excess[a], a)):
+        if predicted_excess(grid, [at])[0] > 1:
             del grid.at[at]
 
 
@@ -83,76 +88,91 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> dict[Label, Array]:
 
     The edge of a shadow makes a junction with each edge of the board that it crosses; one near a corner is taken for it.
     """
-    spots = [s for at in sorted(grid.at) if (s := _spot(grid, at))]
+    spots = _spots(grid, sorted(grid.at))
     offset, strength = _look(grey, spots, sign)
-    known = {s.at: k for s, k in zip(spots, strength, strict=True)}
+    known = dict(zip(spots.at, strength, strict=True))
+    steps = np.stack([spots.du, spots.dv], axis=2)
+    here = grid.xy[[grid.at[at] for at in spots.at]] - spots.xy
+    own = np.linalg.solve(steps, here[..., None])[..., 0]
+    limit = np.clip(BESIDE_PX / np.linalg.norm(steps, axis=1).min(axis=1), *BESIDE)
+    most, found = np.abs(own).max(axis=1), np.abs(offset).max(axis=1)
+    beside = (np.abs(own - offset).max(axis=1) > limit) & (most > 1.5 * found) & (found <= OFF)
     moves = {}
-    for spot, found, seen in zip(spots, offset, strength, strict=True):
-        steps = np.stack([spot.du, spot.dv], axis=1)
-        own = np.linalg.solve(steps, grid.xy[grid.at[spot.at]] - spot.xy)
-        limit = np.clip(BESIDE_PX / min(np.linalg.norm(spot.du), np.linalg.norm(spot.dv)), *BESIDE)
-        beside = np.abs(own - found).max() > limit and np.abs(own).max() > 1.5 * np.abs(found).max()
-        if beside and np.abs(found).max() <= OFF and _shares(known, spot.at, seen).min() >= SEEN:
-            moves[spot.at] = spot.xy + steps @ found
+    for k in np.flatnonzero(beside).tolist():
+        if _shares(known, [spots.at[k]], strength[k : k + 1]).min() >= SEEN:
+            moves[spots.at[k]] = spots.xy[k] + steps[k] @ offset[k]
     for at, xy in moves.items():
         _put(grid, at, xy)
     return known
 
 
-def _spot(grid: Grid, at: Label) -> _Spot | None:
-    """A label with its neighbours' prediction; None where they say too little about it."""
-    guess = grid.predict(at)
-    if guess is None or guess.count < LEAST_SUPPORT or guess.pitch < 2:
-        return None
-    area = abs(guess.du[0] * guess.dv[1] - guess.du[1] * guess.dv[0])
-    return _Spot(at, guess.xy, guess.du, guess.dv) if area > 1 else None
+def _spots(grid: Grid, labels: list[Label]) -> _Spots:
+    """Those of `labels` about which their neighbours say enough, with their predictions."""
+    guess = grid.predictions(labels)
+    area = np.abs(guess.du[:, 0] * guess.dv[:, 1] - guess.du[:, 1] * guess.dv[:, 0])
+    with_sense = (guess.support >= LEAST_SUPPORT) & (guess.pitch >= 2) & (area > 1)
+    some = np.flatnonzero(with_sense)
+    return _Spots([labels[k] for k in some.tolist()], guess.xy[some], guess.du[some], guess.dv[some])
 
 
-def _look(grey: Array, spots: list[_Spot], sign: int) -> tuple[Array, Array]:
-    colour = np.array([sign * (-1) ** sum(s.at) for s in spots], float)
-    xy, du, dv = (np.array([getattr(s, name) for s in spots]).reshape(-1, 2) for name in ("xy", "du", "dv"))
-    return crossings(grey, xy, du, dv, colour)
+def _look(grey: Array, spots: _Spots, sign: int) -> tuple[Array, Array]:
+    colour = np.array([sign * (-1) ** sum(at) for at in spots.at], float)
+    return crossings(grey, spots.xy, spots.du, spots.dv, colour)
 
 
 def _accepted(
-    grey: Array, grid: Grid, sign: int, spots: list[_Spot], known: dict[Label, Array], free: Array, plain: Array
+    field: Field, grid: Grid, sign: int, spots: _Spots, known: dict[Label, Array], free: Array, plain: Array
 ) -> dict[Label, tuple[Array, int | None, Array]]:
     """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
 
     Beyond its rim a board vouches for nothing by itself: there it takes `plain` (N,) candidates.
     """
+    offset, strength = _look(field.grey, spots, sign)
+    share, within = _shares(known, spots.at, strength), inner(grid, spots.at)
+    far = np.abs(offset).max(axis=1, initial=0)
+    # where one edge shows that colours alternate, the other is where it must be
+    one = _enclosed(grid, spots.at) & ((share.min(axis=1, initial=np.inf) < SEEN) | (far > OFF))
+    offset = np.where(one[:, None] & (share < share.max(axis=1, initial=0, keepdims=True)), 0, offset)
+    far = np.abs(offset).max(axis=1, initial=0)
+    both = (share.min(axis=1, initial=np.inf) >= np.where(within, SEEN, SEEN_RIM)) & (far <= OFF)
+    seen = np.where(one, (share.max(axis=1, initial=0) >= SEEN_ONE) & (far <= CLOSE), both)
+    xy = spots.xy + offset[:, :1] * spots.du + offset[:, 1:] * spots.dv
     out = {}
-    for spot, offset, strength in zip(spots, *_look(grey, spots, sign), strict=True):
-        share = _shares(known, spot.at, strength)
-        if _enclosed(grid, spot.at) and (share.min() < SEEN or np.abs(offset).max() > OFF):
-            # one edge shows that colours alternate; the other is where it must be
-            offset = np.where(share == share.max(), offset, 0)
-            seen = share.max() >= SEEN_ONE and np.abs(offset).max() <= CLOSE
-        else:
-            seen = share.min() >= (SEEN if inner(grid, spot.at) else SEEN_RIM) and np.abs(offset).max() <= OFF
-        xy = spot.xy + offset[0] * spot.du + offset[1] * spot.dv
-        corner = _candidate(grid, spot, xy, free)
-        if seen and (inner(grid, spot.at) or (corner is not None and plain[corner])):
-            out[spot.at] = xy, corner, strength
+    some = np.flatnonzero(seen)
+    for k, corner in zip(some.tolist(), _candidates(field, grid, spots, xy, some, free), strict=True):
+        if within[k] or (corner is not None and plain[corner]):
+            out[spots.at[k]] = xy[k], corner, strength[k]
     return out
 
 
-def _enclosed(grid: Grid, at: Label) -> bool:
-    """Are all four neighbours labelled?"""
-    return all((at[0] + d, at[1] + e) in grid.at for d, e in STEPS)
+def _enclosed(grid: Grid, labels: list[Label]) -> Array:
+    """(K,) bool: are all four neighbours labelled?"""
+    near = grid.around(labels, 1) >= 0
+    return np.asarray(near[:, [1, 3, 5, 7]].all(axis=1))
 
 
-def _candidate(grid: Grid, spot: _Spot, xy: Array, free: Array) -> int | None:
-    """The free candidate on a crossing at `xy`, or None."""
-    pitch = min(np.linalg.norm(spot.du), np.linalg.norm(spot.dv))
-    gap = np.where(free, np.linalg.norm(grid.xy[: len(free)] - xy, axis=1), np.inf)
-    nearest = int(gap.argmin())
-    return nearest if gap[nearest] < max(1.5, ANSWERED * pitch) else None
+def _candidates(field: Field, grid: Grid, spots: _Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
+    """The free candidate on the crossing `xy` of each of `some` (J,) spots, or None."""
+    pitch = np.sqrt(np.minimum((spots.du**2).sum(axis=1), (spots.dv**2).sum(axis=1)))
+    reach = np.maximum(REACH_PX, ANSWERED * pitch)
+    field.look(xy[some], reach[some] + SLACK)
+    if grid.xy is not field.xy:
+        grid.xy[: len(free)] = field.xy
+    index = np.flatnonzero(free & (~field.waiting if field.waiting is not None else True))
+    if not len(index) or not len(some):
+        return [None] * len(some)
+    gap, nearest = cKDTree(field.xy[index]).query(xy[some])
+    return [int(index[n]) if g < r else None for g, n, r in zip(gap, nearest, reach[some], strict=True)]
 
 
-def _shares(known: dict[Label, Array], at: Label, strength: Array) -> Array:
-    """How strongly the two edges are seen, (2,) shares of what is usual near the label; 0 where nothing is."""
-    span = range(-2, 3)
-    near = [known[s] for d in span for e in span if (d or e) and (s := (at[0] + d, at[1] + e)) in known]
-    usual = np.median(near, axis=0) if near else np.zeros(2)
-    return np.asarray(strength / usual) if (usual > 0).all() else np.zeros(2)
+def _shares(known: dict[Label, Array], labels: list[Label], strength: Array) -> Array:
+    """How strongly the two edges are seen, (K, 2) shares of what is usual near the labels; 0 where nothing is."""
+    every = Grid({at: k for k, at in enumerate(known)}, np.zeros((0, 2)))
+    near = every.around(labels, 2)
+    near[:, near.shape[1] // 2] = -1
+    values = np.array(list(known.values())).reshape(-1, 2)
+    if not len(values):
+        return np.zeros((len(labels), 2))
+    usual = np.stack([row_median(values[near, k], near >= 0) for k in (0, 1)], axis=1)
+    fine = (usual > 0).all(axis=1, keepdims=True)
+    return np.where(fine, strength / np.where(fine, usual, 1), 0)

@@ -12,13 +12,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import edge_contrast
-from rcdn.types import Array
+from rcdn.corners.peaks import SAME, Peaks
+from rcdn.types import Array, Status
 
 NEIGHBOURS = 14
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
 """how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
 LEAST_CONTRAST = 0.3
 """every third of a link shows this share of the weaker corner's contrast"""
+GONE = -1e6
+"""where corners are put that turned out to be others"""
 SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
 """(axis, sign) of the four links of a corner, by rising angle"""
 
@@ -30,6 +33,7 @@ class Field:
     """Corners as the recovery sees them: N corners; `strong` ones may start boards, the others only complete them.
 
     `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong`, `refined` (N,) bool.
+    The last of them are `peaks`, of which nothing but the response is known before `look` is called for: `waiting` (N,) bool.
     """
 
     grey: Array
@@ -41,6 +45,30 @@ class Field:
     response: Array
     strong: Array
     refined: Array
+    peaks: Peaks | None = None
+    waiting: Array | None = None
+
+    def look(self, spots: Array, reach: Array) -> None:
+        """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
+        if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
+            return
+        first = len(self.xy) - len(self.peaks.xy)
+        found = np.concatenate(self.peaks.tree.query_ball_point(spots, reach)).astype(int)
+        row = np.unique(first + found)
+        row = row[self.waiting[row]]
+        if not len(row):
+            return
+        self.waiting[row] = False
+        row = row[np.argsort(-self.response[row], kind="stable")]
+        xy, status, seen = self.peaks.look(row - first)
+        known = ~self.waiting
+        known[row] = False
+        fresh = _apart(xy, self.xy[known])
+        self.xy[row[~fresh]] = GONE
+        row = row[fresh]
+        self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
+        self.axes[row], self.polarity[row] = seen.axes[fresh], seen.polarity[fresh]
+        self.contrast[row], self.fit[row] = seen.contrast[fresh], seen.fit[fresh]
 
     @property
     def quality(self) -> Array:
@@ -53,6 +81,17 @@ class Field:
         turn = np.where(np.isfinite(turn), turn, np.pi)
         axis = turn.argmin(axis=-1)
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
+
+
+def _apart(xy: Array, known: Array) -> Array:
+    """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
+    fresh = np.ones(len(xy), bool)
+    if len(known):
+        fresh = cKDTree(known).query(xy)[0] >= SAME
+    for one, other in sorted(cKDTree(xy).query_pairs(SAME)):
+        if fresh[one]:
+            fresh[other] = False
+    return np.asarray(fresh)
 
 
 def links(field: Field) -> Array:
@@ -102,25 +141,30 @@ def _mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array
 def cells(field: Field, neighbour: Array) -> list[tuple[int, int, int, int]]:
     """Quadrilaterals (a, b, c, d) of links, turning clockwise on the screen, each once, convex and not absurdly skewed."""
     found: dict[frozenset[int], tuple[int, int, int, int]] = {}
-    sets = [set(row[row >= 0].tolist()) for row in neighbour]
-    for a, row in enumerate(neighbour.tolist()):
+    linked = np.flatnonzero((neighbour >= 0).any(axis=1))
+    rows = dict(zip(linked.tolist(), neighbour[linked].tolist(), strict=True))
+    sets = {a: {n for n in row if n >= 0} for a, row in rows.items()}
+    tries = []
+    for a, row in rows.items():
         for k in range(4):
             b, d = row[k], row[(k + 1) % 4]
-            if b < 0 or d < 0:
-                continue
-            for c in (sets[b] & sets[d]) - {a}:
-                quad = (a, b, c, d)
-                if frozenset(quad) not in found and _regular(field.xy[list(quad)]):
-                    found[frozenset(quad)] = quad
+            if b >= 0 and d >= 0:
+                tries += [(a, b, c, d) for c in (sets[b] & sets[d]) - {a}]
+    regular = _regular(field.xy[np.array(tries, int).reshape(-1, 4)])
+    for quad, fine in zip(tries, regular.tolist(), strict=True):
+        if fine:
+            found.setdefault(frozenset(quad), quad)
     return list(found.values())
 
 
-def _regular(quad: Array) -> bool:
-    edge = np.roll(quad, -1, axis=0) - quad
-    turn = edge[:, 0] * np.roll(edge[:, 1], -1) - edge[:, 1] * np.roll(edge[:, 0], -1)
-    length = np.linalg.norm(edge, axis=1)
-    ratio = np.maximum(length[:2], length[2:]) / np.maximum(np.minimum(length[:2], length[2:]), 1e-9)
-    return bool((turn > 0).all() and (ratio < 2.5).all())
+def _regular(quads: Array) -> Array:
+    """(K,) bool of quads (K, 4, 2)."""
+    edge = np.roll(quads, -1, axis=1) - quads
+    after = np.roll(edge, -1, axis=1)
+    turn = edge[..., 0] * after[..., 1] - edge[..., 1] * after[..., 0]
+    length = np.hypot(edge[..., 0], edge[..., 1])
+    ratio = np.maximum(length[:, :2], length[:, 2:]) / np.maximum(np.minimum(length[:, :2], length[:, 2:]), 1e-9)
+    return np.asarray((turn > 0).all(axis=1) & (ratio < 2.5).all(axis=1))
 
 
 def label(field: Field, quads: list[tuple[int, int, int, int]]) -> list[dict[Label, int]]:

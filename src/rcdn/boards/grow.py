@@ -9,13 +9,17 @@ from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, Prediction
+from rcdn.boards.local import Grid
 from rcdn.boards.validate import LEAST_QUALITY, STEPS
 from rcdn.types import Array
 
 ROUNDS = 40
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
+PLAIN = 5
+"""corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
+SLACK = 3.0
+"""px by which refinement may move a peak"""
 FAR_AXIS = np.deg2rad(30)
 SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
@@ -31,16 +35,9 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
     if sign == 0:
         return
     refused: set[tuple[Label, int]] = set()
-    quality = field.quality
-    able = (field.refined | field.strong) & (
-        quality >= LEAST_QUALITY * float(np.median(quality[list(grid.at.values())]))
-    )
+    level = LEAST_QUALITY * float(np.median(field.quality[list(grid.at.values())]))
     for _ in range(ROUNDS):
-        index = np.flatnonzero(free & able)
-        if not len(index):
-            return
-        tree = cKDTree(field.xy[index])
-        offers = _offers(field, grid, sign, tree, index, refused)
+        offers = _offers(field, grid, sign, free, level, refused)
         if not offers:
             return
         taken: set[int] = set()
@@ -53,29 +50,16 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
 
 def board_sign(field: Field, grid: Grid) -> int:
     """The board's colouring: side colour of the u axis times (−1)^(u+v), by majority; 0 if undecided."""
-    spots = list(grid.at)
-    votes = 0
-    for (u, v), du in zip(spots, _steps_u(grid, spots), strict=True):
-        corner = grid.at[u, v]
-        if du is None or corner >= len(field.xy) or not field.polarity[corner]:  # filled corners have no colours
-            continue
-        colour, turn = field.side_colour(np.array([corner]), np.array([np.arctan2(du[1], du[0])]))
-        votes += int(colour[0]) * (-1) ** (u + v) if turn[0] < FAR_AXIS else 0
-    return int(np.sign(votes))
-
-
-def _steps_u(grid: Grid, spots: list[Label]) -> list[Array | None]:
-    """Vector to the next corner along u at each spot, from whichever neighbour there is."""
-    out: list[Array | None] = []
-    for u, v in spots:
-        here = grid.xy[grid.at[u, v]]
-        if (u + 1, v) in grid.at:
-            out.append(grid.xy[grid.at[u + 1, v]] - here)
-        elif (u - 1, v) in grid.at:
-            out.append(here - grid.xy[grid.at[u - 1, v]])
-        else:
-            out.append(None)
-    return out
+    spots = np.array(list(grid.at), np.int64).reshape(-1, 2)
+    corner = np.array(list(grid.at.values()), np.int64)
+    near = grid.around(spots, 1)
+    ahead, behind = near[:, 5], near[:, 3]
+    step = np.where((ahead >= 0)[:, None], grid.xy[ahead] - grid.xy[corner], grid.xy[corner] - grid.xy[behind])
+    votes = ((ahead >= 0) | (behind >= 0)) & (corner < len(field.xy))  # filled corners have no colours
+    index = corner[votes]
+    colour, turn = field.side_colour(index, np.arctan2(step[votes, 1], step[votes, 0]))
+    parity = 1 - 2 * (spots[votes].sum(axis=1) % 2)
+    return int(np.sign((colour * parity)[turn < FAR_AXIS].sum()))
 
 
 class Offer(NamedTuple):
@@ -88,30 +72,43 @@ class Offer(NamedTuple):
 
 
 def _offers(
-    field: Field, grid: Grid, sign: int, tree: cKDTree, index: Array, refused: set[tuple[Label, int]]
+    field: Field, grid: Grid, sign: int, free: Array, level: float, refused: set[tuple[Label, int]]
 ) -> list[Offer]:
-    """Acceptable corners for the empty spots beside the grid."""
-    frontier = {(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at)
-    tries: list[Offer] = []
-    for spot in sorted(frontier):
-        guess = grid.predict(spot)
-        if guess is None or guess.pitch < 2:
-            continue
-        for k in tree.query_ball_point(guess.xy, NEAR * guess.pitch):
-            corner = int(index[k])
-            gap = float(np.linalg.norm(field.xy[corner] - guess.xy)) / guess.pitch
-            if (spot, corner) not in refused and (field.strong[corner] or gap < NEAR_WEAK):
-                tries.append(Offer(gap, spot, corner, _axes_fit(field, corner, guess, sign * (-1) ** sum(spot))))
-    seen = _edges_seen(field, grid, sign, tries)
-    refused.update((t.spot, t.corner) for ok, t in zip(seen, tries, strict=True) if not ok)
-    return [t for ok, t in zip(seen, tries, strict=True) if ok]
+    """Acceptable corners, of a quality over `level`, for the empty spots beside the grid."""
+    frontier = sorted({(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at))
+    guess = grid.predictions(frontier)
+    pitch = np.where(guess.support > 0, guess.pitch, 0)
+    rows = np.flatnonzero(pitch >= 2)
+    if not len(rows):
+        return []
+    if len(grid) >= PLAIN:
+        field.look(guess.xy[rows], NEAR * pitch[rows] + SLACK)
+    index = np.flatnonzero(free & (field.refined | field.strong) & (field.quality >= level))
+    if not len(index):
+        return []
+    near = cKDTree(field.xy[index]).query_ball_point(guess.xy[rows], NEAR * pitch[rows])
+    tries = [(int(r), int(index[k])) for r, own in zip(rows, near, strict=True) for k in own]
+    tries = [(r, k) for r, k in tries if (frontier[r], k) not in refused]
+    row, corner = np.array(tries, int).reshape(-1, 2).T
+    gap = np.linalg.norm(field.xy[corner] - guess.xy[row], axis=1) / pitch[row]
+    colour = sign * np.array([(-1) ** sum(frontier[r]) for r in row.tolist()], int)
+    fits = _axes_fit(field, corner, guess.du[row], guess.dv[row], colour)
+    close = field.strong[corner] | (gap < NEAR_WEAK)
+    asked = [
+        Offer(float(gap[k]), frontier[row[k]], int(corner[k]), bool(fits[k])) for k in np.flatnonzero(close).tolist()
+    ]
+    seen = _edges_seen(field, grid, sign, asked)
+    refused.update((t.spot, t.corner) for ok, t in zip(seen, asked, strict=True) if not ok)
+    return [t for ok, t in zip(seen, asked, strict=True) if ok]
 
 
-def _axes_fit(field: Field, corner: int, guess: Prediction, colour: int) -> bool:
-    """Do the corner's own axes and colours fit the prediction?"""
-    angles = np.array([np.arctan2(s[1], s[0]) for s in (guess.du, guess.dv)])
-    colours, turns = field.side_colour(np.array([corner, corner]), angles)
-    return bool(colours[0] == colour and colours[1] == -colour and (turns < FAR_AXIS).all())
+def _axes_fit(field: Field, corner: Array, du: Array, dv: Array, colour: Array) -> Array:
+    """(K,) bool: do the corners' own axes and colours fit the predicted steps (K, 2)?"""
+    fits = np.ones(len(corner), bool)
+    for step, expected in ((du, colour), (dv, -colour)):
+        own, turn = field.side_colour(corner, np.arctan2(step[:, 1], step[:, 0]))
+        fits &= (own == expected) & (turn < FAR_AXIS)
+    return fits
 
 
 def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[Offer]) -> list[bool]:

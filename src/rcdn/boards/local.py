@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +13,13 @@ from rcdn.types import Array
 
 REACH = 2
 """neighbours up to this many squares away"""
+ENOUGH, WIDEST = 6, REACH + 1
+"""with fewer of them, one ring more"""
+OFFSETS = np.array([(d, e) for e in range(-WIDEST, WIDEST + 1) for d in range(-WIDEST, WIDEST + 1)])
+INNER = np.flatnonzero(np.abs(OFFSETS).max(axis=1) <= REACH)
+OUTER = np.flatnonzero(np.abs(OFFSETS).max(axis=1) > REACH)
+MIDDLE = len(OFFSETS) // 2
+"""places in the window of labels around a spot"""
 
 
 class Grid:
@@ -22,40 +31,55 @@ class Grid:
     def __len__(self) -> int:
         return len(self.at)
 
-    def support(self, spot: Label) -> tuple[tuple[Label, ...], Array]:
-        """Offsets (K) from `spot` and positions (K, 2) of its labelled neighbours, itself left out; one ring more if they are few."""
-        u, v = spot
-        for ring in _RINGS:
-            near = tuple((d, e) for d, e in ring if (u + d, v + e) in self.at)
-            if len(near) >= 6:
-                break
-        return near, self.xy[[self.at[u + d, v + e] for d, e in near]]
-
-    def neighbours(self, spot: Label) -> list[int]:
-        """Labelled corners up to two squares from `spot`, itself left out."""
-        span = range(-REACH, REACH + 1)
-        return [self.at[s] for e in span for d in span if (d or e) and (s := (spot[0] + d, spot[1] + e)) in self.at]
+    def around(self, spots: Array | Sequence[Label], reach: int) -> Array:
+        """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
+        held, spots = (np.array(a, np.int64).reshape(-1, 2) for a in (list(self.at), spots))
+        both = np.concatenate([held, spots])
+        low = both.min(axis=0, initial=0) - reach
+        table = np.full(both.max(axis=0, initial=0) + reach + 1 - low, -1)
+        table[tuple((held - low).T)] = list(self.at.values())
+        span = np.arange(-reach, reach + 1)
+        u, v = (spots - low).T
+        return table[u[:, None, None] + span, v[:, None, None] + span[:, None]].reshape(len(spots), len(span) ** 2)
 
     def predict(self, spot: Label) -> Prediction | None:
         """Where the corner of `spot` should be; None if its neighbours don't span the plane."""
-        near, xy = self.support(spot)
-        solver = _solver(near)
-        if solver is None:
-            return None
-        at, du, dv = solver @ xy
-        return Prediction(at, du, dv, len(near))
+        guess = self.predictions([spot])
+        return Prediction(guess.xy[0], guess.du[0], guess.dv[0], int(guess.support[0])) if guess.support[0] else None
+
+    def predictions(self, spots: Sequence[Label], near: Array | None = None) -> Predictions:
+        """`predict` of many spots (K); `support` is 0, and the rest NaN, where their neighbours don't span the plane.
+
+        `near`: the corners around them, if they are at hand: `around(spots, WIDEST)`.
+        """
+        near = self.around(spots, WIDEST) if near is None else near
+        there = near >= 0
+        there[:, MIDDLE] = False
+        few = there[:, INNER].sum(axis=1) < ENOUGH
+        there[:, OUTER] &= few[:, None]
+        if not there.any():
+            nowhere = np.full((len(near), 2), np.nan)
+            return Predictions(nowhere, nowhere, nowhere, np.zeros(len(near), int))
+        solvers = np.array([_solver(row.tobytes()) for row in there])
+        at, du, dv = (solvers @ self.xy.take(near, axis=0, mode="clip")).swapaxes(0, 1)
+        return Predictions(at, du, dv, np.where(np.isnan(at[:, 0]), 0, there.sum(axis=1)))
 
 
-def _ring(reach: int) -> tuple[Label, ...]:
-    span = range(-reach, reach + 1)
-    return tuple((d, e) for e in span for d in span if d or e)
+class Predictions(NamedTuple):
+    """Predicted corners: `xy` (K, 2) px, the steps `du`, `dv` (K, 2) px to their neighbours, and on how many corners they stand, `support` (K,)."""
+
+    xy: Array
+    du: Array
+    dv: Array
+    support: Array
+
+    @property
+    def pitch(self) -> Array:
+        """Lengths (K,) of the shorter steps, px."""
+        return np.asarray(np.sqrt(np.minimum((self.du**2).sum(axis=1), (self.dv**2).sum(axis=1))))
 
 
-_RINGS = (_ring(REACH), _ring(REACH + 1))
-
-
-@lru_cache(maxsize=4096)
-def _solver(near: tuple[Label, ...]) -> Array | None:
+def _solver_of(near: tuple[Label, ...]) -> Array | None:
     """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, by weighted least squares.
 
     Bilinear with four neighbours, quadratic along an axis on which they take three places. None if they don't span the plane.
@@ -75,9 +99,24 @@ def _solver(near: tuple[Label, ...]) -> Array | None:
         terms.append(v * v)
     weight = 1 / (1 + u * u + v * v)
     basis = np.stack(terms, axis=1) * weight[:, None]
-    if np.linalg.matrix_rank(basis) < 3:
+    left, size, right = np.linalg.svd(basis, full_matrices=False)
+    if (size > size[0] * max(basis.shape) * np.finfo(float).eps).sum() < 3:
         return None
-    return np.asarray((np.linalg.pinv(basis, rcond=1e-6) * weight)[:3])
+    inverse = np.divide(1, size, out=np.zeros_like(size), where=size > 1e-6 * size[0])
+    return np.asarray(((right.T * inverse) @ left.T * weight)[:3])
+
+
+@lru_cache(maxsize=4096)
+def _solver(there: bytes) -> Array:
+    """(3, (2 WIDEST + 1)²): `_solver_of` over the whole window, for the neighbours that are `there`; NaN if they don't span the plane."""
+    window = np.frombuffer(there, bool)
+    out = np.zeros((3, len(window)))
+    solver = _solver_of(tuple(map(tuple, OFFSETS[window].tolist())))
+    if solver is None:
+        out[:] = np.nan
+    else:
+        out[:, window] = solver
+    return out
 
 
 class Prediction:

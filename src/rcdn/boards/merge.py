@@ -48,6 +48,8 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
 
 
 def _join(field: Field, host: Grid, guest: Grid) -> Grid | None:
+    if _apart(host, guest):
+        return None
     motion, back = _motion(host, guest), _motion(guest, host)
     if motion is None or back is None or not _inverse(motion, back):
         return None
@@ -56,6 +58,18 @@ def _join(field: Field, host: Grid, guest: Grid) -> Grid | None:
     if set(moved) & set(host.at) or board_sign(field, guest) != parity * board_sign(field, host):
         return None
     return Grid(host.at | moved, host.xy)
+
+
+def _apart(host: Grid, guest: Grid) -> bool:
+    """Are two grids surely further apart than `GAP` squares of either?"""
+    boxes, squares = [], []
+    for grid in (host, guest):
+        xy = grid.xy[list(grid.at.values())]
+        boxes.append((xy.min(axis=0), xy.max(axis=0)))
+        guess = grid.predictions(list(grid.at))
+        squares.append(np.nanmax(np.abs(np.stack([guess.du, guess.dv])), axis=(0, 1), initial=0).sum())
+    gap = np.maximum(boxes[0][0] - boxes[1][1], boxes[1][0] - boxes[0][1]).max()
+    return bool(gap > (GAP + 1) * max(squares) * 2)
 
 
 def _inverse(motion: Motion, back: Motion) -> bool:
@@ -71,46 +85,48 @@ def _move(motion: Motion, spot: Label) -> Label:
 
 def _motion(host: Grid, guest: Grid) -> Motion | None:
     """The turn and shift that take the guest's labels to the host's, or None if there is no clear one."""
-    spots = list(host.at)
-    tree = cKDTree(host.xy[list(host.at.values())])
+    held, spots = np.array(list(host.at)), np.array(sorted(guest.at))
+    xy = guest.xy[[guest.at[s] for s in sorted(guest.at)]]
+    near = held[cKDTree(host.xy[list(host.at.values())]).query(xy)[1]]
+    offset, steps = _offset(host, near, xy)
+    whole = np.rint(offset)
+    reach = np.abs(whole).max(axis=1)
+    voters = (reach >= 1) & (reach <= GAP)
+    close = voters & (np.abs(offset - whole).max(axis=1) <= OFF * reach)
+    if not close.any():
+        return None
+    spots, near, whole, steps = (a[close] for a in (spots, near, whole, steps))
     votes: Counter[Motion] = Counter()
-    voters = 0
-    for spot, corner in sorted(guest.at.items()):
-        near = spots[int(tree.query(guest.xy[corner])[1])]
-        offset, steps = _offset(host, near, guest.xy[corner])
-        whole = np.rint(offset)
-        reach = float(np.abs(whole).max())
-        if not 1 <= reach <= GAP:
-            continue
-        voters += 1
-        if np.abs(offset - whole).max() > OFF * reach:
-            continue
-        for turns in range(4):
-            if _same_steps(guest, spot, turns, steps):
-                u, v = _move((turns, 0, 0), spot)
-                votes[turns, near[0] + int(whole[0]) - u, near[1] + int(whole[1]) - v] += 1
+    alike = _same_steps(guest, spots, steps)
+    for spot, base, turns in zip(spots.tolist(), (near + whole).astype(int).tolist(), alike, strict=True):
+        for turn in np.flatnonzero(turns).tolist():
+            u, v = _move((turn, 0, 0), (spot[0], spot[1]))
+            votes[turn, base[0] - u, base[1] - v] += 1
     if not votes:
         return None
     motion, count = min(votes.items(), key=lambda item: (-item[1], item[0]))
-    return motion if count >= max(LEAST_VOTES, SHARE * voters) else None
+    return motion if count >= max(LEAST_VOTES, SHARE * int(voters.sum())) else None
 
 
-def _offset(host: Grid, near: Label, xy: Array) -> tuple[Array, Array]:
-    """Offset (2,) in squares of a position from the host's corner `near`, and the host's steps there (columns du, dv); inf if unknown."""
-    here = host.predict(near)
-    steps = np.eye(2) if here is None else np.stack([here.du, here.dv], axis=1)
-    if here is None or abs(np.linalg.det(steps)) < 1e-6:
-        return np.full(2, np.inf), steps
-    return np.linalg.solve(steps, xy - host.xy[host.at[near]]), steps
+def _offset(host: Grid, near: Array, xy: Array) -> tuple[Array, Array]:
+    """Offsets (K, 2) in squares of positions from the host's corners at `near` (K, 2), and the host's steps there (K, 2, 2), columns du, dv.
+
+    inf where they are unknown.
+    """
+    here = host.predictions(list(map(tuple, near.tolist())))
+    steps = np.stack([here.du, here.dv], axis=2)
+    known = (here.support > 0) & (np.abs(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]) >= 1e-6)
+    steps = np.where(known[:, None, None], steps, np.eye(2))
+    away = xy - host.xy[[host.at[u, v] for u, v in near.tolist()]]
+    return np.where(known[:, None], np.linalg.solve(steps, away[..., None])[..., 0], np.inf), steps
 
 
-def _same_steps(guest: Grid, spot: Label, turns: int, steps: Array) -> bool:
-    """Are the guest's steps at `spot`, after its turn, the host's `steps` (2, 2) but for a quarter of a square?"""
-    here = guest.predict(spot)
-    if here is None:
-        return False
-    du, dv = here.du, here.dv
-    for _ in range(turns):  # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
-        du, dv = -dv, du
-    difference = np.linalg.solve(steps, np.stack([du, dv], axis=1)) - np.eye(2)
-    return bool(np.linalg.norm(difference, axis=0).max() < STRETCH)
+def _same_steps(guest: Grid, spots: Array, steps: Array) -> Array:
+    """(K, 4) bool: are the guest's steps at `spots` (K, 2), after so many turns, the host's `steps` (K, 2, 2) but for a quarter of a square?"""
+    here = guest.predictions(list(map(tuple, spots.tolist())))
+    du, dv, out = here.du, here.dv, []
+    for _ in range(4):
+        difference = np.linalg.solve(steps, np.stack([du, dv], axis=2)) - np.eye(2)
+        out.append(np.linalg.norm(difference, axis=1).max(axis=1, initial=0) < STRETCH)
+        du, dv = -dv, du  # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
+    return np.stack(out, axis=1)

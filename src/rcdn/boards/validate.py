@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import REACH, Grid
+from rcdn.boards.local import INNER, REACH, WIDEST, Grid
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.types import Array
 
-HOLE = 3
+HOLE = WIDEST
 """squares; a corner is on the rim if nothing follows it within this reach"""
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RESIDUAL = 0.15
@@ -41,58 +43,78 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
 
 
 def _drop_misfits(grid: Grid) -> None:
-    excess = {spot: predicted_excess(grid, spot) for spot in sorted(grid.at)}
+    spots = sorted(grid.at)
+    excess = dict(zip(spots, predicted_excess(grid, spots).tolist(), strict=True))
     while excess:
         spot = max(excess, key=lambda s: (excess[s], (-s[0], -s[1])))
         if excess[spot] <= 1:
             return
         del grid.at[spot], excess[spot]
-        for d in range(-REACH - 1, REACH + 2):
-            for e in range(-REACH - 1, REACH + 2):
-                near = (spot[0] + d, spot[1] + e)
-                if near in excess:
-                    excess[near] = predicted_excess(grid, near)
+        span = range(-REACH - 1, REACH + 2)
+        near = [s for d in span for e in span if (s := (spot[0] + d, spot[1] + e)) in excess]
+        excess.update(zip(near, predicted_excess(grid, near).tolist(), strict=True))
 
 
 def _drop_poor_rim(grid: Grid, field: Field) -> None:
     """A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks."""
     while grid.at:
-        median = float(np.median(field.quality[list(grid.at.values())]))
-        rim = [spot for spot in grid.at if _outermost(grid, spot)]
-        poor = [spot for spot in rim if worth(grid, field, spot, median) < LEAST_QUALITY]
-        if not poor:
+        spots, corners = list(grid.at), np.array(list(grid.at.values()))
+        near = grid.around(spots, HOLE)
+        poor = _outermost(near) & (worth(field, corners, near) < LEAST_QUALITY)
+        if not poor.any():
             return
-        for spot in poor:
-            del grid.at[spot]
+        for k in np.flatnonzero(poor).tolist():
+            del grid.at[spots[k]]
 
 
-def _outermost(grid: Grid, spot: Label) -> bool:
-    """Is there a direction in which the grid has nothing more (holes don't count)?"""
-    u, v = spot
-    return not all(any((u + k * d, v + k * e) in grid.at for k in range(1, HOLE + 1)) for d, e in STEPS)
+def _outermost(near: Array) -> Array:
+    """(K,) bool from the corners around each, (K, (2 HOLE + 1)²): is there a direction in which there is nothing more (holes don't count)?"""
+    there = near.reshape(len(near), 2 * HOLE + 1, 2 * HOLE + 1) >= 0
+    row, column = there[:, HOLE], there[:, :, HOLE]
+    ways = (row[:, :HOLE], row[:, HOLE + 1 :], column[:, :HOLE], column[:, HOLE + 1 :])
+    return ~np.logical_and.reduce([way.any(axis=1) for way in ways])
 
 
-def worth(grid: Grid, field: Field, spot: Label, median: float) -> float:
-    """Response × fit of a corner against the grid's `median`, times its contrast against that of its neighbours in the grid."""
-    corner = grid.at[spot]
-    near = grid.neighbours(spot)
-    share = field.contrast[corner] / max(float(np.median(field.contrast[near])), 1e-9) if near else 1.0
-    return float(field.quality[corner] / max(median, 1e-9) * np.clip(share, LEAST_SHARE, 1))
+def worth(field: Field, corners: Array, near: Array) -> Array:
+    """Response × fit of a grid's `corners` (K,) against their median, times their contrast against that of those `near` (K, (2 HOLE + 1)²)."""
+    quality = field.response[corners] * field.fit[corners]
+    near = near[:, INNER]
+    near[:, len(INNER) // 2] = -1
+    usual = row_median(field.contrast[near], near >= 0)
+    share = np.where(np.isnan(usual), 1.0, field.contrast[corners] / np.maximum(np.nan_to_num(usual), 1e-9))
+    return np.asarray(quality / max(float(np.median(quality)), 1e-9) * np.clip(share, LEAST_SHARE, 1))
 
 
-def predicted_excess(grid: Grid, spot: Label) -> float:
-    """Distance of a labelled corner from where its neighbours predict it ÷ what is allowed; 2 where they can't."""
-    guess = grid.predict(spot)
-    if guess is None:
-        return 2.0
-    limit = RESIDUAL if inner(grid, spot) else RESIDUAL_LOOSE
-    return float(np.linalg.norm(grid.xy[grid.at[spot]] - guess.xy)) / (limit * max(guess.pitch, 1e-9))
+def row_median(values: Array, there: Array) -> Array:
+    """Medians (K,) of those of `values` (K, N) that are `there`; NaN where none is."""
+    ranked = np.sort(np.where(there, values, np.inf), axis=1)
+    count = there.sum(axis=1)
+    row, low = np.arange(len(ranked)), np.maximum(count - 1, 0) // 2
+    middle = (ranked[row, low] + ranked[row, np.minimum(count // 2, ranked.shape[1] - 1)]) / 2
+    return np.where(count > 0, middle, np.nan)
 
 
-def inner(grid: Grid, spot: Label) -> bool:
-    """Neighbours on both sides, along at least one of the two directions."""
-    u, v = spot
-    return any((u - d, v - e) in grid.at and (u + d, v + e) in grid.at for d, e in ((1, 0), (0, 1)))
+def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Array:
+    """Distances (K,) of labelled corners from where their neighbours predict them ÷ what is allowed; 2 where they can't."""
+    if not len(spots):
+        return np.zeros(0)
+    near = grid.around(spots, WIDEST)
+    guess = grid.predictions(spots, near)
+    limit = np.where(_between(near), RESIDUAL, RESIDUAL_LOOSE)
+    off = np.linalg.norm(grid.xy[[grid.at[spot] for spot in spots]] - guess.xy, axis=1)
+    return np.where(guess.support > 0, off / (limit * np.maximum(guess.pitch, 1e-9)), 2.0)
+
+
+def inner(grid: Grid, spots: Sequence[Label]) -> Array:
+    """(K,) bool: neighbours on both sides, along at least one of the two directions."""
+    return _between(grid.around(spots, 1))
+
+
+def _between(near: Array) -> Array:
+    """`inner` from the corners in windows around the labels (K, side²)."""
+    there, middle, side = near >= 0, near.shape[1] // 2, int(np.sqrt(near.shape[1]))
+    one, other = (there[:, middle - step] & there[:, middle + step] for step in (1, side))
+    return np.asarray(one | other)
 
 
 def _drop_loose(grid: Grid) -> None:
@@ -172,6 +194,11 @@ def distinct(grid: Grid, grey: Array) -> bool:
     if edge_sharpness(grey, start, end) >= SOFT:
         return True
     return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(list(grid.at), axis=0) + 1))
+
+
+def is_full(grid: Grid) -> bool:
+    """Has every label of the bounding grid its corner?"""
+    return len(grid) == int(np.prod(np.ptp(list(grid.at), axis=0) + 1))
 
 
 def cell_count(grid: Grid) -> int:

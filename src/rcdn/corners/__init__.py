@@ -11,32 +11,28 @@ from rcdn.config import DetectorConfig
 from rcdn.corners.cluster import cluster_mask
 from rcdn.corners.nms import nms
 from rcdn.corners.orientation import Orientation, axes
+from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
 from rcdn.corners.refine import refine
 from rcdn.corners.threshold import threshold_value
 from rcdn.types import Array, Corners, Status
 
-__all__ = ["Candidates", "find_candidates"]
-
-DEFAULT_PITCH = 20.0
-"""px; of a corner that is alone in its picture"""
-RING = 16.0
-"""px; largest ring on which edge directions are read; blurred corners need the room"""
-SAME = 3.0
-"""px; refined corners closer than this are one corner (squares under 5 px are beyond the network)"""
+__all__ = ["Candidates", "Maxima", "candidates_at", "find_candidates", "find_maxima"]
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Corners of one picture with what the recovery of boards needs to know of them.
 
-    `all` (N): every peak that may join a board, `orientation` theirs; `sure` (N,) bool: above the threshold, which is what
-    a user calls a corner; `seed` (N,) bool: may start a board.
+    `all` (N): every peak that may start a board or is a corner by itself, `orientation` theirs; `sure` (N,) bool: above the
+    threshold, which is what a user calls a corner; `seed` (N,) bool: may start a board; `peaks`: weaker ones that a board may
+    take, not refined yet.
     """
 
     all: Corners
     orientation: Orientation
     sure: Array
     seed: Array
+    peaks: Peaks | None = None
 
     @property
     def corners(self) -> Corners:
@@ -44,8 +40,31 @@ class Candidates:
         return self.all.take(self.sure)
 
 
+@dataclass(frozen=True, eq=False)
+class Maxima:
+    """Peaks of a response map: `xy` (N, 2) px, integers; `score` (N,) falling; `level`: the threshold; `rescued`: was it lowered?"""
+
+    xy: Array
+    score: Array
+    level: float
+    rescued: bool
+
+    def take(self, index: Array) -> Maxima:
+        """Those at `index` (integers or a boolean mask)."""
+        return Maxima(self.xy[index], self.score[index], self.level, self.rescued)
+
+    def strong(self, config: DetectorConfig) -> Array:
+        """(N,) bool: which may start a board."""
+        return np.asarray(self.score >= self.level * config.seed)
+
+
 def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Candidates:
     """Threshold → NMS → clustering → refinement → orientation. `grey` and `response` (H, W)."""
+    return candidates_at(grey, response, find_maxima(response, config), config)
+
+
+def find_maxima(response: Array, config: DetectorConfig) -> Maxima:
+    """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look."""
     level = threshold_value(response, config.threshold)
     rescued = config.rescue and not np.isfinite(level)
     if rescued:
@@ -56,18 +75,22 @@ def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Can
     if config.cluster is not None:
         keep = cluster_mask(xy, config.cluster)
         xy, score = xy[keep], score[keep]
-    strong = score >= level * config.seed
-    pitch = pitches(xy, strong)
-    fine, status = refine(grey, response, xy, config.refine, pitch, strong)
+    return Maxima(xy, score, level, rescued)
+
+
+def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
+    """Refinement → orientation of the strong peaks; the weak ones wait."""
+    strong = found.strong(config)
+    weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
+    score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
+    fine, status = refine(grey, response, weak.strong, config.refine, pitch)
     once = _first_of_each(fine, score)
-    fine, score, status, pitch = fine[once], score[once], status[once], pitch[once]
-    if rescued:
+    if found.rescued:
         status = np.where(status == Status.REFINED, Status.LOW_CONFIDENCE, status)
-    order = np.lexsort((fine[:, 1], fine[:, 0], -score))
-    fine, score, status, pitch = fine[order], score[order], status[order], pitch[order]
-    strong = score >= level * config.seed
-    seen = axes(grey, fine, np.clip(0.35 * pitch, 3, RING), strong)
-    return Candidates(Corners(fine, score, status, seen.axes), seen, score >= level, strong)
+    order = once[np.lexsort((fine[once, 1], fine[once, 0], -score[once]))]
+    fine, score, status = fine[order], score[order], status[order]
+    seen = axes(grey, fine, ring(pitch[order]))
+    return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
 
 
 def _rescue(response: Array) -> float:
@@ -80,11 +103,7 @@ def _rescue(response: Array) -> float:
 
 def pitches(xy: Array, strong: Array) -> Array:
     """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
-    if strong.sum() < 2:
-        return np.full(len(xy), DEFAULT_PITCH)
-    distance = cKDTree(xy[strong]).query(xy, k=min(4, int(strong.sum())))[0]
-    distance = np.where(distance > SAME, distance, np.inf).min(axis=1)
-    return np.where(np.isfinite(distance), distance, DEFAULT_PITCH)
+    return nearest_other(cKDTree(xy[strong]), int(strong.sum()), xy)
 
 
 def _first_of_each(xy: Array, score: Array) -> Array:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import erf
 
+from rcdn.corners.erf import erf
 from rcdn.types import Array
 
 START_BLUR = 1.8
@@ -17,6 +17,8 @@ ITERATIONS = 5
 LONGEST_STEP = 0.2
 MOST_TURN = 0.5
 """Furthest that the fit may turn an axis from its start, radians."""
+DONE = 0.002
+"""Radians; shorter steps end the fit."""
 CLOSEST = 0.05
 """Smallest angle between the two axes, radians."""
 
@@ -30,51 +32,58 @@ def blurred_axes(rings: Array, radius: Array, start: Array) -> Array:
     """
     if not len(start):
         return start
+    rings, radius = rings.astype(np.float32), radius.astype(np.float32)
     state = np.column_stack((start, np.full(len(start), np.log(START_BLUR))))
-    residual, slopes = _model(rings, radius, state)
-    first = (residual**2).sum(axis=1)
-    for _ in range(ITERATIONS):
-        state = state + np.clip(_step(residual, slopes, state), -LONGEST_STEP, LONGEST_STEP)
+    first, moving = np.full(len(start), np.inf), np.arange(len(start))
+    for step in range(ITERATIONS):
+        energy, normal, pull = _normal(rings[moving], radius[moving], state[moving])
+        if step == 0:
+            first = energy
+        change = np.clip(_step(energy / rings[0].size, normal, pull, state[moving]), -LONGEST_STEP, LONGEST_STEP)
+        state[moving] += change
         state[:, 2] = np.clip(state[:, 2], *np.log(BLUR_RANGE))
-        residual, slopes = _model(rings, radius, state)
+        moving = moving[(np.abs(change[:, :2]) > DONE).any(axis=1)]
+        if not len(moving):
+            break
+    last = _normal(rings, radius, state)[0]
     gap = state[:, 1] - state[:, 0]
-    good = ((residual**2).sum(axis=1) <= first) & (gap > CLOSEST) & (gap < np.pi - CLOSEST)
+    good = (last <= first) & (gap > CLOSEST) & (gap < np.pi - CLOSEST)
     good &= (np.abs(state[:, :2] - start) < MOST_TURN).all(axis=1)
     return np.where(good[:, None], state[:, :2], start)
 
 
-def _step(residual: Array, slopes: Array, state: Array) -> Array:
+def _step(variance: Array, normal: Array, pull: Array, state: Array) -> Array:
     """Change (N, 3) of a, b and log s."""
-    normal = np.einsum("nki,nkj->nij", slopes, slopes)
     normal += (DAMPING * np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-9) * np.eye(3)
-    pull = np.einsum("nki,nk->ni", slopes, residual)
-    belief = BELIEF * (residual**2).mean(axis=1)
+    belief = BELIEF * variance
     normal[:, 2, 2] += belief
     pull[:, 2] -= belief * (state[:, 2] - np.log(START_BLUR))
     return np.linalg.solve(normal, pull[..., None])[..., 0]
 
 
-def _model(rings: Array, radius: Array, state: Array) -> tuple[Array, Array]:
-    """Residuals (N, K) and slopes (N, K, 3) of the model at `state` (N, 3): a, b, log s; m and c are solved for.
+def _normal(rings: Array, radius: Array, state: Array) -> tuple[Array, Array, Array]:
+    """Squared residuals (N,), normal matrices (N, 3, 3) and right sides (N, 3) of the model at `state` (N, 3): a, b, log s.
 
-    The slopes are at right angles to what m and c explain (variable projection, Kaufman's approximation).
+    m and c are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's
+    approximation), by elimination in the table of all products of shape, slopes, data and one.
     """
     count, _, size = rings.shape
     angle = np.arange(size) * (np.pi / size)
-    blur = np.exp(state[:, 2])[:, None, None]
-    turn = angle - state[:, :2, None, None].swapaxes(0, 1)
-    d = radius[:, :, None] * np.sin(turn) / blur
-    bell = 2 / np.sqrt(np.pi) * np.exp(-d * d)
-    one, other = erf(d)
-    by_angle = -bell * (radius[:, :, None] * np.cos(turn) / blur)
-    by_blur = -bell * d
-    slopes = np.stack((by_angle[0] * other, one * by_angle[1], by_blur[0] * other + one * by_blur[1]), axis=-1)
-    shape, slopes = (one * other).reshape(count, -1), slopes.reshape(count, -1, 3)
-    data = rings.reshape(count, -1)
-    shape = shape - shape.mean(axis=1, keepdims=True)
-    data = data - data.mean(axis=1, keepdims=True)
-    energy = np.maximum((shape**2).sum(axis=1, keepdims=True), 1e-9)
-    scale = (shape * data).sum(axis=1, keepdims=True) / energy
-    slopes = scale[..., None] * (slopes - slopes.mean(axis=1, keepdims=True))
-    along = np.einsum("nk,nki->ni", shape, slopes) / energy
-    return data - scale * shape, slopes - shape[..., None] * along[:, None]
+    turn = (angle - state[:, :2, None]).astype(np.float32)
+    reach = (radius * np.exp(-state[:, 2:]).astype(np.float32))[:, :, None]
+    columns = np.empty((count, 5, rings[0].size), np.float32)
+    d = [(reach * np.sin(turn[:, None, k])).reshape(count, -1) for k in (0, 1)]
+    one, other = erf(d[0]), erf(d[1])
+    bell = [np.float32(-2 / np.sqrt(np.pi)) * np.exp(-np.minimum(x * x, np.float32(40))) for x in d]
+    cross = (bell[0] * other, one * bell[1])
+    columns[:, 0] = one * other
+    for k in (0, 1):
+        columns[:, 1 + k] = cross[k] * (reach * np.cos(turn[:, None, k])).reshape(count, -1)
+    columns[:, 3] = cross[0] * d[0] + cross[1] * d[1]
+    columns[:, 4] = rings.reshape(count, -1)
+    columns -= columns.mean(axis=2, keepdims=True)
+    table = (columns @ columns.swapaxes(1, 2)).astype(np.float64)
+    energy = np.maximum(table[:, :1, 0], 1e-9)
+    scale = table[:, :1, 4] / energy
+    table -= table[:, :, :1] * table[:, :1] / energy[..., None]
+    return table[:, 4, 4], table[:, 1:4, 1:4] * scale[..., None] ** 2, table[:, 1:4, 4] * scale

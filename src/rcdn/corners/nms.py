@@ -9,12 +9,17 @@ from rcdn.config import Nms
 from rcdn.types import Array
 
 
-def candidates(response: Array, threshold: float) -> Array:
+def candidates(response: Array, threshold: float, peaks: bool = False) -> Array:
     """Pixels of `response` (H, W) that are at least `threshold`, as (N, 2) integer (x, y), row by row.
 
-    NaN is never a candidate; a threshold of +inf leaves none.
+    `peaks`: only those that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf leaves none.
     """
-    y, x = np.nonzero(response >= threshold) if np.isfinite(threshold) else (np.zeros(0, int), np.zeros(0, int))
+    if not np.isfinite(threshold):
+        return np.zeros((0, 2), np.int64)
+    high = response >= threshold
+    if peaks and response.size:
+        high &= response >= cv2.dilate(response, np.ones((3, 3), np.uint8))
+    y, x = np.nonzero(high)
     return np.stack((x, y), axis=1)
 
 
@@ -26,10 +31,7 @@ def nms(response: Array, threshold: float, rule: Nms, limit: int = 20000) -> tup
     Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete, so
     that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy.
     """
-    xy = candidates(response, threshold)
-    if rule.peaks and len(xy):
-        highest = cv2.dilate(response, np.ones((3, 3), np.uint8))
-        xy = xy[response[xy[:, 1], xy[:, 0]] >= highest[xy[:, 1], xy[:, 0]]]
+    xy = candidates(response, threshold, rule.peaks)
     score = response[xy[:, 1], xy[:, 0]]
     strong = _strongest(score, limit)
     order = strong[np.argsort(-score[strong], kind="stable")]
@@ -56,8 +58,25 @@ def _strongest(score: Array, limit: int) -> Array:
     return np.sort(np.concatenate((above, equal)))
 
 
-def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> list[int]:
+def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
     """Indices of the survivors among `xy`, which come strongest first."""
+    keep = np.ones(len(xy), bool)
+    near = _near_others(xy, shape, mask)
+    keep[near] = False
+    keep[near[_greedy_among(xy[near], shape, mask)]] = True
+    return np.flatnonzero(keep)
+
+
+def _near_others(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
+    """Indices of those within the mask of another one; most peaks stand alone."""
+    reach = len(mask) // 2
+    there = np.zeros((shape[0] + 2 * reach, shape[1] + 2 * reach), bool)
+    x, y = xy.T + reach
+    there[y, x] = True
+    return np.flatnonzero(sum(there[y + dy, x + dx] for dy, dx in np.argwhere(mask) - reach) > 1)
+
+
+def _greedy_among(xy: Array, shape: tuple[int, ...], mask: Array) -> list[int]:
     size, reach = len(mask), len(mask) // 2
     gone = np.zeros((shape[0] + 2 * reach, shape[1] + 2 * reach), bool)
     flags, keep = gone[reach:, reach:], []

@@ -19,8 +19,8 @@ MIN_FIT = 0.2
 """Below this `fit` there are no axes; an ideal L-junction has 1/3, T-junctions and edges less."""
 MIN_CONTRAST = 1.0
 """Smallest difference of the sectors, grey levels."""
-BATCH = 2048
-"""Corners at a time: bounds the memory, and OpenCV's remap takes fewer than 32767 rows."""
+BATCH = 512
+"""Corners at a time: what they need at once fits into a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,9 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     radius = np.broadcast_to(np.asarray(radius, np.float64), len(xy))
-    image = np.ascontiguousarray(grey, np.float32)
     careful = np.ones(len(xy), bool) if careful is None else careful
     parts = [
-        _orient(image, xy[part], radius[part, None] * np.array(RINGS), careful[part])
+        _orient(grey, xy[part], radius[part, None] * np.array(RINGS), careful[part])
         for part in (slice(i, i + BATCH) for i in range(0, len(xy), BATCH))
     ]
     if not parts:
@@ -63,9 +62,9 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
     return Orientation(found, contrast, polarity, fit)
 
 
-def _orient(image: Array, xy: Array, radius: Array, careful: Array) -> tuple[Array, Array, Array, Array]:
+def _orient(grey: Array, xy: Array, radius: Array, careful: Array) -> tuple[Array, Array, Array, Array]:
     """Axes, contrast, polarity and fit of corners at `xy` (N, 2) from rings of `radius` (N, R) px."""
-    rings = _sample(image, xy, radius)
+    rings = _sample(grey, xy, radius)
     ok, start, contrast, fit = _sectors(rings.mean(axis=1))
     folded = (rings[..., :HALF_TURN] + rings[..., HALF_TURN:]) / 2
     fit_too = ok & careful
@@ -76,21 +75,31 @@ def _orient(image: Array, xy: Array, radius: Array, careful: Array) -> tuple[Arr
     return np.where(ok[:, None], np.sort(found, axis=1), np.nan), np.abs(contrast), polarity, fit
 
 
-def _sample(image: Array, xy: Array, radius: Array) -> Array:
-    """Grey levels (N, R, 2 HALF_TURN) on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
+def _sample(grey: Array, xy: Array, radius: Array) -> Array:
+    """Grey levels (N, R, 2 HALF_TURN) float32 on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
     angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
-    x = xy[:, 0, None, None] + radius[:, :, None] * np.cos(angle)
-    y = xy[:, 1, None, None] + radius[:, :, None] * np.sin(angle)
-    flat = [np.nan_to_num(v, nan=-1).reshape(len(xy), -1).astype(np.float32) for v in (x, y)]
-    sampled = cv2.remap(image, flat[0], flat[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, np.float64).reshape(*radius.shape, -1)
+    there = np.nan_to_num(xy, nan=-1)
+    # only the part of the picture that the rings touch is converted
+    low = np.clip(
+        np.floor((there - radius.max(axis=1)[:, None]).min(axis=0)).astype(int) - 1, 0, np.array(grey.shape[::-1]) - 1
+    )
+    high = np.maximum(np.ceil((there + radius.max(axis=1)[:, None]).max(axis=0)).astype(int) + 2, low + 1)
+    part = np.ascontiguousarray(grey[low[1] : high[1], low[0] : high[0]], np.float32)
+    start, length = (there - low).astype(np.float32)[..., None, None], radius.astype(np.float32)[..., None]
+    x = (start[:, 0] + length * np.cos(angle).astype(np.float32)).reshape(len(xy), -1)
+    y = (start[:, 1] + length * np.sin(angle).astype(np.float32)).reshape(len(xy), -1)
+    sampled = cv2.remap(part, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(sampled).reshape(*radius.shape, -1)
 
 
 @lru_cache(maxsize=1)
 def _pairs() -> tuple[Array, Array, Array]:
-    """All pairs a < b of bin boundaries and 1 / (n (M − n)) for the n = b − a bins between them."""
+    """All pairs a < b of bin boundaries, and (HALF_TURN, pairs) what sums a centred signal from a to b, scaled so that squares tell the
+    variance between the two sectors."""
     a, b = np.triu_indices(HALF_TURN, k=1)
-    return a, b, 1 / ((b - a) * (HALF_TURN - (b - a)))
+    bins = np.arange(HALF_TURN)[:, None]
+    inside = (bins >= a) & (bins < b)
+    return a, b, (inside / np.sqrt((b - a) * (HALF_TURN - (b - a)))).astype(np.float32)
 
 
 def _sectors(signal: Array) -> tuple[Array, Array, Array, Array]:
@@ -102,14 +111,14 @@ def _sectors(signal: Array) -> tuple[Array, Array, Array, Array]:
     first, second = signal[:, :HALF_TURN], signal[:, HALF_TURN:]
     folded = (first + second) / 2
     folded = folded - folded.mean(axis=1, keepdims=True)
-    energy = (folded**2).sum(axis=1) + ((first - second) ** 2).sum(axis=1) / 4
-    a, b, share = _pairs()
-    sums = np.concatenate((np.zeros((len(folded), 1)), folded.cumsum(axis=1)), axis=1)
-    between = (sums[:, b] - sums[:, a]) ** 2 * share
-    best = between.argmax(axis=1)
-    row = np.arange(len(folded))
-    fit = np.divide(between[row, best] * HALF_TURN, energy, out=np.zeros(len(row)), where=energy > 0)
-    contrast = (sums[row, b[best]] - sums[row, a[best]]) * HALF_TURN * share[best]
+    energy = ((folded**2).sum(axis=1) + ((first - second) ** 2).sum(axis=1) / 4).astype(np.float64)
+    a, b, sums = _pairs()
+    between = folded @ sums
+    best = np.abs(between).argmax(axis=1)
+    a, b = a[best], b[best]
+    peak = between[np.arange(len(folded)), best].astype(np.float64)
+    fit = np.divide(peak**2 * HALF_TURN, energy, out=np.zeros(len(peak)), where=energy > 0)
+    contrast = peak * HALF_TURN / np.sqrt((b - a) * (HALF_TURN - (b - a)))
     ok = (fit >= MIN_FIT) & (np.abs(contrast) >= MIN_CONTRAST)
-    start = (np.stack((a[best], b[best]), axis=1) - 0.5) * (np.pi / HALF_TURN)
+    start = (np.stack((a, b), axis=1) - 0.5) * (np.pi / HALF_TURN)
     return ok, start, contrast, np.minimum(fit, 1)

@@ -54,7 +54,8 @@ def smooth_fit(half: int) -> Fit:
     sigma = max(0.7, 0.35 * half)
     grow = int(np.ceil(3 * sigma))
     kernel = _gaussian(grow, sigma)
-    return Fit(half, half + grow, _matrix(_gaussian(half, 0.5 * half), kernel / kernel.sum()), 0.5, 6)
+    matrix = _matrix(_gaussian(half, 0.5 * half), kernel / kernel.sum()).astype(np.float32)
+    return Fit(half, half + grow, matrix, 0.5, 6)
 
 
 def _gaussian(half: int, sigma: float) -> Array:
@@ -80,8 +81,10 @@ def fit_step(grey: Array, centres: Array, fit: Fit) -> Array:
     """
     out = np.full((len(centres), 2), np.nan)
     for part in chunks(len(centres), (2 * fit.reach + 1) ** 2):
-        window = gather(grey, centres[part], fit.reach).astype(np.float64)
-        a1, a2, a3, a4, a5, _ = fit.matrix @ window.reshape(len(window), -1).T
+        window = gather(grey, centres[part], fit.reach).astype(fit.matrix.dtype).reshape(-1, fit.matrix.shape[1])
+        if window.dtype == np.float32:  # the level tells nothing of the saddle, and costs digits
+            window -= window.mean(axis=1, keepdims=True)
+        a1, a2, a3, a4, a5, _ = (fit.matrix @ window.T).astype(np.float64)
         det = 4 * a1 * a3 - a2 * a2
         total = (np.abs(a1 + a3) + np.hypot(a1 - a3, a2)) ** 2  # the square of twice the larger curvature
         ok = (-det > FLATNESS * total) & (total * fit.half**4 > 4 * FAINT**2)

@@ -19,6 +19,8 @@ FAR = 0.15
 """share of the pitch that the fit may move a refined corner"""
 FAINT = 0.2
 """least contrast, share of the board's median"""
+NOTHING = 0.25
+"""grey levels; a board of less contrast is not there"""
 NOISY = 9.0
 """largest residual variance, × the board's median"""
 KEPT = 0.5
@@ -61,7 +63,7 @@ def _good(board: Board, fit: Fit) -> Array:
     typical = float(np.median(contrast))
     good = np.isfinite(fit.xy).all(axis=1) & np.isfinite(fit.cov).all(axis=(1, 2)) & (fit.kept > KEPT)
     good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
-    good &= contrast * np.sign(typical) > FAINT * abs(typical)
+    good &= contrast * np.sign(typical) > max(FAINT * abs(typical), NOTHING)
     good &= fit.variance < NOISY * np.median(fit.variance)
     return good & ~_astray(board, fit)
 

@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erf
 
-from rcdn.corners.patches import chunks
+from rcdn.corners.erf import erf
 from rcdn.precision.lattice import Lattice, lattice, misfit
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN, SHIFT, Windows, crossing, crowded, picture
 from rcdn.precision.prior import Prior, board_prior, first_prior
 from rcdn.precision.spread import block_scores, spreads
-from rcdn.precision.window import extent, windows
+from rcdn.precision.window import Batch, batches, windows
 from rcdn.types import Array
 
 BLURS = (0.5, 0.8, 1.2, 2.0, 3.2, 5.0)
 """px that the fit may start from"""
 WIDE = 6.0
 """px; a blur that no band cuts off"""
-THIN = 3
-"""every third pixel is enough to choose the start"""
-ROUNDS = (4, 3, 2)
+FEW, SOME = 60, 300
+"""pixels a corner that are enough to choose the start, and for the first round"""
+ROUNDS = (4, 2, 1)
 """Gauss–Newton steps of the rounds"""
 STEP = np.array([0.1] * 6 + [0.4] * 2 + [0.3] + [np.inf] * 6)
 """longest step of each parameter"""
@@ -74,13 +73,15 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
     In the rounds after the first, windows and maps start from the corners of the one before, and blur, bleed and light of the
     whole board are known.
     """
-    maps, rim = lattice(ij, xy), _rim(ij)
-    blur, state = _start(grey, maps, xy, rim)
-    prior, noise = first_prior(state), None
+    every, maps, rim = np.arange(len(xy)), lattice(ij, xy), _rim(ij)
+    blur, state, noise = _start(grey, maps, xy, rim)
+    prior = first_prior(state)
     for index, repeats in enumerate(ROUNDS):
-        state[:, SHIFT] = maps(np.arange(len(xy)), xy)  # the map is a fit, and doesn't go through its own corner
-        done = _fit_round(grey, maps, xy, rim, blur, state, prior, noise, repeats)
-        xy = maps.pixels(np.arange(len(xy)), crossing(done.state), xy)
+        state[:, SHIFT] = maps(every, xy)  # the map is a fit, and doesn't go through its own corner
+        if index < 2:
+            pixels = batches(grey, maps, xy, rim, blur, np.inf if index else SOME)
+        done = _fit_round(maps, pixels, state, prior, noise, repeats, index)
+        xy = maps.pixels(every, crossing(done.state), xy)
         if index + 1 < len(ROUNDS):
             own = np.diagonal(done.unit, axis1=1, axis2=2) * done.variance[:, None]
             known = board_prior(ij, done.state, own, prior)
@@ -107,24 +108,19 @@ def _rim(ij: Array) -> Array:
     return np.asarray((ij == ij.min(axis=0)) | (ij == ij.max(axis=0)))
 
 
-def _parts(maps: Lattice, xy: Array, rim: Array, blur: float) -> list[Array]:
-    """Corners in batches of bounded memory."""
-    half = extent(maps, np.arange(len(xy)), xy, rim, blur)[1]
-    return [np.arange(len(xy))[part] for part in chunks(len(xy), (2 * half + 3) ** 2 * 4)]
-
-
-def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Array]:
-    """The blur of `BLURS` under which straight edges fit the board best, and the states (N, COUNT) that go with it."""
-    tried = []
-    for part in _parts(maps, xy, rim, WIDE):
-        w = windows(grey, maps, part, xy[part], rim[part], WIDE, THIN)
-        tried.append(np.stack([_levels(w, blur) for blur in BLURS]))
-    levels = np.concatenate(tried, axis=1)
-    best = int(np.argmin(np.median(levels[..., 0], axis=1)))
+def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Array, float]:
+    """The blur of `BLURS` under which straight edges fit the board best, and the states (N, COUNT) and variance that go with it."""
+    levels = np.zeros((len(BLURS), len(xy), 3))
+    for batch in batches(grey, maps, xy, rim, WIDE, FEW):
+        w = windows(maps, batch)
+        for k, blur in enumerate(BLURS):
+            levels[k, batch.which] = _levels(w, blur)
+    typical = np.median(levels[..., 0], axis=1)
+    best = int(np.argmin(typical))
     state = np.zeros((len(xy), COUNT))
     state[:, BLUR] = np.log(BLURS[best])
     state[:, MEAN], state[:, CONTRAST] = levels[best, :, 1], levels[best, :, 2]
-    return BLURS[best], state
+    return BLURS[best], state, float(typical[best])
 
 
 def _levels(w: Windows, blur: float) -> Array:
@@ -140,42 +136,58 @@ def _levels(w: Windows, blur: float) -> Array:
 
 
 def _fit_round(
-    grey: Array, maps: Lattice, xy: Array, rim: Array, blur: float, state: Array, prior: Prior, noise: float | None,
-    repeats: int,
-) -> _Round:  # fmt: skip
-    found = []
-    for part in _parts(maps, xy, rim, blur):
-        w = windows(grey, maps, part, xy[part], rim[part], blur)
-        own = Prior(prior.mean[part], prior.sd[part])
-        found.append(_gauss_newton(w, state[part], own, noise, repeats))
-    return _Round(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    maps: Lattice, pixels: list[Batch], state: Array, prior: Prior, noise: float, repeats: int, index: int
+) -> _Round:
+    """All corners of the board once more. `noise`: variance of its residuals; in the first round (`index` 0) a guess from above."""
+    out = _Round(state.copy(), *(np.zeros((len(state), *tail)) for tail in ((COUNT, COUNT), (), (), (2,))))
+    for batch in pixels:
+        w, which = windows(maps, batch), batch.which
+        own = Prior(prior.mean[which], prior.sd[which])
+        found = _gauss_newton(w, state[which], own, noise, repeats, index)
+        for whole, part in zip((out.state, out.unit, out.variance, out.kept, out.scores), found, strict=True):
+            whole[which] = part
+    return out
 
 
-def _gauss_newton(w: Windows, state: Array, prior: Prior, noise: float | None, repeats: int) -> tuple[Array, ...]:
-    """The columns of a `_Round`. `noise`: variance of the board's residuals; None: not known yet."""
+def _gauss_newton(w: Windows, state: Array, prior: Prior, noise: float, repeats: int, index: int) -> tuple[Array, ...]:
+    """The columns of a `_Round`."""
     others = crowded(w, state)
+    scores, (slopes, heavy) = np.zeros((len(state), 2)), np.empty((2, len(state), COUNT, w.u.shape[1]), np.float32)
     for step in range(repeats + 1):
-        value, slopes = picture(w, state, others)
+        value, _ = picture(w, state, others, slopes)
         residual = w.value - value
         variance = _variance(residual, w.weight)
-        level = max(float(np.median(variance)) if noise is None else noise, ROUNDING)
+        level = max(noise if index else min(float(np.median(variance)), noise), ROUNDING)
         weight = w.weight
-        if noise is not None or step >= SOLID:
+        if index or step >= SOLID:
             limit = np.maximum(OUTLIER[0] * np.sqrt(level), OUTLIER[1] * np.abs(state[:, CONTRAST]))
-            weight = weight * np.clip(1 - (residual / limit[:, None].astype(np.float32)) ** 2, 0, 1) ** 2
+            weight = weight * _agreement(residual, limit)
         stiff = np.clip(variance, ROUNDING, 4 * level)[:, None] / prior.sd**2
-        heavy = slopes * weight[:, None]
+        np.multiply(slopes, weight[:, None], out=heavy)
         normal = (heavy @ slopes.swapaxes(1, 2)).astype(np.float64)
         normal[:, np.arange(COUNT), np.arange(COUNT)] += stiff + 1e-6
         if step < repeats:
-            pull = np.einsum("nip,np->ni", heavy, residual).astype(np.float64) + stiff * (prior.mean - state)
+            pull = (heavy @ residual[..., None])[..., 0].astype(np.float64) + stiff * (prior.mean - state)
             state = state + np.clip(np.linalg.solve(normal, pull[..., None])[..., 0], -STEP, STEP)
             state[:, BLUR] = np.clip(state[:, BLUR], *np.log(BLUR_RANGE))
     unit = np.linalg.inv(normal)
     kept = weight.sum(axis=1) / np.maximum(w.weight.sum(axis=1), 1)
     left = np.maximum(_variance(residual, weight), ROUNDING)
-    return state, unit, left, kept, block_scores(w, unit, residual, weight, slopes)
+    if index + 1 == len(ROUNDS):
+        scores = block_scores(w, unit, residual, weight, slopes)
+    return state, unit, left, kept, scores
+
+
+def _agreement(residual: Array, limit: Array) -> Array:
+    """Weights (N, P) that fall to 0 where residuals reach `limit` (N,): Tukey's."""
+    share = residual * (1 / limit[:, None]).astype(np.float32)
+    share *= share
+    np.subtract(1, share, out=share)
+    np.maximum(share, 0, out=share)
+    share *= share
+    return share
 
 
 def _variance(residual: Array, weight: Array) -> Array:
-    return np.asarray((residual**2 * weight).sum(axis=1) / np.maximum(weight.sum(axis=1) - FREEDOM, 1), np.float64)
+    square = np.einsum("np,np,np->n", residual, residual, weight)
+    return np.asarray(square / np.maximum(weight.sum(axis=1) - FREEDOM, 1), np.float64)

@@ -12,8 +12,8 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.polynomial.legendre import legvander
+from scipy.linalg.lapack import dpotrf
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array
@@ -38,12 +38,17 @@ _Spot = tuple[int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """The likeliest widths: unevenness `rough` px, prior `root` (D,) of the coefficients, and what solves for them."""
+    """The likeliest widths: unevenness `rough` px, prior `root` (D,) of the coefficients, and `gram` (D + 1, D + 1) of `_whitened`."""
 
     rough: float
     root: Array
-    matrix: Array
-    pull: Array
+    gram: Array
+
+    def posterior(self) -> tuple[Array, Array]:
+        """Mean (D,) and covariance (D, D) of the coefficients."""
+        matrix = np.eye(len(self.root)) + self.root[:, None] * self.gram[:-1, :-1] * self.root
+        spread = self.root[:, None] * np.linalg.inv(matrix) * self.root
+        return spread @ self.gram[:-1, -1], spread
 
 
 def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Array]:
@@ -75,10 +80,9 @@ def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, tuple[Ar
     base, design, degree = _design(ij, xy)
     scale = float(np.sqrt(np.median(np.trace(cov, axis1=1, axis2=2)) / 2))
     best = _likeliest(design, degree, xy - base, cov, scale)
-    spread = best.root[:, None] * np.linalg.inv(best.matrix) * best.root
-    coefficient = spread @ best.pull
-    flat = np.einsum("nad,d->na", design, coefficient)
-    known = np.einsum("nad,de,nbe->nab", design, spread, design, optimize=True)
+    coefficient, spread = best.posterior()
+    flat = design @ coefficient
+    known = (design.reshape(-1, len(spread)) @ spread).reshape(design.shape) @ design.swapaxes(1, 2)
     noise = cov + best.rough**2 * np.eye(2)
     stay = best.rough**2 * np.linalg.inv(noise)
     go = np.eye(2) - stay
@@ -115,13 +119,8 @@ def _design(ij: Array, xy: Array) -> tuple[Array, Array, Array]:
 def _likeliest(design: Array, degree: Array, off: Array, cov: Array, scale: float) -> _Choice:
     """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again."""
     grid = tuple(itertools.product(range(0, len(ROUGH), 2), range(0, len(DECAYS), 2), range(0, len(WIDTHS), 2)))
-    known: dict[_Spot, tuple[float, _Choice]] = {}
-    whitened = functools.cache(lambda rough: _whitened(design, off, cov, rough * scale))
-
-    def likelihood(at: _Spot) -> float:
-        if at not in known:
-            known[at] = _evidence(*whitened(ROUGH[at[0]]), ROUGH[at[0]] * scale, _root(degree, at, scale))
-        return known[at][0]
+    whitened = functools.cache(lambda k: _whitened(design, off, cov, ROUGH[k] * scale))
+    likelihood = functools.cache(lambda at: _evidence(*whitened(at[0]), _root(degree, at, scale)))
 
     best = max(grid, key=likelihood)
     while True:
@@ -131,7 +130,7 @@ def _likeliest(design: Array, degree: Array, off: Array, cov: Array, scale: floa
         near = [s for s in steps if all(0 <= n < length for n, length in zip(s, lengths, strict=True))]
         after = max([best, *near], key=likelihood)
         if after == best:
-            return known[best][1]
+            return _Choice(ROUGH[a] * scale, _root(degree, best, scale), whitened(a)[0])
         best = after
 
 
@@ -140,19 +139,20 @@ def _root(degree: Array, at: _Spot, scale: float) -> Array:
     return scale * np.where(degree > 0, WIDTHS[at[2]] * DECAYS[at[1]] ** (degree - 2.0), FREE)
 
 
-def _whitened(design: Array, off: Array, cov: Array, rough: float) -> tuple[Array, Array, float]:
-    """Normal matrix (D, D) and right side (D,) of the coefficients under noise `cov` and unevenness, and a constant."""
+def _whitened(design: Array, off: Array, cov: Array, rough: float) -> tuple[Array, float]:
+    """Normal matrix of the coefficients under noise `cov` and unevenness, with their right side and sum of squares below it, and a constant.
+
+    (D + 1, D + 1): what is left of the last diagonal element after elimination is the squared distance to the best fit, and one.
+    """
     white = np.linalg.inv(np.linalg.cholesky(cov + rough**2 * np.eye(2)))
-    A = np.einsum("nab,nbd->nad", white, design).reshape(-1, design.shape[2])
-    y = np.einsum("nab,nb->na", white, off).ravel()
-    fixed = 0.5 * float(y @ y) - float(np.log(np.diagonal(white, axis1=1, axis2=2)).sum())
-    return A.T @ A, A.T @ y, fixed
+    A = (white @ design).reshape(-1, design.shape[2])
+    y = (white @ off[..., None]).reshape(-1, 1)
+    both = np.concatenate([A, y], axis=1)
+    return both.T @ both, 0.5 + float(np.log(np.diagonal(white, axis1=1, axis2=2)).sum())
 
 
-def _evidence(gram: Array, pull: Array, fixed: float, rough: float, root: Array) -> tuple[float, _Choice]:
-    """Log marginal likelihood of the data, but for a constant, and what solves for the coefficients."""
-    matrix = np.eye(len(root)) + root[:, None] * gram * root
-    factor = scipy.linalg.cholesky(matrix, lower=True, check_finite=False)
-    z = scipy.linalg.solve_triangular(factor, root * pull, lower=True, check_finite=False)
-    like = 0.5 * float(z @ z) - float(np.log(np.diag(factor)).sum()) - fixed
-    return like, _Choice(rough, root, matrix, pull)
+def _evidence(gram: Array, fixed: float, root: Array) -> float:
+    """Log marginal likelihood of the data, but for a constant."""
+    scale = np.append(root, 1)
+    factor = dpotrf(scale[:, None] * gram * scale + np.eye(len(scale)), lower=1)[0].diagonal()
+    return -0.5 * float(factor[-1] ** 2) - float(np.log(factor[:-1]).sum()) + fixed

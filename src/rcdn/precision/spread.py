@@ -46,15 +46,14 @@ def block_scores(w: Windows, unit: Array, residual: Array, weight: Array, slopes
 def _blocks(w: Windows) -> tuple[Array, int]:
     """Block of each pixel, flat (N · P,), numbered from corner to corner, and the number of blocks a corner."""
     pitch = float(np.median(1 / np.maximum(w.gu, w.gv)[w.weight > 0])) if (w.weight > 0).any() else 1.0
-    at = w.spot - (w.spot * w.weight[..., None]).sum(axis=1, keepdims=True) / np.maximum(
-        w.weight.sum(axis=1)[:, None, None], 1
-    )
-    block = np.rint(at / np.clip(pitch / SHARE, *SIDES)).astype(np.int64)
-    flip = (block[..., 1] < 0) | ((block[..., 1] == 0) & (block[..., 0] < 0))
-    block = np.where(flip[..., None], -block, block)
-    reach = int(np.abs(block).max(initial=0)) + 1
+    count = np.maximum(w.weight.sum(axis=1, keepdims=True), 1)
+    at = w.spot - (w.spot * w.weight).sum(axis=2, keepdims=True) / count
+    x, y = np.rint(at / np.float32(np.clip(pitch / SHARE, *SIDES))).astype(np.int64)
+    flip = np.where((y < 0) | ((y == 0) & (x < 0)), -1, 1)
+    x, y = x * flip, y * flip
+    reach = max(int(np.abs(x).max(initial=0)), int(y.max(initial=0))) + 1
     size = reach * (2 * reach + 1)
-    own = block[..., 1] * (2 * reach + 1) + block[..., 0] + reach
+    own = y * (2 * reach + 1) + x + reach
     return (np.arange(len(own))[:, None] * size + own).ravel(), size
 
 

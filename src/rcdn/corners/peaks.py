@@ -1,0 +1,67 @@
+"""Weak peaks of a response map, looked at only where a board asks for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rcdn.config import Refine
+from rcdn.corners.orientation import Orientation, axes
+from rcdn.corners.refine import refine
+from rcdn.types import Array
+
+DEFAULT_PITCH = 20.0
+"""px; of a corner that is alone in its picture"""
+RING_SHARE, RING = 0.35, (3.0, 16.0)
+"""radius of the rings on which edge directions are read, share of the pitch, and its limits, px; blurred corners need the room"""
+SAME = 3.0
+"""px; refined corners closer than this are one corner (squares under 5 px are beyond the network)"""
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """Peaks `xy` (M, 2) px, integers, with responses `score` (M,), that are no corners by themselves.
+
+    `strong` (S, 2): the peaks beside them that are; `grey`, `response` (H, W); `rule`: how positions are refined.
+    """
+
+    xy: Array
+    score: Array
+    strong: Array
+    grey: Array
+    response: Array
+    rule: Refine
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of their positions."""
+        return cKDTree(self.xy)
+
+    @cached_property
+    def _strong_tree(self) -> cKDTree:
+        return cKDTree(self.strong)
+
+    def look(self, index: Array) -> tuple[Array, Array, Orientation]:
+        """Refined positions (K, 2), whether that worked (K,), and edge directions of some of the peaks."""
+        xy = self.xy[index]
+        pitch = nearest_other(self._strong_tree, len(self.strong), xy)
+        careful = np.zeros(len(xy), bool)
+        fine, status = refine(self.grey, self.response, xy, self.rule, pitch, careful)
+        return fine, status, axes(self.grey, fine, ring(pitch), careful)
+
+
+def ring(pitch: Array) -> Array:
+    """Radius (N,) of the rings around corners `pitch` (N,) px apart."""
+    return np.asarray(np.clip(RING_SHARE * pitch, *RING))
+
+
+def nearest_other(tree: cKDTree, count: int, xy: Array) -> Array:
+    """Distance (N,) from each of `xy` to the nearest of `count` corners in a tree that is another one, px."""
+    if count < 2 or not len(xy):
+        return np.full(len(xy), DEFAULT_PITCH)
+    distance = tree.query(xy, k=min(4, count))[0]
+    distance = np.where(distance > SAME, distance, np.inf).min(axis=1)
+    return np.where(np.isfinite(distance), distance, DEFAULT_PITCH)
