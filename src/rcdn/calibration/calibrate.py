@@ -169,9 +169,13 @@ def _task(
 
 
 def _too_few(many: int, reasons: dict[int, str]) -> str:
-    got = "one view" if many == 1 else f"{many} views" if many else "no usable view"
-    why = f" ({len(reasons)} boards can't be used: {next(iter(reasons.values()))})" if reasons else ""
-    return f"{got} can't settle a camera{why}: take 10 to 30 pictures of the board in different places and tilts"
+    got = "one view" if many == 1 else f"{many} views" if many else "no view that can be used"
+    why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
+    verb = "are" if many > 1 else "is"
+    return (
+        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
+        "places and tilts"
+    )
 
 
 def sigma_of(board: Board) -> Array:

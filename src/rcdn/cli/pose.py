@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -15,6 +15,9 @@ from rcdn.cli._group import FAILED, say_error
 from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, parse_size
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
+
+if TYPE_CHECKING:
+    from rcdn.types import Camera
 
 
 def pose(
@@ -35,6 +38,10 @@ def pose(
     spacing: Annotated[
         float, typer.Option(metavar="METRES", help="Side of one square, in metres: 25 mm squares have 0.025.")
     ],
+    camera_name: Annotated[
+        str | None,
+        typer.Option("--camera-name", metavar="NAME", help="Which camera of a FILE that holds several: left, cam1, …"),
+    ] = None,
     board: Annotated[
         GridSize | None,
         typer.Option(parser=parse_size, metavar="COLSxROWS", help="Only boards of that many inner corners, whole."),
@@ -55,11 +62,11 @@ def pose(
     """
     from rcdn.calibration import estimate_pose
     from rcdn.cli._inputs import gather
-    from rcdn.io import read_camera, write_text
+    from rcdn.io import write_text
 
     if not (np.isfinite(spacing) and spacing > 0):
         raise ConfigError(f"--spacing must be the side of one square in metres (25 mm: 0.025), not {spacing}")
-    lens = read_camera(camera)
+    lens = _camera(camera, camera_name)
     _batch.check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto")
     size = None if board is None else (board.cols, board.rows)
@@ -87,6 +94,14 @@ def pose(
         write_text(json, f'{{"version": 1, "spacing": {spacing!r}, "poses": [\n{lines}\n]}}\n')
     if failed or not records:
         raise typer.Exit(FAILED)
+
+
+def _camera(path: Path, name: str | None) -> Camera:
+    from rcdn.io import read_camera, read_cameras
+
+    if name is None and len(many := read_cameras(path)) > 1:
+        raise ConfigError(f"--camera {path} holds several cameras; choose one: --camera-name {' | '.join(many)}")
+    return read_camera(path, name=name)
 
 
 def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
