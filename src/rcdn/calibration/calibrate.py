@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
-from rcdn.calibration.labels import Labelled, Size, bend, mirrored, orientation_of, settle, usual_size
+from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle, usual_size
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
@@ -29,6 +29,8 @@ AUTO = ("pinhole", "brown", "fisheye", "rational")
 """what `auto` compares"""
 MODELS = ("auto", *LENSES)
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
+LOOSEST = 1e3
+"""px; a sigma beyond counts as this"""
 SAME_SIZE = 0.75
 """share of the boards whose pictures have one size: the others are left out, or it would be an error"""
 HOPELESS_MODEL = 2.0
@@ -57,7 +59,7 @@ def calibrate(
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
-    _check(boards, spacing, names, model)
+    _check(boards, spacing, names, model, size)
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     image_size = _one_size(boards, names)
     whole = size or usual_size(boards)
@@ -91,7 +93,7 @@ class _Task:
     picture: Array
 
 
-def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str) -> None:
+def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
     if not (np.isfinite(spacing) and spacing > 0):
         raise ConfigError(
             f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
@@ -100,6 +102,11 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {model!r}")
     if names is not None and len(names) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
+    if size is not None and min(size) < 2:
+        raise ConfigError(f"size counts inner corners (columns, rows), at least 2 each, not {tuple(size)}")
+    for k, board in enumerate(boards):
+        if not np.isfinite(board.xy).all():
+            raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
 
@@ -127,6 +134,8 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: 
         return label.reason
     if len(board) < FEWEST_CORNERS or min(board.size) < 2:
         return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
+    if in_line(board):
+        return "its corners lie in one line"
     if mirrored(board):
         return "its labels run the wrong way round: were pixels mirrored after the corners were found?"
     return "it isn't settled which part of the board it shows, which a warp needs" if warp and not label.settled else ""
@@ -179,7 +188,8 @@ def _too_few(many: int, reasons: dict[int, str]) -> str:
 
 
 def sigma_of(board: Board) -> Array:
-    return np.full(len(board), np.nan) if board.sigma is None else board.sigma
+    """(M,) px; NaN where unknown."""
+    return np.full(len(board), np.nan) if board.sigma is None else np.minimum(board.sigma, LOOSEST)
 
 
 def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:

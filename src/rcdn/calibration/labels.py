@@ -54,6 +54,8 @@ def orientation_of(size: Size) -> Orientation:
 
 
 def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
+    if not len(board):
+        return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)
     if size is None:
         return Labelled(own, False)
@@ -81,6 +83,11 @@ def bend(ij: Array, whole: Size | None) -> Array:
         return np.zeros((len(ij), 2))
     middle = (np.array(whole) - 1) / 2
     return np.asarray(1 - ((ij - middle) / np.maximum(middle, 0.5)) ** 2)
+
+
+def in_line(board: Board) -> bool:
+    """True if the corners, or their labels, lie in one line or point."""
+    return any(np.linalg.matrix_rank(a - a.mean(axis=0), tol=1e-6) < 2 for a in (board.xy, board.ij))
 
 
 def mirrored(board: Board) -> bool:

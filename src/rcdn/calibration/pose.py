@@ -7,6 +7,7 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.calibrate import sigma_of
 from rcdn.calibration.labels import bend
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import motion_covariance
@@ -54,7 +55,7 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
 def _corners(board: Board, spacing: float, warp: Array | None) -> tuple[Corners3, Array]:
     zero = np.zeros(len(board), int)
     raised = np.zeros(len(board)) if warp is None else bend(board.ij, board.size) @ np.asarray(warp, float)
-    sigma = np.zeros(len(board)) if board.sigma is None else np.nan_to_num(board.sigma)
+    sigma = np.nan_to_num(sigma_of(board))
     # the warp is known: as a bend of one unit by the state's warp (1, 0)
     return Corners3(zero, zero, board.ij * spacing, board.xy, np.stack([raised, 0 * raised], axis=-1)), sigma
 

@@ -77,6 +77,8 @@ def _pairs(
         return [(k, k) for k in range(len(left))]
     if any(not (0 <= a < len(left) and 0 <= b < len(right)) for a, b in pairs):
         raise ConfigError("pairs must hold (index in left, index in right)")
+    if any(len({p[side] for p in pairs}) < len(pairs) for side in (0, 1)):
+        raise ConfigError("pairs must not hold an index of left or right twice")
     return list(pairs)
 
 
@@ -157,7 +159,12 @@ def _result(
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
     advice = [f"Left: {t}" for t in advise(left)] + [f"Right: {t}" for t in advise(right)]
     if odd:
-        advice.insert(0, f"{len(odd)} pairs disagree with the others on where the cameras stand and were left out.")
+        names = [f"{first.views[a].name} and {second.views[b].name}" for a, b in odd]
+        advice.insert(
+            0,
+            f"{len(odd)} pairs disagree with the others on where the cameras stand and were left out: {', '.join(names[:3])}"
+            f"{', …' if len(names) > 3 else ''}.",
+        )
     return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, tuple(advice))
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import board, calibrate, detect, evaluate, export, pose, render, train
+from rcdn.cli import board, calibrate, detect, evaluate, export, pose, render, report, train
 from rcdn.cli._group import Group
 
 app = typer.Typer(
@@ -49,6 +49,7 @@ def rcdn(
 app.command("detect")(detect.detect)
 app.command("calibrate")(calibrate.calibrate)
 app.command("pose")(pose.pose)
+app.command("report")(report.report)
 app.command("board")(board.board)
 app.command("render")(render.render)
 app.command("train")(train.train)

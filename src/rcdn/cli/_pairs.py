@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import PurePath
 
 from rcdn.errors import ConfigError
@@ -43,7 +43,7 @@ def _stems(names: Sequence[str], side: int) -> list[str]:
     return [_stem(n) for n in names]
 
 
-def _without(words: tuple[str, str]):  # type: ignore[no-untyped-def]
+def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]]:
     """Stems without the word of their side, where all have it as a word of its own."""
 
     def keys(names: Sequence[str], side: int) -> list[str]:

@@ -18,6 +18,7 @@ from rcdn.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
+    from rcdn.cli._pictures import Pictures
     from rcdn.io import ImageResult
     from rcdn.types import Board, Calibration
 
@@ -228,7 +229,7 @@ def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
     return first
 
 
-def _pictures(calibration: Calibration):  # type: ignore[no-untyped-def]
+def _pictures(calibration: Calibration) -> Pictures:
     from rcdn.cli._pictures import Pictures
 
     return Pictures(v.name for v in calibration.views)
