@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +20,7 @@ from rcdn.errors import CalibrationError, ConfigError
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
     from rcdn.cli._pictures import Pictures
-    from rcdn.io import ImageResult
+    from rcdn.io import CameraFormat, ImageResult
     from rcdn.types import Board, Calibration
 
 
@@ -113,16 +114,49 @@ def calibrate(
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
         )
-    _check_outputs(output or [], file_format, report, json, inputs)
+    if stereo and warp:
+        raise ConfigError("--warp is for one camera; leave it away with --stereo")
+    outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
+    outputs.check(inputs)
     config = DetectorConfig.preset("auto")
-    store = open_cache(config, cache, off=no_cache)
-    run = _Run(config, store, jobs, frames, board)
+    run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     if stereo:
-        _stereo(run, inputs, spacing, model.value, output or [], file_format, report, json)
+        _stereo(run, inputs, spacing, model.value, outputs)
     else:
-        _mono(run, inputs, spacing, model.value, warp, output or [], file_format, report, json)
+        _mono(run, inputs, spacing, model.value, warp, outputs)
     if run.failed:
         raise typer.Exit(FAILED)
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """What to write, and where."""
+
+    cameras: list[Path]
+    format: CameraFormat | None
+    report: Path | None
+    json: Path | None
+
+    def check(self, inputs: Sequence[str]) -> None:
+        """Raise before the work what would spoil it afterwards."""
+        from rcdn.io import camera_format
+
+        paths = [Path(i) for i in inputs]
+        for path in self.cameras:
+            camera_format(path, self.format)
+            _batch.check_file("--output", path, paths)
+        _batch.check_file("--report", self.report, paths)
+        _batch.check_file("--json", self.json, paths)
+
+    def say(self) -> None:
+        """Tell what was written."""
+        written = [str(p) for p in (*self.cameras, self.json, self.report) if p is not None]
+        if written:
+            typer.echo(f"written: {', '.join(written)}", err=True)
+        else:
+            typer.echo(
+                "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
+            )
 
 
 class _Run:
@@ -150,48 +184,29 @@ class _Run:
         return got
 
 
-def _mono(
-    run: _Run,
-    inputs: Sequence[str],
-    spacing: float,
-    model: str,
-    warp: bool,
-    output: Sequence[Path],
-    file_format: FileFormat | None,
-    report: Path | None,
-    json: Path | None,
-) -> None:
+def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate
     from rcdn.io import write_calibration, write_camera
+    from rcdn.report.calibration import write_report
 
     got = run.gather(inputs)
     boards, names = _flat(got.images)
     done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
     _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
-    for path in output:
-        write_camera(path, done.camera, None if file_format is None else file_format.value)
-    if json is not None:
-        write_calibration(json, done)
-    if report is not None:
-        from rcdn.report.calibration import write_report
-
-        write_report(report, done, _pictures(done))
-    _said([*output, json, report])
+    for path in outputs.cameras:
+        write_camera(path, done.camera, outputs.format)
+    if outputs.json is not None:
+        write_calibration(outputs.json, done)
+    if outputs.report is not None:
+        write_report(outputs.report, done, _pictures(done))
+    outputs.say()
 
 
-def _stereo(
-    run: _Run,
-    inputs: Sequence[str],
-    spacing: float,
-    model: str,
-    output: Sequence[Path],
-    file_format: FileFormat | None,
-    report: Path | None,
-    json: Path | None,
-) -> None:
+def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate_stereo
     from rcdn.cli._pairs import pair_names
     from rcdn.io import write_calibration, write_stereo
+    from rcdn.report.calibration import write_stereo_report
 
     left = run.gather(inputs[:1])
     right = run.gather(inputs[1:], left.frames or None)
@@ -202,15 +217,13 @@ def _stereo(
     done = calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(_camera_text.stereo_lines(done), out, done.advice)
-    for path in output:
-        write_stereo(path, done, None if file_format is None else file_format.value)
-    if json is not None:
-        write_calibration(json, done)
-    if report is not None:
-        from rcdn.report.calibration import write_stereo_report
-
-        write_stereo_report(report, done, _pictures(done.left), _pictures(done.right))
-    _said([*output, json, report])
+    for path in outputs.cameras:
+        write_stereo(path, done, outputs.format)
+    if outputs.json is not None:
+        write_calibration(outputs.json, done)
+    if outputs.report is not None:
+        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
+    outputs.say()
 
 
 def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
@@ -238,29 +251,3 @@ def _pictures(calibration: Calibration) -> Pictures:
 def _say(lines: Sequence[str], left_out: Sequence[str], advice: Sequence[str]) -> None:
     for line in [*lines, *left_out, *(f"- {text}" for text in advice)]:
         typer.echo(line)
-
-
-def _said(paths: Sequence[Path | None]) -> None:
-    written = [str(p) for p in paths if p is not None]
-    if written:
-        typer.echo(f"written: {', '.join(written)}", err=True)
-    else:
-        typer.echo("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True)
-
-
-def _check_outputs(
-    output: Sequence[Path],
-    file_format: FileFormat | None,
-    report: Path | None,
-    json: Path | None,
-    inputs: Sequence[str],
-) -> None:
-    """Raise before the work what would spoil it afterwards."""
-    from rcdn.io import camera_format
-
-    paths = [Path(i) for i in inputs]
-    for path in output:
-        camera_format(path, None if file_format is None else file_format.value)
-        _batch.check_file("--output", path, paths)
-    _batch.check_file("--report", report, paths)
-    _batch.check_file("--json", json, paths)
