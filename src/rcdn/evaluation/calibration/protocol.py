@@ -1,0 +1,173 @@
+"""The paper's comparison (section 4.4): calibrate on half of the pictures, then solve only poses on the other half.
+
+Reprojection error: root of the mean squared length of observed − projected, px. Every fit starts from the same rough camera of its own
+corners and runs until it converges; held-out pictures have no say in their calibration beyond that start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration import robust
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals, solve
+from rcdn.calibration.choose import rms
+from rcdn.calibration.labels import bend
+from rcdn.calibration.start import Seen, first_camera, poses
+from rcdn.errors import CalibrationError
+from rcdn.types import LENS, Array, Camera, CameraModel
+
+SPLITS, FOLDS = 5, 5
+SEED = 7
+FEWEST = 6
+"""pictures, below which there are no halves to calibrate from"""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Corners of one detector: `corners` of V views (one a picture), `weight` (N,) 1 / px, `used` (N,) bool, those that count; what is
+    fitted: the lens `model` and, if `warp`, a bend of the board; `start`: a rough camera and `T` (V, 4, 4) poses under it."""
+
+    corners: Corners3
+    weight: Array
+    used: Array
+    model: CameraModel
+    warp: bool
+    start: Camera
+    T: Array
+
+    @property
+    def views(self) -> int:
+        return len(self.T)
+
+    def of(self, views: Sequence[int] | Array) -> Array:
+        """Indices of the used corners of `views`."""
+        return np.flatnonzero(self.used & np.isin(self.corners.frame, views))
+
+
+def task_of(
+    boards: Sequence[tuple[Array, Array]],
+    image_size: tuple[int, int],
+    size: tuple[int, int],
+    model: CameraModel,
+    warp: bool = False,
+) -> Task:
+    """Equal weights for all corners of `boards`: labels (M, 2) and pixels (M, 2) of each. Raises CalibrationError if one has no pose."""
+    seen = [Seen(ij.astype(float), xy) for ij, xy in boards]
+    start = first_camera(seen, image_size)
+    T = poses(start, seen)
+    if not np.isfinite(T).all():
+        raise CalibrationError("no pose fits one of the boards")
+    frame = np.repeat(np.arange(len(seen)), [len(s.xy) for s in seen])
+    ij = np.concatenate([b[0] for b in boards])
+    corners = Corners3(frame, 0 * frame, ij.astype(float), np.concatenate([s.xy for s in seen]), bend(ij, size))
+    return Task(corners, np.ones(len(frame)), np.ones(len(frame), bool), model, warp, start, T)
+
+
+def camera_of(task: Task, views: Sequence[int] | Array) -> State:
+    """Lens and poses by least squares from the used corners of `views`."""
+    camera = Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model)
+    state = State.mono(camera, task.T)
+    mine = task.of(views)
+    return solve(state, task.corners.take(mine), task.weight[mine], default_free(state, warp=task.warp)).state
+
+
+def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
+    """Residuals (n, 2) of the used corners of `views` where only their poses fit the camera of `state`; NaN where it can't see."""
+    mine = task.of(views)
+    corners = task.corners.take(mine)
+    seen = [Seen(corners.board[corners.frame == v], corners.xy[corners.frame == v]) for v in views]
+    T = task.T.copy()
+    T[np.asarray(views)] = poses(state.cameras[0], seen)
+    lost = ~np.isfinite(T).all(axis=(1, 2))
+    T[lost] = task.T[lost]
+    posed = State.mono(state.cameras[0], T, state.warp)
+    weight = task.weight[mine]
+    return residuals(solve(posed, corners, weight, default_free(posed, lens=False)).state, corners)
+
+
+def without_outliers(task: Task) -> Task:
+    """The task with the corners and views left out that disagree with the others, as `rcdn.calibrate` leaves them out."""
+    none = np.zeros(len(task.corners))
+    state = State.mono(Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model), task.T)
+    free = default_free(state, warp=task.warp)
+    fit = robust.fit(*robust.rough_fit(state, task.corners, none, free), task.corners, none, free)
+    return replace(task, used=fit.used)
+
+
+def weighted(task: Task, sigma: Array) -> Task:
+    """The task with each corner weighted by its `sigma` (N,) px and the noise beyond it that all show."""
+    state = camera_of(task, range(task.views))
+    _, noise = robust.rough_fit(state, task.corners, sigma, default_free(state, warp=task.warp))
+    return replace(task, weight=1 / np.sqrt(noise**2 + sigma**2))
+
+
+# ---- splits
+
+
+def halves(count: int) -> list[tuple[Array, Array]]:
+    """`SPLITS` splits of `count` pictures into two halves: every other one, then by chance (the same for everybody)."""
+    orders = [np.r_[0:count:2, 1:count:2]]
+    orders += [np.random.default_rng([SEED, k]).permutation(count) for k in range(SPLITS - 1)]
+    return [(np.sort(o[: (count + 1) // 2]), np.sort(o[(count + 1) // 2 :])) for o in orders]
+
+
+def folds(count: int) -> list[Array]:
+    """`FOLDS` parts of `count` pictures."""
+    return [np.arange(count)[k::FOLDS] for k in range(FOLDS)]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Reprojection errors, px. `fit`: of all, calibrated from all. `cal`: of the pictures calibrated from, in halves; `pose`: of the other
+    half; each over both directions, the median of the splits; `unsteady`: the largest of a split's `pose` ÷ their median. `folds`: of
+    pictures held out in fives. `camera`: the same with the cameras of these folds and the poses of reference corners."""
+
+    fit: float = float("nan")
+    cal: float = float("nan")
+    pose: float = float("nan")
+    unsteady: float = float("nan")
+    folds: float = float("nan")
+    camera: float = float("nan")
+
+
+def errors(task: Task, references: Sequence[Task] = ()) -> Errors:
+    """All figures of a task; `references`: the same views by other detectors, whose corners judge this one's cameras."""
+    views = np.unique(task.corners.frame[task.used])
+    if len(views) < FEWEST:
+        return Errors()
+    whole = camera_of(task, views)
+    of = task.of(views)
+    fit = _rms([residuals(whole, task.corners.take(of))])
+    cals, held = zip(*(_both_ways(task, views[a], views[b]) for a, b in halves(len(views))), strict=True)
+    pose = float(np.median(held))
+    by_fold, by_camera = _by_fold(task, references, views)
+    return Errors(fit, float(np.median(cals)), pose, max(held) / pose, by_fold, by_camera)
+
+
+def _both_ways(task: Task, a: Array, b: Array) -> tuple[float, float]:
+    """Calibration and pose error over both directions of one split."""
+    cal, held = [], []
+    for mine, others in ((a, b), (b, a)):
+        state = camera_of(task, mine)
+        cal.append(residuals(state, task.corners.take(task.of(mine))))
+        held.append(pose_gaps(state, task, others))
+    return _rms(cal), _rms(held)
+
+
+def _by_fold(task: Task, references: Sequence[Task], views: Array) -> tuple[float, float]:
+    own, others = [], []
+    for part in folds(len(views)):
+        out = views[part]
+        state = camera_of(task, np.setdiff1d(views, out))
+        own.append(pose_gaps(state, task, out))
+        others += [pose_gaps(state, reference, out) for reference in references]
+    return _rms(own), _rms(others) if others else float("nan")
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    """Of all residuals; infinite if a camera can't see a corner."""
+    gaps = np.concatenate(parts)
+    return rms(np.nan_to_num(gaps, nan=np.inf), np.ones(len(gaps)))
