@@ -261,3 +261,35 @@ def calibration(
     if markdown is not None:
         write_text(markdown, suite.markdown(rows))
     _show(rows, json, "calibration", suite.settings_of(chosen, found, warp) | {"skipped": missing})
+
+
+@app.command("trust")
+def trust(
+    runs: Annotated[int, typer.Option(min=3, help="Calibrations of each lens model.")] = 200,
+    models: Annotated[
+        str, typer.Option(metavar="NAME,…", help="Lens models to simulate.")
+    ] = "pinhole,brown,fisheye,rational",
+    json: Json = None,
+) -> None:
+    """Do the stated standard deviations hold? Simulated calibrations, and how often the truth lies within them.
+
+    Each run: 20 views of a 9×6 board, parts included, noise of 0.1, 0.3 and 1 px in turn, 5 % of the corners thrown 5 to 40 px away.
+    `within`: share of all parameters within one standard deviation (chance: .683), `within2` within two (.954), `spread`: root mean
+    square of error ÷ deviation (1). About 15 minutes on one core.
+    """
+    from rcdn.errors import ConfigError
+    from rcdn.evaluation import trust as suite
+    from rcdn.io import check_writable
+
+    names = [name.strip() for name in models.split(",") if name.strip()]
+    if unknown := [n for n in names if n not in suite.MODELS]:
+        raise ConfigError(f"--models: {unknown[0]!r} isn't one of {', '.join(suite.MODELS)}")
+    if json is not None:
+        check_writable(json)
+    rows = []
+    with _bar("calibrating") as step:
+        for k, name in enumerate(names):
+            rows.append(suite.row(suite.trust(name, runs)))
+            if step is not None:
+                step(k + 1, len(names))
+    _show(rows, json, "trust", {"runs": runs, "views": 20, "noise": list(suite.NOISES), "outliers": suite.OUTLIERS})

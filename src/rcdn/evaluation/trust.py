@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,8 @@ MODELS = ("pinhole", "brown", "fisheye", "rational")
 
 @dataclass(frozen=True)
 class Trust:
-    """Of one lens model: `runs` and `failed` ones; shares of all parameters `within` one and two standard deviations; root mean square of error ÷ deviation;
-    and by `noise` px the share within one."""
+    """Of one lens model: `runs` and `failed` ones; shares of all parameters `within` one and two standard deviations; `spread`, the root
+    mean square of error ÷ deviation; `by_noise`: px → share within one."""
 
     model: str
     runs: int
@@ -30,6 +31,20 @@ class Trust:
     within2: float
     spread: float
     by_noise: dict[float, float]
+
+
+def row(of: Trust) -> dict[str, Any]:
+    """As a line of a table."""
+    flat = {f"within at {noise:g} px": share for noise, share in of.by_noise.items()}
+    return {
+        "model": of.model,
+        "runs": of.runs,
+        "failed": of.failed,
+        "within": of.within,
+        "within2": of.within2,
+        "spread": of.spread,
+        **flat,
+    }
 
 
 def trust(model: str, runs: int, seed: int = 0) -> Trust:
