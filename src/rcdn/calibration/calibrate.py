@@ -69,13 +69,8 @@ def calibrate(
     task, T = _with_poses(task, poses(start, task.seen))
     models = AUTO if model == "auto" else (model,)
     fits = _fits(task, models, start, T, warp)
-    trials, weight = _trials(task, list(fits.values()), warp)
-    chosen = choose.best(trials, weight)
-    scores = [
-        ModelScore(m, choose.rms(t.gaps, weight), choose.rms(t.held, weight)) for m, t in zip(fits, trials, strict=True)
-    ]
-    scores.insert(0, scores.pop(chosen))
-    done = _result(task, boards, labels, names, list(fits.values())[chosen], whole, warp, tuple(scores), spacing)
+    chosen, scores = _choose(task, fits, warp)
+    done = _result(task, boards, labels, names, fits[chosen], whole, warp, scores, spacing)
     _believable(done)
     return replace(done, advice=advise(done))
 
@@ -224,13 +219,15 @@ def _fits(task: _Task, models: Sequence[str], start: Camera, T: Array, warp: boo
     }
 
 
-def _trials(task: _Task, fits: list[robust.Fit], warp: bool) -> tuple[list[choose.Trial], Array]:
-    """All models on the same corners: those, and their weights (N,), of the model that leaves out least."""
-    widest = max(fits, key=lambda f: (int(f.used.sum()), -f.noise))
-    trials = [
-        choose.trial(f.state, task.corners, widest.weight, default_free(f.state, warp=warp), task.picture) for f in fits
-    ]
-    return trials, widest.weight
+def _choose(task: _Task, fits: dict[str, robust.Fit], warp: bool) -> tuple[str, tuple[ModelScore, ...]]:
+    """The model to take and how all did, that one first: on the same corners, those of the model that leaves out least."""
+    widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
+    common = choose.Task(task.corners, widest.weight, task.picture)
+    free = [default_free(f.state, warp=warp) for f in fits.values()]
+    at, trials = choose.compare([f.state for f in fits.values()], common, free)
+    scores = [ModelScore(m, t.rms, t.held) for m, t in zip(fits, trials, strict=True)]
+    scores.insert(0, scores.pop(at))
+    return scores[0].model, tuple(scores)
 
 
 def _result(

@@ -20,28 +20,58 @@ SIMPLER = 1.05
 
 
 @dataclass(frozen=True, eq=False)
+class Task:
+    """What all models are compared on: `corners` with `weight` (N,), 0 of those left out, and the `picture` (N,) of each, integers."""
+
+    corners: Corners3
+    weight: Array
+    picture: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Trial:
-    """A model's `state` fitted to all corners, its `gaps` (N, 2) px there, and those of pictures `held` (N, 2) out of its calibration (NaN: none)."""
+    """A model's `state` fitted to all corners; its error there, `rms`, and in pictures held out, `held`, px (NaN: not tried)."""
 
     state: State
-    gaps: Array
-    held: Array
+    rms: float
+    held: float
 
 
-def trial(start: State, corners: Corners3, weight: Array, free: Array, picture: Array) -> Trial:
-    """Fit to the corners of positive `weight` (N,), then k-fold by `picture` (N,) integers: calibrate from the others, solve the poses of
-    those held out, and take their residuals (the paper's pose error, section 4.4)."""
-    state = solve(start, corners, weight, free).state
-    held = np.full((len(corners), 2), np.nan)
-    pictures = np.unique(picture[weight > 0])
-    if len(pictures) >= FEWEST:
-        for k in range(FOLDS):
-            out = np.isin(picture, pictures[k::FOLDS])
-            part = solve(state, corners, np.where(out, 0.0, weight), free, repeats=3).state
-            mine = np.flatnonzero(out & (weight > 0))
-            posed = solve(part, corners.take(mine), weight[mine], default_free(part, lens=False), repeats=2).state
-            held[mine] = residuals(posed, corners.take(mine))
-    return Trial(state, residuals(state, corners), held)
+def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, list[Trial]]:
+    """Which model to take, and how each did; `starts` are those of the models, the simplest first, `free` (K,) their unknowns.
+
+    Taken is the simplest that does nearly as well as the best on pictures held out. A model that fits even its own pictures no better than a
+    simpler one predicts others isn't tried there. A lens that has no rays for a part of the frame where another has them is passed over:
+    polynomials may turn back where no corner was. With too few pictures `brown` is taken, if it is there, as calibrations usually have it.
+    """
+    states = [solve(s, task.corners, task.weight, f).state for s, f in zip(starts, free, strict=True)]
+    fits = [rms(residuals(s, task.corners), task.weight) for s in states]
+    reaches = np.array([reach(s.cameras[0]) for s in states])
+    held = np.full(len(states), np.nan)
+    for k in np.flatnonzero(reaches >= reaches.max() - LOST):
+        if not (held <= SIMPLER * fits[k]).any():
+            held[k] = rms(held_out(states[k], task, free[k]), task.weight)
+    trials = [Trial(*each) for each in zip(states, fits, held.tolist(), strict=True)]
+    if np.isnan(held).all():
+        models = [s.cameras[0].model for s in states]
+        return (models.index("brown") if "brown" in models else 0), trials
+    return int(np.flatnonzero(held <= SIMPLER * np.nanmin(held))[0]), trials
+
+
+def held_out(state: State, task: Task, free: Array) -> Array:
+    """(N, 2) residuals px, k-fold by picture: calibrate from the others, solve the poses of those held out, and take their residuals (the
+    paper's pose error, section 4.4). NaN with fewer than FEWEST pictures, and of corners left out."""
+    held = np.full((len(task.corners), 2), np.nan)
+    pictures = np.unique(task.picture[task.weight > 0])
+    if len(pictures) < FEWEST:
+        return held
+    for k in range(FOLDS):
+        out = np.isin(task.picture, pictures[k::FOLDS])
+        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free, repeats=3).state
+        mine = np.flatnonzero(out & (task.weight > 0))
+        some, firm = task.corners.take(mine), task.weight[mine]
+        held[mine] = residuals(solve(part, some, firm, default_free(part, lens=False), repeats=2).state, some)
+    return held
 
 
 def rms(gaps: Array, weight: Array) -> float:
@@ -50,18 +80,3 @@ def rms(gaps: Array, weight: Array) -> float:
     if not len(mine) or np.isnan(mine).all():
         return float("nan")
     return float(np.sqrt(np.nan_to_num((mine**2).sum(axis=1), nan=np.inf).mean()))
-
-
-def best(trials: list[Trial], weight: Array) -> int:
-    """Which of `trials`, the simplest first, to take: the simplest that does nearly as well as the best on pictures held out.
-
-    A lens that has no rays for a part of the frame where another has them is passed over: polynomials may turn back where no corner was. Without
-    pictures held out: `brown`, if it is there, as calibrations usually have it.
-    """
-    held = np.array([rms(t.held, weight) for t in trials])
-    if np.isnan(held).any():
-        models = [t.state.cameras[0].model for t in trials]
-        return models.index("brown") if "brown" in models else 0
-    reaches = np.array([reach(t.state.cameras[0]) for t in trials])
-    held[reaches < reaches.max() - LOST] = np.inf
-    return int(np.flatnonzero(held <= SIMPLER * held.min())[0])

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rcdn.calibration.bundle import BEHIND, Arrow, Corners3, State, default_free, residuals, solve
+from rcdn.calibration.start import Seen
+from rcdn.calibration.start import poses as poses_of
 from rcdn.geometry import rotation
 from rcdn.types import Array
 
@@ -20,6 +22,8 @@ TOO_MANY = 0.3
 """share of outliers that makes a whole view one"""
 HOPEFUL = 10.0
 """× the median distance of a view's corners: the other of a plane's two poses isn't tried beyond it"""
+ODD = 3.0
+"""× the usual median distance of corners: a view beyond it weighs less at first, and gets another pose"""
 ROUNDS = 12
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
@@ -44,27 +48,58 @@ def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array) -> tup
     """A fit under a loss that outliers don't pull much, and the noise px of one axis that it leaves."""
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
-        state = solve(state, corners, _weights(noise, sigma), free, "soft_l1").state
-        state = _unflipped(state, corners, _weights(noise, sigma))
+        calm = _calm(residuals(state, corners), corners.frame, len(start.poses))
+        state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1").state
         noise = _median_noise(residuals(state, corners), sigma)
+        state = _better_poses(state, corners, _weights(noise, sigma))
     return state, noise
 
 
-def _unflipped(state: State, corners: Corners3, weight: Array) -> State:
-    """With the other of the two poses that a plane allows where that fits better: a pose may have gone to the wrong one."""
+def _calm(gaps: Array, frame: Array, frames: int) -> Array:
+    """(N,) weights up to 1 of corners by their view: one whose typical corner lies far off shall not pull the lens."""
+    px = np.minimum(_medians(gaps, frame, frames), BEHIND)
+    return np.minimum(1, (ODD * np.median(px[np.unique(frame)]) / np.maximum(px, 1e-12)) ** 2)[frame]
+
+
+def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
+    """With other poses where they fit better: the other of the two that a plane allows, and that of the rays under this lens.
+
+    The first is tried where its corners lie not hopelessly far off, the second where a view's corners lie farther off than usual.
+    """
+    frames = len(state.poses)
+    near = _medians(residuals(state, corners), corners.frame, frames)
     flipped = _flipped(state, corners, np.unique(corners.frame))
-    near, far = (_medians(residuals(each, corners), corners.frame, len(state.poses)) for each in (state, flipped))
-    mine = np.flatnonzero((far <= HOPEFUL * near)[corners.frame])
+    state = _where_better(
+        state, flipped, _medians(residuals(flipped, corners), corners.frame, frames) <= HOPEFUL * near, corners, weight
+    )
+    odd = near > ODD * np.median(near[np.unique(corners.frame)])
+    if len(state.cameras) > 1 or not odd.any():
+        return state
+    return _where_better(state, _anew(state, corners, np.flatnonzero(odd)), odd, corners, weight)
+
+
+def _where_better(state: State, other: State, tried: Array, corners: Corners3, weight: Array) -> State:
+    """`state` with the poses of `other`, solved from there, of those frames `tried` (F,) in which they fit better."""
+    mine = np.flatnonzero(tried[corners.frame])
     if not len(mine):
         return state
     some, firm = corners.take(mine), weight[mine]
-    other = solve(flipped, some, firm, default_free(state, lens=False), "soft_l1", repeats=2).state
+    other = solve(other, some, firm, default_free(state, lens=False), "soft_l1", repeats=2).state
     costs = []
     for each in (state, other):
         square = np.nan_to_num((residuals(each, some) * firm[:, None]) ** 2, nan=BEHIND**2)
         costs.append(np.bincount(some.frame, (np.sqrt(1 + square / 4) - 1).sum(axis=1), len(state.poses)))
     better = costs[1] < costs[0]
     return replace(state, poses=np.where(better[:, None, None], other.poses, state.poses))
+
+
+def _anew(state: State, corners: Corners3, frames: Array) -> State:
+    """With the poses of `frames` from their viewing rays."""
+    seen = [Seen(corners.board[corners.frame == f], corners.xy[corners.frame == f]) for f in frames]
+    T, out = poses_of(state.cameras[0], seen), state.poses.copy()
+    good = np.isfinite(T).all(axis=(1, 2))
+    out[frames[good]] = T[good]
+    return replace(state, poses=out)
 
 
 def _medians(gaps: Array, frame: Array, frames: int) -> Array:
@@ -116,7 +151,8 @@ def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int
     if not len(mine):
         return state
     nothing = default_free(state, lens=False)
-    return solve(state, corners.take(mine), weight[mine], nothing, "soft_l1", repeats=2).state
+    state = solve(state, corners.take(mine), weight[mine], nothing, "soft_l1", repeats=2).state
+    return _better_poses(state, corners.take(mine), weight[mine])
 
 
 def _unknowns(corners: Corners3, used: Array, free: Array) -> int:

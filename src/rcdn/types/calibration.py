@@ -53,7 +53,7 @@ class BoardView:
 
 @dataclass(frozen=True)
 class ModelScore:
-    """How one lens model did: `rms` of the calibration and `held_out`, of pictures it wasn't calibrated from, px (NaN: too few)."""
+    """How one lens model did: `rms` of the calibration and `held_out`, of pictures it wasn't calibrated from, px (NaN: not tried)."""
 
     model: str
     rms: float

@@ -1,0 +1,308 @@
+"""`rcdn bench`: what detection costs, beside other detectors."""
+
+from __future__ import annotations
+
+import json as as_json
+import re
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rcdn.cli._group import one_line
+from rcdn.cli._options import GridSize, parse_size
+from rcdn.errors import ConfigError, RcdnError
+
+PARTS = ("speed", "first", "memory")
+FRESH = 5
+"""fresh interpreters for the first call"""
+SWEEP = Path("benchmarks/results/sweep_peers.json")
+
+
+@dataclass
+class _Results:
+    """The tables by name, and what was skipped; `samples`: memory over a folder."""
+
+    tables: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    samples: list[dict[str, Any]] = field(default_factory=list)
+    skipped: dict[str, str] = field(default_factory=dict)
+
+
+def bench(
+    count: Annotated[int, typer.Option(min=1, help="Repeats of each measurement.")] = 20,
+    peers: Annotated[
+        str, typer.Option(metavar="auto|none|NAME,…", help="Other detectors on the same pictures; auto: all.")
+    ] = "auto",
+    preset: Annotated[
+        list[str] | None, typer.Option(metavar="auto|paper", help="Settings of our detector; may be given again.")
+    ] = None,
+    sizes: Annotated[
+        str, typer.Option(metavar="WIDTHxHEIGHT,…", help="Sizes of the pictures, px.")
+    ] = "640x480,1920x1080,4000x3000",
+    threads: Annotated[str, typer.Option(metavar="N,…", help="Numbers of threads, and of cores to run on.")] = "1,2",
+    board: Annotated[
+        GridSize, typer.Option(parser=parse_size, metavar="COLSxROWS", help="The board's inner corners.")
+    ] = "9x6",  # type: ignore[assignment]  # Typer parses defaults, too
+    budget: Annotated[
+        float, typer.Option(min=0, help="Seconds a detector may take on one picture; then it repeats less.")
+    ] = 6.0,
+    photographs: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Also time all pictures in it, each in turn.")
+    ] = None,
+    parts: Annotated[str, typer.Option(metavar="NAME,…|none", help="Of speed, first and memory.")] = ",".join(PARTS),
+    stages: Annotated[bool, typer.Option("--stages", help="Also what each stage of our detector takes.")] = False,
+    folder: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Also `rcdn detect` over N rendered pictures, with 1 and 2 jobs.")
+    ] = 0,
+    json: Annotated[
+        Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="Also write the memory along the folder to this file.")] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the times as tables of docs/speed.md.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Also draw time against quality, and memory (needs the extra `plot`)."),
+    ] = None,
+    sweep: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", help=f"Where --plot has the quality from, of `rcdn evaluate sweep`; default: {SWEEP}."
+        ),
+    ] = None,
+) -> None:
+    """Time from a grey picture to labelled boards, ours and other detectors', and memory.
+
+    All detectors in turn on the same pictures, each in a process of its own that may use as many cores as threads. `ms`:
+    median of the repeats, `iqr ms`: from their first quartile to their third; `cpu ms`: of all cores; `ratio`: median of
+    its time ÷ findChessboardCornersSB's on the same picture in the same round; `corners`: in boards. A detector that
+    isn't installed, breaks down, or takes longer than the budget says so. At most 15 minutes; the machine must be idle.
+    """
+    from rcdn.evaluation.bench import record
+
+    wanted = _parts(parts)
+    frames, counts = _sizes(sizes), _counts(threads)
+    drawn = _prepared(plot, sweep) if plot is not None else None
+    _check(json, csv, markdown, plot, folder)
+    who, skipped = _contestants(preset or ["auto"], peers, counts)
+    machine = record.machine()
+    if record.busy(machine["load"]):
+        typer.echo(f"note: the machine is busy (load {machine['load']}): these times are not worth much", err=True)
+    results = _Results(skipped=skipped)
+    _measure(results, wanted, who, frames, board, counts, count, budget, photographs)
+    if stages:
+        _stages(results, preset or ["auto"], frames, board, count, budget)
+    if folder:
+        _folder(results, folder)
+    settings = {
+        "count": count, "budget": budget, "sizes": frames, "board": board, "threads": counts,
+        "photographs": None if photographs is None else photographs.name, "folder": folder,
+        "peers": _versions(who), "skipped": skipped, "machine": machine | {"load after": record.load()},
+    }  # fmt: skip
+    if drawn is not None and plot is not None:
+        _draw(plot, results, drawn)
+    _write(results, settings, json, csv, markdown)
+    _show(results)
+
+
+# ---- options
+
+
+def _parts(text: str) -> list[str]:
+    names = [] if text.strip() == "none" else _words(text)
+    unknown = sorted(set(names) - set(PARTS))
+    if unknown:
+        raise ConfigError(f"--parts: nothing is called {', '.join(unknown)}; known: {', '.join(PARTS)}, none")
+    return names
+
+
+def _sizes(text: str) -> list[tuple[int, int]]:
+    out = []
+    for word in _words(text):
+        match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", word)
+        if match is None or not all(160 <= int(n) <= 10_000 for n in match.groups()):
+            raise ConfigError(f"--sizes: {word!r} is none; give width x height from 160 to 10000 px, such as 640x480")
+        out.append((int(match[1]), int(match[2])))
+    if not out:
+        raise ConfigError("--sizes: give at least one, such as 640x480")
+    return list(dict.fromkeys(out))
+
+
+def _counts(text: str) -> list[int]:
+    words = _words(text)
+    if not words or not all(re.fullmatch(r"[1-9]\d{0,2}", word) for word in words):
+        raise ConfigError(f"--threads: {text!r} are none; give numbers from 1, such as 1,2")
+    return list(dict.fromkeys(map(int, words)))
+
+
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def _check(json: Path | None, csv: Path | None, markdown: Path | None, plot: Path | None, folder: int) -> None:
+    """Raise before the work what would spoil it afterwards."""
+    from rcdn.io import check_writable
+
+    if csv is not None and not folder:
+        raise ConfigError("--csv holds the memory along a folder: give --folder N, too")
+    for path in (json, csv, markdown, plot):
+        if path is not None:
+            check_writable(path)
+
+
+def _prepared(plot: Path, sweep: list[Path] | None) -> dict[str, float]:
+    """Detector → quality, for the plot. Raises if it can't be drawn."""
+    from importlib.util import find_spec
+
+    from rcdn.evaluation.bench.record import quality
+
+    if plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise ConfigError(f"--plot {plot}: the name must end in .png, .svg or .pdf")
+    if find_spec("matplotlib") is None:
+        raise RcdnError("--plot needs matplotlib: pip install 'rcdn[plot]'")
+    return quality(sweep or [SWEEP])
+
+
+def _contestants(presets: list[str], peers: str, threads: list[int]) -> tuple[list[Any], dict[str, str]]:
+    from rcdn.cli._pool import usable_cores
+    from rcdn.evaluation.bench.run import contestants
+
+    if max(threads) > usable_cores():
+        typer.echo(f"note: there are only {usable_cores()} cores for {max(threads)} threads", err=True)
+    return contestants(presets, _words(peers))
+
+
+# ---- measuring
+
+
+def _measure(
+    results: _Results, wanted: list[str], who: list[Any], frames: list[tuple[int, int]], board: GridSize,
+    threads: list[int], count: int, budget: float, photographs: Path | None,
+) -> None:  # fmt: skip
+    from rcdn.evaluation.bench.first import first_calls, memory
+    from rcdn.evaluation.bench.run import cells_of, table
+
+    size = (board.cols, board.rows)
+    with _telling() as tell:
+        if "speed" in wanted:
+            cells = cells_of(frames, size, who, photographs)
+            results.tables["speed"] = table(cells, who, threads, count, budget, tell)
+        if "first" in wanted:
+            tell("first calls")
+            results.tables["first"] = first_calls(size, min(count, FRESH))
+        if "memory" in wanted:
+            results.tables["memory"] = memory(frames, size, who, max(threads), tell)
+
+
+def _stages(
+    results: _Results, presets: list[str], frames: list[tuple[int, int]], board: GridSize, count: int, budget: float
+) -> None:
+    from rcdn.evaluation.bench.stages import stages
+
+    with _telling() as tell:
+        results.tables["stages"] = [
+            row for p in presets for row in stages(frames, (board.cols, board.rows), p, count, budget, tell)
+        ]
+
+
+def _folder(results: _Results, count: int) -> None:
+    from rcdn.evaluation.bench.folder import watch
+
+    with _telling() as tell:
+        found = watch([sys.executable, "-m", "rcdn.cli._watch"], (1, 2), count, tell)
+    results.tables["folder"], results.samples = found["rows"], found["samples"]
+
+
+def _telling() -> Any:
+    """What to call with what goes on now: shown on a terminal, and nowhere else."""
+    from contextlib import contextmanager
+
+    from rcdn.cli._progress import progress
+
+    @contextmanager
+    def open_bar() -> Any:
+        with progress(0) as bar:
+            yield bar.tell
+
+    return open_bar()
+
+
+# ---- telling
+
+
+def _versions(who: Sequence[Any]) -> dict[str, str]:
+    from rcdn.peers import PEERS
+
+    return {c.name: PEERS[c.name].version() for c in who if c.name in PEERS}
+
+
+def _draw(path: Path, results: _Results, quality: dict[str, float]) -> None:
+    from matplotlib.figure import Figure
+
+    from rcdn.io import write_bytes
+    from rcdn.report.bench_plot import draw
+
+    figure = Figure(layout="constrained")
+    draw(figure, results.tables.get("speed", []), quality, results.samples)
+    data = BytesIO()
+    figure.savefig(data, format=path.suffix[1:].lower(), dpi=110)
+    write_bytes(path, data.getvalue())
+
+
+def _write(
+    results: _Results, settings: dict[str, Any], json: Path | None, csv: Path | None, markdown: Path | None
+) -> None:
+    from rcdn.evaluation.bench.record import markdown as text_of
+    from rcdn.io import write_text
+    from rcdn.provenance import provenance
+
+    if json is not None:
+        head = {"suite": "bench", "provenance": provenance(), "settings": settings}
+        write_text(json, as_json.dumps(head | results.tables | {"samples": results.samples}, indent=1) + "\n")
+    if csv is not None:
+        columns = list(results.samples[0])
+        lines = [columns, *[["" if s[c] is None else str(s[c]) for c in columns] for s in results.samples]]
+        write_text(csv, "".join(",".join(line) + "\n" for line in lines))
+    if markdown is not None:
+        write_text(markdown, text_of(results.tables.get("speed", [])))
+
+
+def _show(results: _Results) -> None:
+    from rcdn.provenance import provenance
+
+    for name, rows in results.tables.items():
+        typer.echo(name)
+        for line in _lines(rows):
+            typer.echo(line)
+        typer.echo("")
+    for name, reason in results.skipped.items():
+        typer.echo(f"skipped {name}: {one_line(reason)}")
+    facts = provenance()
+    typer.echo(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+
+
+def _lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """A table in columns: text to the left, numbers to the right."""
+    if not rows:
+        return ["(nothing)"]
+    cells = {c: [_cell(row[c]) for row in rows] for c in rows[0]}
+    is_text = {c: any(isinstance(row[c], str) for row in rows) for c in cells}
+    put: dict[bool, Callable[[str, int], str]] = {True: str.ljust, False: str.rjust}
+    widths = {c: max(map(len, (c, *cells[c]))) for c in cells}
+    texts = [list(cells), *[list(line) for line in zip(*cells.values(), strict=True)]]
+    return [
+        "  ".join(put[is_text[c]](t, widths[c]) for c, t in zip(cells, line, strict=True)).rstrip() for line in texts
+    ]
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
+    return one_line(str(value))
