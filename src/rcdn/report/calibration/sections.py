@@ -214,7 +214,11 @@ def _models(calibration: Calibration) -> Html | None:
         tag("th", "RMS", scope="col", class_="n"),
         tag("th", "held out", scope="col", class_="n"),
     )
-    caption = tag("caption", "Lens models compared: the simplest that predicts held-out pictures about as well as the best; one that can’t beat a simpler one isn’t held out")
+    caption = tag(
+        "caption",
+        "Lens models compared: the simplest that predicts held-out pictures about as well as the best; "
+        "one that can’t beat a simpler one isn’t held out",
+    )
     return tag("div", tag("table", caption, tag("thead", head), tag("tbody", each(rows))), class_="card wide")
 
 
