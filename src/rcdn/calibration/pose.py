@@ -16,6 +16,7 @@ from rcdn.geometry import unproject
 from rcdn.types import Array, Board, Camera, Pose, PoseEstimate
 
 FEWEST = 4
+NO_POSE = "no pose fits the board's corners: are its labels right, and is it this camera?"
 SURE = 9.0
 """by how much the better pose's sum of whitened squares must be less: three standard deviations"""
 ASIDE = 0.1
@@ -36,7 +37,10 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
         )
     corners, sigma = _corners(board, spacing, warp)
     starts = _worth(camera, _starts(camera, corners), corners)
-    fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: f.noise)
+    fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))
+    fits = [f for f in fits if not f.reasons[0]]
+    if not fits:
+        raise CalibrationError(NO_POSE)
     first = fits[0]
     others = [f for f in fits[1:] if _apart(first, f)]
     worse = [_square(f, first) - _square(first, first) for f in others]
@@ -53,6 +57,8 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
 
 
 def _corners(board: Board, spacing: float, warp: Array | None) -> tuple[Corners3, Array]:
+    if warp is not None and np.shape(warp) != (2,):
+        raise ConfigError(f"warp must have shape (2,), as Calibration.warp, not {np.shape(warp)}")
     zero = np.zeros(len(board), int)
     raised = np.zeros(len(board)) if warp is None else bend(board.ij, board.size) @ np.asarray(warp, float)
     sigma = np.nan_to_num(sigma_of(board))
@@ -79,7 +85,7 @@ def _starts(camera: Camera, corners: Corners3) -> list[Array]:
             points, flat[:, :2] / flat[:, 2:], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
         )
     except cv2.error as error:
-        raise CalibrationError("no pose fits the board's corners: are its labels right?") from error
+        raise CalibrationError(NO_POSE) from error
     return [_back(turn, cv2.Rodrigues(r)[0], t) for r, t in zip(vectors, shifts, strict=True)]
 
 
@@ -89,7 +95,7 @@ def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array
     for T in starts:
         gaps = np.linalg.norm(residuals(State.mono(camera, T[None], np.array([1.0, 0.0])), corners), axis=1)
         miss.append(float(np.median(np.nan_to_num(gaps, nan=np.inf))))
-    return [T for T, m in zip(starts, miss, strict=True) if m <= robust.HOPEFUL * min(miss)]
+    return [T for T, m in zip(starts, miss, strict=True) if np.isfinite(m) and m <= robust.HOPEFUL * min(miss)]
 
 
 def _facing(direction: Array) -> Array:
@@ -109,7 +115,7 @@ def _back(turn: Array, R: Array, t: Array) -> Array:
 def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
     start = State.mono(camera, T[None], np.array([1.0, 0.0]))
     nothing = default_free(start, lens=False)
-    state, noise = robust.rough_fit(start, corners, sigma, nothing)
+    state, noise = robust.rough_fit(start, corners, sigma, nothing, turn=False)
     return robust.fit(state, noise, corners, sigma, nothing)
 
 

@@ -44,14 +44,18 @@ class Fit:
     scale: float
 
 
-def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array) -> tuple[State, float]:
-    """A fit under a loss that outliers don't pull much, and the noise px of one axis that it leaves."""
+def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
+    """A fit under a loss that outliers don't pull much, and the noise px of one axis that it leaves.
+
+    `turn`: poses may go to the other of the two that a plane allows.
+    """
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
         calm = _calm(residuals(state, corners), corners.frame, len(start.poses))
         state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1").state
         noise = _median_noise(residuals(state, corners), sigma)
-        state = _better_poses(state, corners, _weights(noise, sigma))
+        if turn:
+            state = _better_poses(state, corners, _weights(noise, sigma))
     return state, noise
 
 

@@ -63,7 +63,7 @@ def bench(
     ] = None,
     csv: Annotated[Path | None, typer.Option(help="Also write the memory along the folder to this file.")] = None,
     markdown: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the times as tables of docs/speed.md.")
+        Path | None, typer.Option(metavar="FILE", help="Also write the tables of docs/speed.md.")
     ] = None,
     plot: Annotated[
         Path | None,
@@ -269,7 +269,7 @@ def _write(
         lines = [columns, *[["" if s[c] is None else str(s[c]) for c in columns] for s in results.samples]]
         write_text(csv, "".join(",".join(line) + "\n" for line in lines))
     if markdown is not None:
-        write_text(markdown, text_of(results.tables.get("speed", [])))
+        write_text(markdown, text_of(results.tables))
 
 
 def _show(results: _Results) -> None:
