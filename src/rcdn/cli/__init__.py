@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import board, calibrate, detect, evaluate, export, pose, render, report, train
+from rcdn.cli import bench, board, calibrate, detect, evaluate, export, pose, render, report, train
 from rcdn.cli._group import Group
 
 app = typer.Typer(
@@ -54,6 +54,7 @@ app.command("board")(board.board)
 app.command("render")(render.render)
 app.command("train")(train.train)
 app.command("export")(export.export)
+app.command("bench")(bench.bench)
 app.add_typer(evaluate.app, name="evaluate")
 
 

@@ -1,0 +1,150 @@
+"""What one picture costs by stage: the stages' functions are wrapped from outside, where they are looked up."""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from rcdn.config import DetectorConfig
+from rcdn.evaluation.bench.child import limited
+from rcdn.evaluation.bench.pictures import rendered
+from rcdn.types import Array
+
+Size = tuple[int, int]
+Row = dict[str, Any]
+STAGES = (
+    ("views", "rcdn.pyramid:View.of"),
+    ("response", "rcdn.corners.response:ResponseModel.__call__"),
+    ("threshold", "rcdn.corners:threshold_value"),
+    ("nms", "rcdn.corners:nms"),
+    ("refine", "rcdn.corners:refine"),
+    ("axes", "rcdn.corners:axes"),
+    ("candidates, rest", "rcdn.detector:find_maxima"),
+    ("candidates, rest", "rcdn.detector:candidates_at"),
+    ("boards", "rcdn.detector:find_boards"),
+    ("boards", "rcdn.detector:find_boards_paper"),
+    ("boards", "rcdn.detector:has_cells"),
+    ("views, compared", "rcdn.detector:unexplained"),
+    ("views, compared", "rcdn.detector:closer_view"),
+    ("views, compared", "rcdn.detector:boards_in_picture"),
+    ("views, compared", "rcdn.detector:distinct_boards"),
+    ("views, compared", "rcdn.detector:distinct_corners"),
+    ("sharpen", "rcdn.detector:sharpen"),
+)
+"""(stage, module:name); time in a stage that another one calls counts for the inner one only"""
+REST = "rest"
+
+
+class Clock:
+    """Exclusive seconds by stage, of one thread."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.calls: dict[str, int] = {}
+        self._inner = [0.0]
+
+    def wrapped(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """`function`, its time noted for `stage`."""
+
+        @functools.wraps(function)
+        def timed(*arguments: Any, **named: Any) -> Any:
+            self._inner.append(0.0)
+            start = time.perf_counter()
+            try:
+                return function(*arguments, **named)
+            finally:
+                whole = time.perf_counter() - start
+                inner = self._inner.pop()
+                self._inner[-1] += whole
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + whole - inner
+                self.calls[stage] = self.calls.get(stage, 0) + 1
+
+        return timed
+
+
+@contextmanager
+def watched(clock: Clock, stages: Sequence[tuple[str, str]] = STAGES) -> Iterator[list[str]]:
+    """Have the `clock` run for every stage meanwhile. Gives the functions that aren't there (any more)."""
+    absent = []
+    with ExitStack() as stack:
+        for stage, place in stages:
+            module, _, name = place.partition(":")
+            *path, last = name.split(".")
+            try:
+                owner = functools.reduce(getattr, path, import_module(module))
+                function = getattr(owner, last)
+            except (ImportError, AttributeError):
+                absent.append(place)
+                continue
+            stack.enter_context(patch.object(owner, last, clock.wrapped(stage, function)))
+        yield absent
+
+
+def stages(
+    sizes: Sequence[Size],
+    board: Size,
+    preset: str,
+    count: int,
+    budget: float,
+    tell: Callable[[str], None] | None = None,
+) -> list[Row]:
+    """One row for each picture and stage: our detector in one thread, medians of up to `count` runs within `budget` s.
+
+    Runs of several threads have no stages: theirs overlap.
+    """
+    rows = []
+    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        for size in sizes:
+            for kind in ("board", "clutter"):
+                if tell:
+                    tell(f"stages, {kind} {size[0]}x{size[1]}")
+                image = rendered(kind, size, board)
+                head = {"picture": kind, "size": f"{size[0]}x{size[1]}", "preset": preset}
+                rows += [head | row for row in pool.submit(stages_of, image, preset, count, budget).result()]
+    return rows
+
+
+def stages_of(image: Array, preset: str, count: int, budget: float) -> list[Row]:
+    """Rows of one picture (H, W): `ms` and `share` of the whole, `calls`; the last is the whole itself.
+
+    The stages and the rest add up to the whole in every run; medians of several runs do so about. `note` of the last row
+    names functions that were not found.
+    """
+    import cv2
+
+    from rcdn.detector import Detector
+
+    cv2.setNumThreads(1)
+    detector = Detector(DetectorConfig.preset(preset, threads=1))
+    begin = time.perf_counter()
+    detector.detect(image)
+    runs: list[dict[str, float]] = []
+    calls, absent = dict[str, int](), list[str]()
+    while not runs or (len(runs) < count and time.perf_counter() - begin + runs[-1]["whole"] < budget):
+        clock = Clock()
+        with watched(clock) as lacking:
+            start = time.perf_counter()
+            detector.detect(image)
+            whole = time.perf_counter() - start
+        rest = whole - sum(clock.seconds.values())
+        runs.append(clock.seconds | {REST: rest, "whole": whole})
+        calls, absent = clock.calls, lacking
+    names = [name for name in dict.fromkeys([stage for stage, _ in STAGES] + [REST, "whole"]) if name in runs[0]]
+    usual = {name: float(np.median([run[name] for run in runs])) for name in names}
+    return [
+        {
+            "stage": name, "ms": round(1e3 * usual[name], 3), "share": round(usual[name] / usual["whole"], 3),
+            "calls": calls.get(name), "repeats": len(runs),
+            "note": f"not found: {', '.join(absent)}" if name == "whole" and absent else "",
+        }
+        for name in names
+    ]  # fmt: skip
