@@ -12,6 +12,8 @@ from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, Orientation
 
 Size = tuple[int, int]
+GRID = 0.25
+"""squares that the typical corner of a grid may lie off a plane's homography: lenses bend it, shuffled labels tear it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +93,14 @@ def in_line(board: Board) -> bool:
 
 
 def mirrored(board: Board) -> bool:
-    """True if columns × rows of a board don't turn like x × y: no picture of a board from its front gives that."""
+    """True if columns × rows of a board don't turn like x × y: no picture of a board from its front gives that.
+
+    False if its labels make no grid at all.
+    """
     H = homography(board.ij, board.xy)
     middle = board.ij.mean(axis=0)
     origin, right, below = apply_homography(H, middle + np.array([[0, 0], [0.5, 0], [0, 0.5]]))
     (a, b), (c, d) = right - origin, below - origin
-    return bool(a * d - b * c < 0)
+    turn = a * d - b * c
+    miss = np.median(np.linalg.norm(apply_homography(H, board.ij) - board.xy, axis=1))
+    return bool(turn < 0 and miss < GRID * 2 * np.sqrt(-turn))

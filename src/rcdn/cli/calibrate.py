@@ -15,7 +15,7 @@ from rcdn.cli._cache import Cache, open_cache
 from rcdn.cli._group import FAILED
 from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, parse_size
 from rcdn.config import DetectorConfig
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, FormatError
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
@@ -143,7 +143,10 @@ class _Outputs:
 
         paths = [Path(i) for i in inputs]
         for path in self.cameras:
-            camera_format(path, self.format)
+            try:
+                camera_format(path, self.format)
+            except FormatError as error:
+                raise ConfigError(str(error)) from None
             _batch.check_file("--output", path, paths)
         _batch.check_file("--report", self.report, paths)
         _batch.check_file("--json", self.json, paths)

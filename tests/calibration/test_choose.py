@@ -1,0 +1,99 @@
+"""Which lens model is taken, and what pictures held out say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rcdn.calibration import calibrate, choose
+from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.types import Camera
+
+
+def whole_boards(model, seed, views, **more):
+    """(true state, what models are compared on) of whole boards."""
+    boards, poses = random_boards(CAMERAS[model], seed, views, whole=True, **more)
+    n = len(boards[0])
+    frame = np.repeat(np.arange(views), n)
+    ij, xy = np.concatenate([b.ij for b in boards]), np.concatenate([b.xy for b in boards])
+    corners = Corners3(frame, 0 * frame, ij * SPACING, xy, np.zeros((len(frame), 2)))
+    return State.mono(CAMERAS[model], np.array(poses)), choose.Task(corners, np.full(len(frame), 5.0), frame)
+
+
+def lensed(state, model):
+    """The same poses under another lens model, without any bend yet."""
+    lens = {"pinhole": 0, "brown": 5, "fisheye": 4, "rational": 8}[model]
+    return replace(state, cameras=(Camera(state.cameras[0].K, np.zeros(lens), (640, 480), model),))
+
+
+def test_rms_is_of_lengths_of_corners_with_a_weight():
+    gaps = np.array([[3.0, 4.0], [0, 0], [100, 100]])
+    assert choose.rms(gaps, np.array([1.0, 2, 0])) == pytest.approx(np.sqrt(12.5))
+    assert np.isnan(choose.rms(gaps, np.zeros(3)))
+    assert np.isnan(choose.rms(gaps * np.nan, np.ones(3)))
+    gaps[1] = np.nan
+    assert choose.rms(gaps, np.ones(3)) == np.inf
+
+
+@pytest.mark.parametrize("model", ["pinhole", "brown"])
+def test_the_simplest_that_does_nearly_as_well(model):
+    state, task = whole_boards(model, 0, 8)
+    starts = [lensed(state, m) for m in ("pinhole", "brown", "rational")]
+    at, trials = choose.compare(starts, task, [default_free(s) for s in starts])
+    assert starts[at].cameras[0].model == model
+    assert trials[0].rms >= trials[1].rms >= trials[2].rms - 1e-4  # each can do all that the one before it can
+    assert trials[at].held <= choose.SIMPLER * np.nanmin([t.held for t in trials])
+
+
+def test_held_out_is_a_calibration_of_the_others():
+    """Corners of a picture are held out together; their error is a little above that of the fit."""
+    start, task = whole_boards("brown", 0, 10)
+    task.weight[5] = 0
+    free = default_free(start)
+    held = choose.held_out(start, task, free)
+    assert np.isnan(held[5]).all()
+    assert np.isfinite(np.delete(held, 5, axis=0)).all()
+    _, (trial,) = choose.compare([start], task, [free])
+    assert trial.rms < trial.held < 1.2 * trial.rms
+    assert trial.held == pytest.approx(choose.rms(held, task.weight), rel=1e-3)
+    few = replace(task, picture=task.picture % 3)
+    assert np.isnan(choose.held_out(start, few, free)).all()
+
+
+def test_a_model_that_fits_too_much_is_worse_held_out():
+    """Few small boards: an eight-number lens follows their noise."""
+    state, task = whole_boards("pinhole", 3, 5, noise=0.5, size=(4, 3))
+    fits, helds = [], []
+    for model in ("pinhole", "rational"):
+        start = lensed(state, model)
+        _, (trial,) = choose.compare([start], task, [default_free(start)])
+        fits.append(trial.rms)
+        helds.append(trial.held)
+    assert fits[1] < fits[0]
+    assert helds[1] > helds[0]
+
+
+@pytest.mark.parametrize(("model", "outliers"), [("pinhole", 0.0), ("brown", 0.05)])
+def test_auto_takes_the_family_of_the_lens(model, outliers):
+    boards, _ = random_boards(CAMERAS[model], 1, 10, outliers=outliers)
+    found = calibrate(boards, SPACING)
+    assert found.camera.model == model
+    assert found.models[0].model == model
+    assert found.held_out == found.models[0].held_out
+    assert found.held_out <= choose.SIMPLER * np.nanmin([m.held_out for m in found.models])
+
+
+def test_auto_compares_a_model_whose_noise_does_not_vanish():
+    """Outliers make one model's noise vanish before another's: that alone mustn't rule a model out."""
+    found = calibrate(random_boards(CAMERAS["pinhole"], 1, 12, 0.2, 0.05)[0], SPACING)
+    assert found.camera.model == "pinhole"
+
+
+def test_with_three_pictures_nothing_is_held_out_and_a_bent_lens_is_brown():
+    boards, _ = random_boards(CAMERAS["brown"], 3, 12)
+    found = calibrate(boards, SPACING, names=["a", "b", "c"] * 4)
+    assert np.isnan(found.held_out)
+    assert found.camera.model == "brown"

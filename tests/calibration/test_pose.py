@@ -1,0 +1,169 @@
+"""Poses of one board: every lens, honest covariances, outliers, and both answers where a picture allows two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration import estimate_pose
+from rcdn.errors import CalibrationError, ConfigError, RcdnError
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn.geometry import rotation
+from rcdn.types import Camera
+
+BROWN = CAMERAS["brown"]
+FISHEYE = Camera(
+    np.array([[150.0, 0, 322], [0, 149, 241], [0, 0, 1]]), [0.02, -0.005, 0.001, -0.0002], (640, 480), "fisheye"
+)
+
+
+def error_of(T, truth):
+    """(6,) the small motion that leads from the truth to `T`."""
+    D = T[:3, :3] @ truth[:3, :3].T
+    return np.concatenate([Rotation.from_matrix(D).as_rotvec(), T[:3, 3] - D @ truth[:3, 3]])
+
+
+def views(camera, seed, many, noise=0.2, size=(9, 6), sigma=True, **pose):
+    """(board, true pose) of whole boards."""
+    rng, out = np.random.default_rng(seed), []
+    while len(out) < many:
+        T = random_pose(rng, size=size, **pose)
+        ij, xy = see(camera, T, size)
+        if len(ij) == size[0] * size[1]:
+            xy = xy + rng.normal(0, noise, xy.shape)
+            out.append((board(ij, xy, camera.image_size, np.full(len(xy), noise) if sigma else None), T))
+    return out
+
+
+@pytest.mark.parametrize("sigma", [True, False], ids=["sigma", "no sigma"])
+@pytest.mark.parametrize("model", CAMERAS)
+def test_the_covariance_holds_the_error(model, sigma):
+    """Squares of error by covariance are a chi-square of 6 degrees: their mean over 12 poses is 6 ± 1."""
+    squares = []
+    for b, T in views(CAMERAS[model], 1, 12, sigma=sigma):
+        found = estimate_pose(b, CAMERAS[model], SPACING)
+        off = error_of(found.T_cam_board, T)
+        squares.append(off @ np.linalg.solve(found.cov, off))
+        assert not found.ambiguous
+        assert found.std == pytest.approx(np.sqrt(np.diag(found.cov)))
+        assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.35)
+    assert 3 < np.mean(squares) < 9.5
+    assert max(squares) < 30
+
+
+def test_beside_and_behind_a_fisheye():
+    rng = np.random.default_rng(0)
+    for off in (60, 85, 95, 105):
+        a = np.radians(off)
+        sight = np.array([np.sin(a), 0, np.cos(a)])
+        R = rotation(np.array([0, a, 0])) @ rotation(np.array([0.3, -0.2, 0.4]))
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R, 0.3 * sight - R @ [0.12, 0.075, 0]
+        ij, xy = see(FISHEYE, T)
+        found = estimate_pose(board(ij, xy + rng.normal(0, 0.1, xy.shape), (640, 480)), FISHEYE, SPACING)
+        error = error_of(found.T_cam_board, T)
+        assert error @ np.linalg.solve(found.cov, error) < 30
+        assert np.linalg.norm(error[:3]) < 0.02
+
+
+@pytest.mark.parametrize(("size", "distance"), [((4, 3), (1.5, 3)), ((9, 6), (4, 8))])
+def test_far_boards_are_ambiguous_and_the_truth_is_one_of_both(size, distance):
+    """A board of 10 to 50 px: of two poses the picture doesn't tell, and what is stated must hold."""
+    ambiguous, wrong = 0, 0
+    for b, T in views(BROWN, 2, 12, noise=0.3, size=size, spread=0.2, tilt=0.5, distance=distance):
+        found = estimate_pose(b, BROWN, SPACING)
+        both = [found.T_cam_board] + ([found.other.T_cam_board] if found.other is not None else [])
+        angles = [np.linalg.norm(error_of(each, T)[:3]) for each in both]
+        ambiguous += found.ambiguous
+        wrong += angles[0] > 5 * found.std[:3].max() and not found.ambiguous
+        if found.ambiguous:
+            # a board that faces the camera is found tilted, one way or the other: the truth lies between both
+            between = np.linalg.norm(error_of(both[0], both[1])[:3])
+            assert min(angles) < max(5 * found.std[:3].max(), 0.75 * between)
+    assert ambiguous >= 3
+    assert wrong == 0
+
+
+def test_a_near_tilted_board_is_not_ambiguous():
+    for b, _ in views(BROWN, 3, 6, tilt=0.8, distance=(0.3, 0.5)):
+        assert not estimate_pose(b, BROWN, SPACING).ambiguous
+
+
+def test_outliers_are_left_out():
+    rng = np.random.default_rng(4)
+    for b, T in views(BROWN, 4, 6):
+        xy = b.xy.copy()
+        xy[rng.choice(54, 5, replace=False)] += rng.uniform(8, 30, (5, 2))
+        found = estimate_pose(replace(b, xy=xy), BROWN, SPACING)
+        off = error_of(found.T_cam_board, T)
+        assert off @ np.linalg.solve(found.cov, off) < 30
+        assert found.rms < 0.5
+        assert (np.linalg.norm(found.residuals, axis=1) > 5).sum() == 5
+
+
+def test_squares_without_a_spacing_and_parts_from_their_own_corner():
+    b, T = views(BROWN, 5, 1, noise=0.0)[0]
+    found = estimate_pose(b, BROWN)
+    assert found.t == pytest.approx(T[:3, 3] / SPACING, abs=1e-6)
+    keep = (b.ij >= [2, 1]).all(axis=1)
+    part = board(b.ij[keep] - [2, 1], b.xy[keep], (640, 480))
+    assert estimate_pose(part, BROWN, SPACING).t == pytest.approx(
+        T[:3, :3] @ [2 * SPACING, SPACING, 0] + T[:3, 3], abs=1e-6
+    )
+
+
+def test_a_known_warp():
+    warp = np.array([0.004, -0.002])
+    for b, T in zip(*random_boards(BROWN, 3, 3, 0.1, whole=True, warp=tuple(warp)), strict=True):
+        bent, flat = estimate_pose(b, BROWN, SPACING, warp=warp), estimate_pose(b, BROWN, SPACING)
+        assert bent.rms < 0.2 < flat.rms
+        off = error_of(bent.T_cam_board, T)
+        assert off @ np.linalg.solve(bent.cov, off) < 30
+
+
+def test_four_corners_and_fewer():
+    b, T = views(BROWN, 6, 1, noise=0.0)[0]
+    pick = lambda rows: board(b.ij[rows], b.xy[rows], (640, 480))  # noqa: E731
+    assert estimate_pose(pick([0, 1, 9, 10]), BROWN, SPACING).T_cam_board == pytest.approx(T, abs=1e-5)
+    for rows in ([0, 1, 9], [], list(range(9))):
+        with pytest.raises(CalibrationError, match="4 corners, not all in one line"):
+            estimate_pose(pick(rows), BROWN, SPACING)
+
+
+def test_corners_that_the_camera_can_not_see():
+    b, T = views(BROWN, 6, 1, noise=0.0)[0]
+    xy = b.xy.copy()
+    xy[3] = np.nan
+    assert estimate_pose(replace(b, xy=xy), BROWN, SPACING).T_cam_board == pytest.approx(T, abs=1e-6)
+    with pytest.raises(CalibrationError, match="has 0 that this camera can see"):
+        estimate_pose(replace(b, xy=b.xy * np.nan), BROWN, SPACING)
+
+
+@pytest.mark.parametrize("spacing", [0, -1, np.nan])
+def test_spacing_must_be_a_length(spacing):
+    with pytest.raises(ConfigError, match="spacing"):
+        estimate_pose(views(BROWN, 6, 1)[0][0], BROWN, spacing)
+
+
+def test_division_is_refused():
+    with pytest.raises(RcdnError, match="division"):
+        estimate_pose(views(BROWN, 6, 1)[0][0], Camera(BROWN.K, [-0.1], (640, 480), "division"), SPACING)
+
+
+@pytest.mark.parametrize("spoil", ["scrambled", "one pixel"])
+def test_corners_that_no_pose_fits_are_an_error_or_a_bad_rms(spoil):
+    b = views(BROWN, 6, 1)[0][0]
+    xy = np.random.default_rng(0).permutation(b.xy) if spoil == "scrambled" else 0 * b.xy + 50
+    with pytest.raises(CalibrationError, match="no pose fits"):
+        estimate_pose(replace(b, xy=xy), BROWN, SPACING)
+
+
+def test_a_skewed_camera_from_a_file():
+    K = BROWN.K.copy()
+    K[0, 1] = 30
+    camera = replace(BROWN, K=K)
+    for b, T in views(camera, 7, 3, noise=0.0):
+        assert estimate_pose(b, camera, SPACING).T_cam_board == pytest.approx(T, abs=1e-6)

@@ -1,0 +1,203 @@
+"""Two cameras: known rigs, turned and partial boards, wrong pairs, mirrored pictures, rectified rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration import calibrate_stereo
+from rcdn.calibration.rig import turn_labels
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_pose, see
+from rcdn.geometry import rotation, unproject
+
+T_RIGHT_LEFT = np.eye(4)
+T_RIGHT_LEFT[:3, :3], T_RIGHT_LEFT[:3, 3] = rotation(np.array([0.02, -0.15, 0.03])), [-0.12, 0.004, 0.01]
+PINHOLE, BROWN = CAMERAS["pinhole"], CAMERAS["brown"]
+
+
+def pairs(left, right, seed=0, views=8, size=(9, 6), least=1.0, spread=0.35):
+    """Boards whole to the left camera, and at least `least` of each to the right one."""
+    rng, a, b = np.random.default_rng(seed), [], []
+    while len(a) < views:
+        T = random_pose(rng, spread, 0.7, (0.4, 0.8), size)
+        seen = [see(left, T, size), see(right, T_RIGHT_LEFT @ T, size)]
+        whole = size[0] * size[1]
+        if len(seen[0][0]) < whole or len(seen[1][0]) < least * whole:
+            continue
+        for out, camera, (ij, xy) in zip((a, b), (left, right), seen, strict=True):
+            noisy = xy + rng.normal(0, 0.2, xy.shape)
+            out.append(board(ij - ij.min(axis=0), noisy, camera.image_size, np.full(len(xy), 0.2)))
+    return a, b
+
+
+def rig_error(found):
+    D = found.T_right_left[:3, :3] @ T_RIGHT_LEFT[:3, :3].T
+    return np.concatenate([Rotation.from_matrix(D).as_rotvec(), found.T_right_left[:3, 3] - D @ T_RIGHT_LEFT[:3, 3]])
+
+
+def holds(found):
+    error = rig_error(found)
+    return error @ np.linalg.solve(found.cov, error) < 6 + 4 * np.sqrt(12)
+
+
+@pytest.mark.parametrize(("a", "b"), [("pinhole", "pinhole"), ("brown", "brown"), ("fisheye", "fisheye")])
+def test_a_known_rig_comes_back_within_its_deviations(a, b):
+    left, right = pairs(CAMERAS[a], CAMERAS[b], 1, 10)
+    found = calibrate_stereo(left, right, SPACING, model=a)
+    assert holds(found)
+    assert found.baseline == pytest.approx(np.linalg.norm(T_RIGHT_LEFT[:3, 3]), rel=0.03)
+    assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.08)
+    assert 0.15 < found.epipolar < 0.4
+    for v, w in zip(found.left.views, found.right.views, strict=True):
+        assert w.pose.T_cam_board == pytest.approx(found.T_right_left @ v.pose.T_cam_board, abs=1e-9)
+
+
+def test_two_lens_models():
+    left, right = pairs(BROWN, CAMERAS["fisheye"], 2, 10, spread=0.45)
+    found = calibrate_stereo(left, right, SPACING)
+    assert found.left.camera.model == "brown"
+    assert holds(found)
+
+
+@pytest.fixture(scope="module")
+def usual():
+    left, right = pairs(PINHOLE, PINHOLE, 3, 10)
+    return left, right, calibrate_stereo(left, right, SPACING, model="pinhole")
+
+
+def rectified(camera, R, P, xy):
+    rays = unproject(camera, xy) @ R.T
+    out = np.column_stack([rays, np.ones(len(rays))]) @ P.T
+    # P's last column moves points, not directions: take the direction's own place
+    return ((rays @ P[:, :3].T) / out[:, 2:3])[:, :2]
+
+
+def test_rectified_rows_are_equal_and_q_gives_the_depth(usual):
+    _, _, found = usual
+    for v, w in zip(found.left.views, found.right.views, strict=True):
+        points = np.column_stack([v.ij * SPACING, np.zeros(len(v))]) @ v.pose.R.T + v.pose.t
+        a = rectified(found.left.camera, found.R_left, found.P_left, v.xy)
+        b = rectified(found.right.camera, found.R_right, found.P_right, w.xy)
+        assert np.abs(a[:, 1] - b[:, 1]).max() < 2
+        assert np.sqrt(((a - b)[:, 1] ** 2).mean()) < 0.6
+        back = np.column_stack([a, a[:, 0] - b[:, 0], np.ones(len(a))]) @ found.Q.T
+        back = back[:, :3] / back[:, 3:]
+        assert back == pytest.approx(points @ found.R_left.T, rel=0.05, abs=0.02)
+
+
+def test_joint_covariances_beat_those_of_each_camera(usual):
+    from rcdn.calibration import calibrate
+
+    left, right, found = usual
+    alone = calibrate(left, SPACING, model="pinhole"), calibrate(right, SPACING, model="pinhole")
+    for mono, joint in zip(alone, (found.left, found.right), strict=True):
+        assert joint.cov.shape == (10, 10)
+        assert (joint.std < 1.02 * mono.std).all()
+        assert np.linalg.eigvalsh(joint.cov).min() > 0
+
+
+def test_the_rig_s_covariance_holds_its_errors():
+    """Squares of error by covariance are a chi-square of 6 degrees: their mean over 4 rigs is 6 ± 1.7."""
+    squares = []
+    for seed in range(10, 14):
+        found = calibrate_stereo(*pairs(PINHOLE, PINHOLE, seed, 6), SPACING, model="pinhole")
+        error = rig_error(found)
+        squares.append(error @ np.linalg.solve(found.cov, error))
+    assert 2 < np.mean(squares) < 11
+
+
+def test_parts_in_one_camera_help_its_lens_only():
+    left, right = pairs(BROWN, BROWN, 0, 12, least=0.5, spread=0.5)
+    assert any(len(b) < 54 for b in right)
+    found = calibrate_stereo(left, right, SPACING, model="brown")
+    assert holds(found)
+    assert len(found.left.used_views) == len(found.right.used_views) == 12
+
+
+@pytest.mark.parametrize("size", [(8, 6), (6, 6)])
+def test_symmetric_boards_that_are_labelled_from_any_side(size):
+    left, right = pairs(PINHOLE, PINHOLE, 4, 8, size=size)
+    turns = (0, 1, 2, 3) if size == (6, 6) else (0, 2)
+    rng, kind = np.random.default_rng(0), "ambiguous_90" if size == (6, 6) else "ambiguous_180"
+
+    def turned(b):
+        return replace(b, ij=turn_labels(b.ij, size, int(rng.choice(turns))), orientation=kind)
+
+    found = calibrate_stereo([turned(b) for b in left], [turned(b) for b in right], SPACING, model="pinhole")
+    assert holds(found)
+    assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.1)
+    assert len(found.left.used_views) == 8
+    for v, w in zip(found.left.views, found.right.views, strict=True):
+        at = {tuple(i): k for k, i in enumerate(w.ij.tolist())}
+        both = [at[tuple(i)] for i in v.ij.tolist()]
+        points = np.column_stack([v.ij * SPACING, np.zeros(len(v))]) @ v.pose.R.T + v.pose.t
+        in_right = points @ found.T_right_left[:3, :3].T + found.T_right_left[:3, 3]
+        rays = unproject(found.right.camera, w.xy[both])
+        assert in_right[:, :2] / in_right[:, 2:] == pytest.approx(rays[:, :2], abs=0.01)
+
+
+def test_wrong_pairs_are_left_out_of_the_place_and_named(usual):
+    left, right, _ = usual
+    swapped = [right[k] for k in (1, 0, *range(2, 10))]
+    names = [f"l{k}.png" for k in range(10)], [f"r{k}.png" for k in range(10)]
+    found = calibrate_stereo(left, swapped, SPACING, model="pinhole", names=names)
+    assert holds(found)
+    assert found.advice[0].startswith("2 pairs disagree")
+    assert all(name in found.advice[0] for name in ("l0.png", "r0.png", "l1.png", "r1.png"))
+    assert "l2.png" not in found.advice[0]
+
+
+def test_pairs_of_other_moments_are_refused(usual):
+    left, right, _ = usual
+    with pytest.raises(CalibrationError, match="of 10 pairs agree on where the cameras stand: are the pictures paired"):
+        calibrate_stereo(left, [*right[1:], right[0]], SPACING, model="pinhole")
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_mirrored_camera_is_named(usual, side):
+    def mirror(b):
+        """As a detector labels a mirrored picture: right-handed there."""
+        return replace(b, xy=b.xy * [-1, 1] + [639, 0], ij=b.ij * [-1, 1] + [8, 0])
+
+    both = list(usual[:2])
+    both[side] = [mirror(b) for b in both[side]]
+    with pytest.raises(CalibrationError, match="mirrored: turn its mirror"):
+        calibrate_stereo(*both, SPACING, model="pinhole")
+
+
+def test_boards_that_one_camera_saw_help(usual):
+    left, right, _ = usual
+    half = [(k, k) for k in range(5)]
+    few = calibrate_stereo(left[:5], right[:5], SPACING, model="pinhole")
+    more = calibrate_stereo(left, right[:5], SPACING, model="pinhole", pairs=half)
+    assert (more.left.std < few.left.std).all()
+    assert holds(more)
+    assert len(more.left.views) == 10
+    assert [v.name for v in more.left.views[:5]] == [v.name for v in more.right.views]
+
+
+def test_wrong_pairs_arguments(usual):
+    left, right, _ = usual
+    with pytest.raises(ConfigError, match="left has 10 boards, right 5"):
+        calibrate_stereo(left, right[:5], SPACING)
+    with pytest.raises(ConfigError, match="pairs must hold"):
+        calibrate_stereo(left, right, SPACING, pairs=[(0, 10)])
+    with pytest.raises(CalibrationError, match="only 2 pairs show the whole board"):
+        calibrate_stereo(left, right, SPACING, model="pinhole", pairs=[(0, 0), (1, 1)])
+
+
+@pytest.mark.parametrize("pairs", [[(0, 0), (0, 0), (1, 1)], [(0, 0), (1, 0), (2, 2)]])
+def test_a_board_is_in_one_pair_only(usual, pairs):
+    with pytest.raises(ConfigError, match="pairs"):
+        calibrate_stereo(*usual[:2], SPACING, model="pinhole", pairs=pairs)
+
+
+def test_different_boards_are_refused():
+    left, _ = pairs(PINHOLE, PINHOLE, 0, 4)
+    _, right = pairs(PINHOLE, PINHOLE, 0, 4, size=(11, 8))
+    with pytest.raises(CalibrationError, match="board"):
+        calibrate_stereo(left, right, SPACING, model="pinhole")
