@@ -87,8 +87,8 @@ def test_import_loads_nothing_of_its_own():
 def test_public_names():
     """A change of this list is a change of the API: say so in CHANGELOG.md."""
     assert sorted(rcdn.__all__) == [
-        "Board", "Corners", "Detection", "Detector", "DetectorConfig", "RcdnError", "__version__",
-        "find_chessboard_corners", "read_image",
+        "Board", "Calibration", "Camera", "Corners", "Detection", "Detector", "DetectorConfig", "Pose", "RcdnError",
+        "__version__", "calibrate", "calibrate_stereo", "estimate_pose", "find_chessboard_corners", "read_image",
     ]  # fmt: skip
     assert dir(rcdn) == sorted(rcdn.__all__)
 
