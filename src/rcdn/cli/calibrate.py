@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _batch, _camera_text
+from rcdn.cli import _batch
 from rcdn.cli._cache import Cache, open_cache
 from rcdn.cli._group import FAILED
 from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, parse_size
@@ -189,6 +189,7 @@ class _Run:
 
 def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate
+    from rcdn.cli import _camera_text
     from rcdn.io import write_calibration, write_camera
     from rcdn.report.calibration import write_report
 
@@ -207,6 +208,7 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
 
 def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate_stereo
+    from rcdn.cli import _camera_text
     from rcdn.cli._pairs import pair_names
     from rcdn.io import write_calibration, write_stereo
     from rcdn.report.calibration import write_stereo_report

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json as json_module
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
-from rcdn.cli import _batch, _camera_text
+from rcdn.cli import _batch
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, say_error
 from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, parse_size
@@ -61,10 +61,11 @@ def pose(
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration import estimate_pose
+    from rcdn.cli import _camera_text
     from rcdn.cli._inputs import gather
     from rcdn.io import write_text
 
-    if not (np.isfinite(spacing) and spacing > 0):
+    if not (math.isfinite(spacing) and spacing > 0):
         raise ConfigError(f"--spacing must be the side of one square in metres (25 mm: 0.025), not {spacing}")
     lens = _camera(camera, camera_name)
     _batch.check_file("--json", json, [Path(i) for i in inputs])
