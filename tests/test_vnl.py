@@ -22,7 +22,7 @@ def tilted(cols, rows, drop=(), seed=0):
     turn = rng.uniform(-1.5, 1.5)
     depth = 1 + rng.uniform(-0.5, 0.5) * x + rng.uniform(-0.5, 0.5) * y
     u, v = np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y
-    xy = np.round(np.stack([320 + 250 * u / depth, 240 + 250 * v / depth], axis=-1), 4)
+    xy = np.round(np.stack([320 + 210 * u / depth, 240 + 210 * v / depth], axis=-1), 4)
     n = len(ij)
     return Board(xy, ij, SIZE, np.ones(n), np.zeros(n), "unique")
 
