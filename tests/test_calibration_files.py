@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from json_edit import edit
 from rcdn.errors import FormatError
 from rcdn.io import (
     read_calibration,
@@ -169,18 +170,6 @@ def test_numbers_without_bound_survive(tmp_path):
     write_calibration(tmp_path / "a.json", made)
     assert plain(tmp_path / "a.json")["cov"][0][0] == "inf"
     same(read_calibration(tmp_path / "a.json"), made)
-
-
-def edit(*keys, value):
-    def change(data):
-        for key in keys[:-1]:
-            data = data[key]
-        if value is ...:
-            del data[keys[-1]]
-        else:
-            data[keys[-1]] = value
-
-    return change
 
 
 VIEW = ("views", 0)

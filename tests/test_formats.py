@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from json_edit import edit
 from rcdn.errors import RcdnError
 from rcdn.io import FormatError, ImageResult, read_detections, read_vnl, write_detections, write_vnl
 from rcdn.types import Board, Corners, Status
@@ -139,20 +140,6 @@ def test_optional_fields_may_be_missing_and_unknown_ones_there(tmp_path):
     [back], _ = read_detections(tmp_path / "a.json")
     assert back.corners.status.tolist() == [Status.REFINED]
     assert np.isnan(back.boards[0].response).all()
-
-
-def edit(*keys, value):
-    """A change to a good file: the value at `keys` replaced (or removed, if `value` is ...)."""
-
-    def change(data):
-        for key in keys[:-1]:
-            data = data[key]
-        if value is ...:
-            del data[keys[-1]]
-        else:
-            data[keys[-1]] = value
-
-    return change
 
 
 BOARD = ("images", 0, "boards", 0)

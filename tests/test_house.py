@@ -76,6 +76,14 @@ def test_the_command_line_is_light(arguments):
     assert loaded(code) == []
 
 
+def test_the_command_line_starts_without_numpy():
+    """Each verb imports what it needs: help is quick, and a process can still say how many threads NumPy's BLAS may use."""
+    assert (
+        run("import rcdn.cli, sys; print([m for m in ('numpy', 'cv2', 'scipy', 'onnxruntime') if m in sys.modules])")
+        == "[]\n"
+    )
+
+
 def test_import_loads_nothing_of_its_own():
     """Not even NumPy: names arrive at their first use."""
     assert (

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration.labels import bend, mirrored, orientation_of, settle, usual_size
-from rcdn.calibration.rig import turn_labels
+from rcdn.calibration.labels import bend, mirrored, orientation_of, settle, turn_labels
 from rcdn.evaluation.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
+from rcdn.types import usual_size
 
 
 def grid(cols, rows, drop=()):

@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from rcdn.calibration.labels import fits
 from rcdn.calibration.sight import reach
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 from rcdn.types import Array, Calibration
@@ -132,7 +133,7 @@ def _outliers(c: Calibration) -> str:
 def _sizes(c: Calibration) -> str:
     if c.size is None:
         return "No view shows a whole board: name its size (inner corners) to settle labels."
-    sizes = Counter("{}×{}".format(*_box(v.ij)) for v in c.used_views if not v.settled and _larger(_box(v.ij), c.size))
+    sizes = Counter("{}×{}".format(*_box(v.ij)) for v in c.used_views if not v.settled and not fits(_box(v.ij), c.size))
     if not sizes:
         return ""
     what = ", ".join(f"{s} in {n} views" for s, n in sizes.most_common())
@@ -162,7 +163,3 @@ def _spacing(c: Calibration) -> str:
 def _box(ij: Array) -> tuple[int, int]:
     cols, rows = ij.max(axis=0) - ij.min(axis=0) + 1
     return int(cols), int(rows)
-
-
-def _larger(box: tuple[int, int], size: tuple[int, int]) -> bool:
-    return any(a > b for a, b in zip(sorted(box), sorted(size), strict=True))

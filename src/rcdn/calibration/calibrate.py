@@ -11,11 +11,11 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
-from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle, usual_size
+from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
+from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose, usual_size
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
     "pinhole": ("pinhole", 0),
@@ -89,10 +89,7 @@ class _Task:
 
 
 def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
-    if not (np.isfinite(spacing) and spacing > 0):
-        raise ConfigError(
-            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
-        )
+    check_spacing(spacing)
     if model not in MODELS:
         raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {model!r}")
     if names is not None and len(names) != len(boards):
@@ -180,6 +177,14 @@ def _too_few(many: int, reasons: dict[int, str]) -> str:
         f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
         "places and tilts"
     )
+
+
+def check_spacing(spacing: float) -> None:
+    """Raise ConfigError unless `spacing` can be the side of a square."""
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ConfigError(
+            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
+        )
 
 
 def sigma_of(board: Board) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,18 +22,6 @@ class Labelled:
     ij: Array
     settled: bool
     reason: str = ""
-
-
-def usual_size(boards: Sequence[Board]) -> Size | None:
-    """The most frequent size of complete boards, upright and turned counted together (given as most lie); of equals the larger.
-
-    None if no board is complete.
-    """
-    sizes = Counter(b.size for b in boards if b.complete)
-    if not sizes:
-        return None
-    either = {s: n + (sizes[s[::-1]] if s[0] != s[1] else 0) for s, n in sizes.items()}
-    return max(either, key=lambda s: (either[s], s[0] * s[1], sizes[s], s))
 
 
 def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Labelled]:
@@ -64,19 +51,25 @@ def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
     if board.size == size:
         return Labelled(own, True)
     if board.size == size[::-1]:
-        return Labelled(_turned(own, board.size), True)
-    inside = all(a <= b for a, b in zip(sorted(board.size), sorted(size), strict=True))
-    if strict and not inside:
+        # the quarter turn that leaves the square inside (0, 0) its colour, as `Board.grid_of` does
+        return Labelled(turn_labels(own, board.size, 1 if board.size[0] % 2 == 0 else 3), True)
+    if strict and not fits(board.size, size):
         there, whole = ("{}×{}".format(*s) for s in (board.size, size))
         return Labelled(own, False, f"its {there} corners can't be part of a {whole} board")
     return Labelled(own, False)
 
 
-def _turned(ij: Array, size: Size) -> Array:
-    """Labels after the quarter turn that leaves the square inside (0, 0) its colour, as `Board.grid_of` does."""
-    cols, rows = size
-    i, j = ij[:, 0], ij[:, 1]
-    return np.stack([j, cols - 1 - i] if cols % 2 == 0 else [rows - 1 - j, i], axis=-1)
+def fits(size: Size, whole: Size) -> bool:
+    """True if a board of `size` may be part of one of size `whole`, upright or turned."""
+    return all(a <= b for a, b in zip(sorted(size), sorted(whole), strict=True))
+
+
+def turn_labels(ij: Array, size: Size, turn: int) -> Array:
+    """Labels (N, 2) of a board of `size` after `turn` quarters."""
+    for _ in range(turn):
+        ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)
+        size = (size[1], size[0])
+    return ij
 
 
 def bend(ij: Array, whole: Size | None) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
-from rcdn.calibration.calibrate import sigma_of
+from rcdn.calibration.calibrate import check_spacing, sigma_of
 from rcdn.calibration.labels import bend
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import motion_covariance
@@ -31,10 +31,7 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
     better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its own first corner.
     Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
     """
-    if not (np.isfinite(spacing) and spacing > 0):
-        raise ConfigError(
-            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
-        )
+    check_spacing(spacing)
     corners, sigma = _corners(board, spacing, warp)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration.labels import Size
+from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, BoardView, Calibration
 
@@ -81,14 +81,6 @@ def _pose(view: BoardView, turn: int, calibration: Calibration) -> Array:
     undo = np.eye(4)  # takes turned labels' coordinates to those of the view
     undo[:2, 0], undo[:2, 1], undo[:2, 3] = back[1] - back[0], back[2] - back[0], back[0] * calibration.spacing
     return np.asarray(matrix(view) @ undo)
-
-
-def turn_labels(ij: Array, size: Size, turn: int) -> Array:
-    """Labels (N, 2) of a board of `size` after `turn` quarters."""
-    for _ in range(turn):
-        ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)
-        size = (size[1], size[0])
-    return ij
 
 
 def _gap(T: Array, U: Array, reach: float) -> float:

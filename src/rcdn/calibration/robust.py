@@ -25,6 +25,8 @@ HOPEFUL = 10.0
 ODD = 3.0
 """× the usual median distance of corners: a view beyond it weighs less at first, and gets another pose"""
 ROUNDS = 12
+LEAST = 1e-4
+"""px; corners are never better than that"""
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
 
@@ -211,10 +213,6 @@ def _noise(gaps: Array, sigma: Array, unknowns: int) -> float:
         return float((square / (noise**2 + sigma**2)).sum()) - freedom
 
     return _root(excess, float(np.sqrt(square.sum() / freedom)))
-
-
-LEAST = 1e-4
-"""px; corners are never better than that"""
 
 
 def _root(excess: Callable[[float], float], most: float) -> float:

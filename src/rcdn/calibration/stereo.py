@@ -10,10 +10,10 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.advice import advise
-from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
-from rcdn.calibration.labels import Size, bend
-from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, turn_labels
+from rcdn.calibration.labels import Size, bend, turn_labels
+from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
@@ -58,9 +58,9 @@ def calibrate_stereo(
         )
     T, turned, odd = place(first, second, shared)
     task = _task(first, second, [p for p in shared if p not in odd], turned)
-    fit = robust.fit(
-        _start(task, first, second, T), max(first.noise, second.noise), task.corners, task.sigma, _free(first, second)
-    )
+    start = _start(task, first, second, T)
+    noise = max(first.noise, second.noise)
+    fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
     return _result(task, fit, first, second, odd, spacing)
 
 
@@ -118,7 +118,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             at += len(view)
     joint = np.concatenate(ij)
     corners = Corners3(
-        np.concatenate(frame), np.concatenate(camera), joint * first.spacing, np.concatenate(xy), 0 * bend(joint, None)
+        np.concatenate(frame), np.concatenate(camera), joint * first.spacing, np.concatenate(xy), bend(joint, None)
     )
     return _Task(seen, corners, np.concatenate(sigma), rows)
 
@@ -126,10 +126,6 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
     poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
     return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), np.zeros(2))
-
-
-def _free(first: Calibration, second: Calibration) -> Array:
-    return np.concatenate([np.ones(len(first.std) + len(second.std) + 6, bool), np.zeros(2, bool)])
 
 
 def _result(
@@ -157,7 +153,7 @@ def _result(
     seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
     rms = float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
-    advice = [f"Left: {t}" for t in advise(left)] + [f"Right: {t}" for t in advise(right)]
+    advice = [f"Left: {t}" for t in left.advice] + [f"Right: {t}" for t in right.advice]
     if odd:
         names = [f"{first.views[a].name} and {second.views[b].name}" for a, b in odd]
         advice.insert(

@@ -110,6 +110,9 @@ def calibrate(
 
     Exit code: 0 if a camera was found, 1 if not or if a file failed, 2 for wrong use, 130 after Ctrl-C.
     """
+    from rcdn.calibration.calibrate import check_spacing
+
+    check_spacing(spacing)  # before the work
     if stereo and len(inputs) != 2:
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_module
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,12 +60,12 @@ def pose(
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration import estimate_pose
+    from rcdn.calibration.calibrate import check_spacing
     from rcdn.cli import _camera_text
     from rcdn.cli._inputs import gather
     from rcdn.io import write_text
 
-    if not (math.isfinite(spacing) and spacing > 0):
-        raise ConfigError(f"--spacing must be the side of one square in metres (25 mm: 0.025), not {spacing}")
+    check_spacing(spacing)
     lens = _camera(camera, camera_name)
     _batch.check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto")

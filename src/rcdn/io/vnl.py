@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from rcdn.io.fields import read_text
 from rcdn.io.files import write_text
 from rcdn.io.formats import DECIMALS, ImageResult, rounded
 from rcdn.io.images import read_image
-from rcdn.types import Array, Board, Corners, Orientation, Status
+from rcdn.types import Array, Board, Corners, Orientation, Status, usual_size
 
 DECIDED = 3.0
 """The guess of the grid's columns stands if its lines are this many times straighter than any other guess's."""
@@ -104,17 +103,14 @@ def _vnl_name(path: str) -> str:
 
 
 def _usual_size(images: Sequence[ImageResult]) -> tuple[int, int] | None:
-    """The most frequent size of complete boards, upright and turned counted together; of equals the larger."""
+    """`usual_size` of all boards; None if there is none."""
     boards = [board for image in images for board in image.boards]
-    sizes = Counter(board.size for board in boards if board.complete)
-    if not boards:
-        return None
-    if not sizes:
+    size = usual_size(boards)
+    if boards and size is None:
         raise FormatError(
             "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
         )
-    either = Counter({s: n + sizes[s[::-1]] * (s[0] != s[1]) for s, n in sizes.items()})
-    return max(either, key=lambda s: (either[s], s[0] * s[1], sizes[s], s))
+    return size
 
 
 # ---- corners.vnl → boards

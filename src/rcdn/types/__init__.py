@@ -6,7 +6,7 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 from rcdn.types.base import Array
 from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
-from rcdn.types.corners import Board, Corners, Orientation, Status
+from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
 
 __all__ = [
     "LENS",
@@ -23,4 +23,5 @@ __all__ = [
     "PoseEstimate",
     "Status",
     "StereoCalibration",
+    "usual_size",
 ]

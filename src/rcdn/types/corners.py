@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal
@@ -133,3 +135,15 @@ class Board:
         if self.size != tuple(size)[::-1]:
             return None
         return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)
+
+
+def usual_size(boards: Iterable[Board]) -> tuple[int, int] | None:
+    """The most frequent size of complete boards, upright and turned counted together (given as most lie); of equals the larger.
+
+    None if no board is complete.
+    """
+    sizes = Counter(board.size for board in boards if board.complete)
+    if not sizes:
+        return None
+    either = {s: n + sizes[s[::-1]] * (s[0] != s[1]) for s, n in sizes.items()}
+    return max(either, key=lambda s: (either[s], s[0] * s[1], sizes[s], s))
