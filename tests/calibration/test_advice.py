@@ -44,6 +44,15 @@ def test_each_weakness_has_its_sentence(good):
     assert says(replace(good, views=rough), "is the board flat")
 
 
+def test_a_lens_that_turns_back_inside_the_picture_is_said_first(good):
+    """x·(1 − 0.9·r²) turns back at r = 0.61; the picture's corners lie at 0.77."""
+    parameters = good.camera.parameters.copy()
+    parameters[4:] = [-0.9, 0, 0, 0, 0]
+    folded = replace(good, camera=good.camera.with_parameters(parameters))
+    assert "turns back inside the picture" in advise(folded)[0]
+    assert not says(good, "turns back")
+
+
 def test_empty_thirds_are_named(good):
     views = tuple(replace(v, used=v.used & ~((v.xy[:, 0] < 214) & (v.xy[:, 1] < 161))) for v in good.views)
     (said,) = [t for t in advise(replace(good, views=views)) if "No corner in" in t]

@@ -34,6 +34,7 @@ THIRDS = (
 def advise(calibration: Calibration) -> tuple[str, ...]:
     """Sentences on what weakens `calibration` and what to do about it; () if nothing does."""
     checks = (
+        _reach,
         _focal,
         _few,
         _tilt,
