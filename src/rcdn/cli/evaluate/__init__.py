@@ -1,0 +1,22 @@
+"""`rcdn evaluate`: the figures of the docs, each by one command.
+
+To add a suite: write a function in one of these files (parameters are the options, the docstring is the help, heavy imports
+inside) and add it below.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from rcdn.cli.evaluate import calibration, detection, sweep
+
+app = typer.Typer(
+    no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
+)
+app.command("scenes")(detection.scenes)
+app.command("hard")(detection.hard)
+app.command("detections")(detection.detections)
+app.command("recovery")(detection.recovery)
+app.command("sweep")(sweep.sweep)
+app.command("calibration")(calibration.calibration)
+app.command("trust")(calibration.trust)
