@@ -260,7 +260,7 @@ def test_two_processes(tmp_path):
 
 
 def test_configurations_in_the_repository():
-    for path in sorted(Path(__file__).parents[2].glob("configs/*.toml")):
+    for path in sorted(Path(__file__).parents[2].glob("configs/**/*.toml")):
         config = read_config(path)
         assert config.name == path.stem
 
@@ -304,3 +304,50 @@ def test_whole_numbers_stand_for_floats(tmp_path):
     config = read_config(path)
     assert config == TrainConfig("fine", clip=1.0, pool=PoolConfig(count=10))
     assert type(config.clip) is float
+
+
+B = dataclasses.replace(A, name="b", architecture="B", teacher="a", frozen=3)
+
+
+def test_a_network_grows_from_its_teacher_new_layers_first(tmp_path, monkeypatch):
+    teacher = weights(run(A, tmp_path), "ema")
+    revive = kill_at(monkeypatch, 3)
+    with pytest.raises(Killed):
+        run(dataclasses.replace(B, validate_every=3), tmp_path)
+    revive()
+    before = weights(tmp_path / "b")
+    shared = [f"blocks.{k}.0.{what}" for k in (0, 1) for what in ("weight", "bias")]
+    assert all(torch.equal(before[key], teacher[key]) for key in shared)
+    assert not torch.equal(before["blocks.3.0.weight"], torch.full_like(before["blocks.3.0.weight"], 1 / 16))
+    after = weights(run(dataclasses.replace(B, validate_every=3), tmp_path))
+    assert not any(torch.equal(after[key], teacher[key]) for key in shared)
+
+
+def test_a_teacher_must_be_there_and_finished(tmp_path, monkeypatch):
+    with pytest.raises(RcdnError, match="is not the folder of a run"):
+        run(B, tmp_path)
+    revive = kill_at(monkeypatch, 5)
+    with pytest.raises(Killed):
+        run(A, tmp_path)
+    revive()
+    with pytest.raises(ConfigError, match="has 4 of its 6 steps"):
+        run(B, tmp_path)
+
+
+def test_a_teacher_excludes_a_start_and_a_batch_norm():
+    for change in ({"start": "x.pt"}, {"batch_norm": True}):
+        with pytest.raises(ConfigError, match="teacher"):
+            dataclasses.replace(B, **change)
+
+
+def test_a_recipe_gives_what_the_file_does_not_say(tmp_path):
+    (tmp_path / "recipe.toml").write_text("rate = 0.5\nsteps = 7\n[pool]\ncount = 9\n")
+    (tmp_path / "net.toml").write_text('recipe = "recipe.toml"\narchitecture = "A"\nsteps = 3\n')
+    config = read_config(tmp_path / "net.toml")
+    assert (config.name, config.architecture, config.rate, config.steps, config.pool.count) == ("net", "A", 0.5, 3, 9)
+    (tmp_path / "net.toml").write_text('recipe = "gone.toml"\n')
+    with pytest.raises(ConfigError, match=r"gone\.toml can't be read"):
+        read_config(tmp_path / "net.toml")
+    (tmp_path / "net.toml").write_text("recipe = 3\n")
+    with pytest.raises(ConfigError, match="recipe must be the name of a file"):
+        read_config(tmp_path / "net.toml")

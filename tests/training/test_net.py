@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from rcdn.errors import ConfigError
-from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, parameter_count
+from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, grow, parameter_count, without_norms
 
 TABLE_1 = {  # name: parameters, multiply–adds a pixel, receptive field
     "A": (2929, 2904, 15),
@@ -123,3 +123,47 @@ def test_any_network_can_have_a_batch_norm_for_its_training():
     assert [type(m) for m in net.blocks[0]] == [nn.Conv2d, nn.BatchNorm2d, nn.ReLU]
     assert float(net.blocks[-1][0].bias.detach()) == pytest.approx(0.1)
     assert net.architecture.margins == build("A").architecture.margins
+
+
+@pytest.mark.parametrize(("student", "teacher"), [("B", "A"), ("F", "E")])
+def test_a_grown_network_begins_as_its_teacher(student, teacher):
+    """Without noise on the copies the response is the teacher's, exactly but for rounding."""
+    torch.manual_seed(5)
+    old, new = build(teacher), build(student)
+    nn.init.constant_(old.blocks[-1][0].bias, 0.5)
+    kept = grow(new, old, noise=0.0)
+    image = torch.rand(2, 1, 40, 44)
+    assert (old(image) > 0).any()
+    assert torch.allclose(torch.relu(new(image)), torch.relu(old(image)), atol=1e-5)
+    assert len(kept) == 2 * (len(old.blocks) - 1)
+    own = {id(p) for p in new.parameters()} - {id(p) for p in kept}
+    assert own == {id(p) for block in list(new.blocks)[-2:] for p in block.parameters()}
+
+
+def test_copies_of_the_teachers_last_layer_differ_by_their_noise():
+    torch.manual_seed(5)
+    old, new = build("E"), build("F")
+    grow(new, old)
+    gap = new.blocks[-2][0].weight - old.blocks[-1][0].weight
+    assert float(gap.detach().std()) == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_network_that_is_not_the_teacher_with_a_layer_more_is_refused():
+    for student, teacher in (("F", "D"), ("A", "A"), ("B", "E")):
+        with pytest.raises(ConfigError, match="teacher's layers"):
+            grow(build(student), build(teacher))
+
+
+def test_norms_fold_away():
+    torch.manual_seed(6)
+    net = build("E", batch_norm=True)
+    for _ in range(3):
+        net(torch.rand(4, 1, 30, 30) * 3)  # moves the running statistics
+    for norm in net.modules():
+        if isinstance(norm, nn.BatchNorm2d):
+            nn.init.uniform_(norm.weight, 0.5, 2)
+            nn.init.uniform_(norm.bias, -0.5, 0.5)
+    plain = without_norms(net.eval())
+    assert not any(isinstance(m, nn.BatchNorm2d) for m in plain.modules())
+    image = torch.rand(1, 1, 40, 30)
+    assert torch.allclose(plain(image), net(image), atol=1e-4)

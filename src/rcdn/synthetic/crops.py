@@ -28,7 +28,8 @@ def random_crop(
     for board in truth(scene):
         xy = board.xy - window[:2]
         near = ((xy > -8) & (xy < size + 8)).all(axis=1) & (board.visible | board.ignore)
-        sure = board.visible[near] & legible(light, scene.sensor, xy[near], board.pitch[near])
+        told = legible(light, scene.sensor, xy[near], board.pitch[near], ranges.faint, ranges.unsure)
+        sure = board.visible[near] & told
         labels.append(np.column_stack([xy[near], sure.astype(float)]))
     return expose(light, scene.sensor, np.random.default_rng(scene.seed)), np.concatenate(labels)
 

@@ -23,6 +23,8 @@ class Ranges:
     """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees.
 
     `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere.
+    Corners of less contrast than `faint` grey levels, or that can't be placed to within `unsure` px, are neither demanded
+    nor forbidden.
     """
 
     pitch: tuple[float, float] = (14.0, 60.0)
@@ -52,6 +54,8 @@ class Ranges:
     several_p: float = 0.0
     whole: bool = True
     images_p: float = 0.0
+    faint: float = 6.0
+    unsure: float = 0.6
 
 
 ORDINARY = Ranges()
@@ -69,15 +73,16 @@ TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78, pitch=(5, 60), edg
 """What networks learn from: HARD, with photographs behind the boards where the caller has some, and more hard shadows."""
 
 PAPER = replace(
-    HARD, pitch=(7, 60), tilt=65, noise=12, noise_tail_p=0, blur=(0.4, 1.6), wide_blur_p=0.1, motion_p=0.05,
-    contrast=(0.3, 0.9), fisheye_p=0.15, distortion=0.25, bend_p=0.05, cover_p=0.15, shadow_p=0.25, glare_p=0.1,
-    paint_p=0.05, coded_p=0, process_p=0.15, light=1.2, none_p=0.25, several_p=0.15, images_p=0.4,
+    HARD, pitch=(8, 60), tilt=60, noise=13, noise_tail_p=0, blur=(0.4, 1.2), wide_blur_p=0, motion_p=0,
+    contrast=(0.45, 0.95), fisheye_p=0.15, distortion=0.25, bend_p=0.05, cover_p=0.15, shadow_p=0.2, glare_p=0.05,
+    bleed_p=0.1, paint_p=0, coded_p=0, process_p=0.1, light=0.8, none_p=0.3, several_p=0.15, images_p=0.6,
+    faint=50, unsure=0.25,
 )  # fmt: skip
 """What the paper's own training set shows (section 3.2): clutter, distortion, occlusion, moderate noise and blur, half
-of it inverted.
+of it inverted; corners that anybody sees.
 
-The class-balanced loss of Eq. 1 answers "corner" wherever the odds are better than one to thousands, so that scenes too
-hard to tell teach it to answer everywhere.
+The class-balanced loss of Eq. 1 answers "corner" wherever the odds are better than one to thousands, so that corners too
+faint to tell teach it to answer everywhere.
 """
 
 PRESETS = {"ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER}

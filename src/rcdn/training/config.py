@@ -24,7 +24,9 @@ class TrainConfig:
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
     `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included;
     `ring`: the 8 neighbours of a corner carry no loss;
-    `start`: weights of another run to begin from, or ''.
+    `start`: weights of another run to begin from, or '';
+    `teacher`: name of a run in the same folder that this network is grown from by one 1×1 layer (A → B, E → F; paper section 3.1),
+    or ''; its layers stand still for the first `frozen` steps.
     """
 
     name: str
@@ -43,6 +45,8 @@ class TrainConfig:
     seed: int = 1
     validate_every: int = 1000
     start: str = ""
+    teacher: str = ""
+    frozen: int = 0
     batch_norm: bool = False
     pool: PoolConfig = field(default_factory=PoolConfig)
 
@@ -55,6 +59,8 @@ class TrainConfig:
                 raise ConfigError(f"config: {key} must be at least {least}, not {getattr(self, key)!r}")
         if not self.rate > 0 or not self.ema < 1:
             raise ConfigError(f"config: rate must be above 0 and ema below 1, not {self.rate} and {self.ema}")
+        if self.teacher and (self.start or self.batch_norm):
+            raise ConfigError("config: a network with a teacher has neither `start` nor `batch_norm`")
         arch = ARCHITECTURES[self.architecture]
         context = sum(arch.margins)
         if not context < self.side <= self.pool.size or (self.side - context) % arch.cell:
@@ -67,21 +73,32 @@ class TrainConfig:
 _CHOICES: dict[str, Any] = {
     "architecture": ARCHITECTURES, "loss": LOSSES, "normalisation": ("minmax", "local"), "optimiser": ("sgd", "adamw"),
 }  # fmt: skip
-_LEAST = {"batch": 1, "steps": 1, "validate_every": 1, "seed": 0, "decay": 0, "clip": 0, "ema": 0}
+_LEAST = {"batch": 1, "steps": 1, "validate_every": 1, "seed": 0, "decay": 0, "clip": 0, "ema": 0, "frozen": 0}
 
 
 def read_config(path: Path) -> TrainConfig:
-    """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file."""
-    try:
-        values = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"config: {path} can't be read: {error}") from error
+    """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file.
+
+    `recipe = "FILE"`, beside it, gives what the file itself doesn't say: several networks, one recipe.
+    """
+    values = _read(path)
+    if (recipe := values.pop("recipe", None)) is not None:
+        if not isinstance(recipe, str):
+            raise ConfigError(f"config: recipe must be the name of a file, not {recipe!r}")
+        values = _read(path.parent / recipe) | values
     values.setdefault("name", path.stem)
     pool = values.get("pool", {})
     if not isinstance(pool, dict):
         raise ConfigError(f"config: pool must be a table, [pool], not {pool!r}")
     values["pool"] = _checked(PoolConfig, pool, "pool.")
     return _checked(TrainConfig, values, "")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"config: {path} can't be read: {error}") from error
 
 
 def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:

@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 import onnx
-import torch
 from onnx import TensorProto, helper, numpy_helper
-from torch import nn
 
 from rcdn.corners.response import ResponseModel
 from rcdn.errors import ConfigError, RcdnError
@@ -24,7 +22,7 @@ from rcdn.provenance import commit
 from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import machine
-from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, build, load_average, parameter_count
+from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, folded, load_run, parameter_count
 from rcdn.training.validate import torch_response
 from rcdn.types import Array
 
@@ -33,25 +31,13 @@ PARITY = 1e-4
 """largest difference between torch and ONNX Runtime with which weights are let out"""
 
 
-def folded(block: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Weight and bias of a convolution with the batch norm behind it, if any, multiplied in."""
-    conv = block[0]
-    weight, bias = conv.weight.detach().double(), conv.bias.detach().double()
-    if len(block) > 1 and isinstance(block[1], nn.BatchNorm2d):
-        norm = block[1]
-        scale = norm.weight.detach().double() / torch.sqrt(norm.running_var.double() + norm.eps)
-        weight = weight * scale[:, None, None, None]
-        bias = (bias - norm.running_mean.double()) * scale + norm.bias.detach().double()
-    return weight.float().cpu().numpy(), bias.float().cpu().numpy()
-
-
 def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
     """ONNX graph: `image` (1, 1, H, W) normalised and padded → `response` (1, 1, h, w), final activation included."""
     nodes, constants, last = [], [], "image"
     arch = net.architecture
     for index, (block, (_, _, stride)) in enumerate(zip(net.blocks, arch.layers, strict=True)):
         for name, value in zip((f"w{index}", f"b{index}"), folded(block), strict=True):
-            constants.append(numpy_helper.from_array(value, name))
+            constants.append(numpy_helper.from_array(value.cpu().numpy(), name))
         inputs = [last, f"w{index}", f"b{index}"]
         nodes.append(helper.make_node("Conv", inputs, [f"c{index}"], strides=[stride, stride]))
         last = f"c{index}"
@@ -74,17 +60,6 @@ def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
     model.ir_version = 8
     onnx.checker.check_model(model)
     return model
-
-
-def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
-    """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
-    try:
-        report = json.loads((folder / "run.json").read_text())
-        net = build(report["config"]["architecture"], report["config"].get("batch_norm", False))
-    except (OSError, ValueError, KeyError) as error:
-        raise RcdnError(f"export: {folder} is not the folder of a run of `rcdn train`: {error}") from error
-    load_average(net, folder / "last.pt")
-    return net.eval(), report
 
 
 def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from rcdn.provenance import commit
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import machine
-from rcdn.training.net import ARCHITECTURES, CornerNet, build, load_average
+from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, without_norms
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
 
@@ -68,6 +68,7 @@ def train(
     net = build(config.architecture, config.batch_norm).to(memory_format=torch.channels_last)
     if config.start:
         load_average(net, Path(config.start))
+    kept = _from_teacher(net, runs / config.teacher) if config.teacher else []
     optimiser, schedule = _optimiser(net, config)
     average = copy.deepcopy(net).requires_grad_(False).eval()
     model, optimiser = fabric.setup(net, optimiser)
@@ -80,12 +81,20 @@ def train(
     if fabric.is_global_zero:
         _clear_after(state["step"], folder)
     loader = fabric.setup_dataloaders(_loader(config, pool, state["step"], workers, fabric))
-    run = _Run(config, folder, fabric, state, pool if overfit else None)
+    run = _Run(config, folder, fabric, state, pool if overfit else None, kept)
     try:
         run.go(loader)
     finally:
         run.close()
     return folder
+
+
+def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
+    """Grow `net` from the averaged weights of a finished run; returns its parameters that are the teacher's."""
+    teacher, report = load_run(run)
+    if (done := report["metrics"]["step"]) != (wanted := report["config"]["steps"]):
+        raise ConfigError(f"config: the teacher {run} has {done} of its {wanted} steps; finish it first: rcdn train")
+    return grow(net, without_norms(teacher))
 
 
 def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
@@ -138,8 +147,15 @@ class _Run:
     """State of a run between steps: averages for the log, the progress bar, checkpoints."""
 
     def __init__(
-        self, config: TrainConfig, folder: Path, fabric: Fabric, state: dict[str, Any], overfit: Pool | None
+        self,
+        config: TrainConfig,
+        folder: Path,
+        fabric: Fabric,
+        state: dict[str, Any],
+        overfit: Pool | None,
+        kept: list[torch.nn.Parameter],
     ) -> None:
+        self.kept = kept
         self.config, self.folder, self.fabric, self.state, self.overfit = config, folder, fabric, state, overfit
         self.loss_sum, self.positive_sum, self.count, self.silent = 0.0, 0.0, 0, 0
         self.clock = time.perf_counter()
@@ -172,6 +188,9 @@ class _Run:
         loss = LOSSES[self.config.loss](z, goal)
         optimiser.zero_grad()
         self.fabric.backward(loss)
+        if self.state["step"] < self.config.frozen:
+            for parameter in self.kept:
+                parameter.grad = None  # the optimiser passes it over
         if self.config.clip:
             self.fabric.clip_gradients(model, optimiser, max_norm=self.config.clip, error_if_nonfinite=False)
         optimiser.step()

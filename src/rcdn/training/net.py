@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -115,6 +117,58 @@ def build(name: str, batch_norm: bool = False) -> CornerNet:
     return CornerNet(replace(arch, batch_norm=arch.batch_norm or batch_norm))
 
 
+def grow(student: CornerNet, teacher: CornerNet, noise: float = 0.01) -> list[nn.Parameter]:
+    """Give `student` the layers of `teacher`, and make its last but one of copies of the teacher's last; returns the teacher's parameters in it.
+
+    Paper section 3.1: an extra 1×1 layer that fuses pretrained networks (A → B, E → F). How isn't said; here each channel of the last but one
+    layer is the teacher's answer with noise of `noise` on its weights, and the last takes their mean, so that the student starts as the
+    teacher. `teacher` without batch norms: `without_norms`. Raises ConfigError if the student isn't the teacher with a layer more.
+    """
+    *shared, last = teacher.architecture.layers
+    kernel, _, stride = last
+    new = student.architecture.layers[len(shared) :]
+    if (
+        student.architecture.layers[: len(shared)] != tuple(shared)
+        or len(new) != 2
+        or (new[0][0], new[0][2]) != (kernel, stride)
+    ):
+        raise ConfigError("config: the teacher's layers must be the network's, but for one more at its end")
+    kept: list[nn.Parameter] = []
+    with torch.no_grad():
+        for mine, theirs in zip(student.blocks, teacher.blocks[:-1], strict=False):
+            mine[0].weight.copy_(theirs[0].weight)
+            mine[0].bias.copy_(theirs[0].bias)
+            kept += [mine[0].weight, mine[0].bias]
+        copies, mean, answer = student.blocks[-2][0], student.blocks[-1][0], teacher.blocks[-1][0]
+        copies.weight.copy_(answer.weight + noise * torch.randn_like(copies.weight))
+        copies.bias.copy_(answer.bias.expand_as(copies.bias))
+        mean.weight.fill_(1 / copies.out_channels)
+        mean.bias.zero_()
+    return kept
+
+
+def folded(block: Any) -> tuple[Tensor, Tensor]:
+    """Weight and bias of a convolution with the batch norm behind it, if any, multiplied in."""
+    conv = block[0]
+    weight, bias = conv.weight.detach().double(), conv.bias.detach().double()
+    if len(block) > 1 and isinstance(block[1], nn.BatchNorm2d):
+        norm = block[1]
+        scale = norm.weight.detach().double() / torch.sqrt(norm.running_var.double() + norm.eps)
+        weight = weight * scale[:, None, None, None]
+        bias = (bias - norm.running_mean.double()) * scale + norm.bias.detach().double()
+    return weight.float(), bias.float()
+
+
+def without_norms(net: CornerNet) -> CornerNet:
+    """The same network in evaluation, its batch norms folded into the convolutions before them."""
+    plain = CornerNet(replace(net.architecture, batch_norm=False))
+    with torch.no_grad():
+        for mine, theirs in zip(plain.blocks, net.blocks, strict=True):
+            for own, value in zip((mine[0].weight, mine[0].bias), folded(theirs), strict=True):
+                own.copy_(value)
+    return plain
+
+
 def load_average(net: CornerNet, path: Path) -> None:
     """Give `net` the averaged weights of a checkpoint (last.pt). Raises RcdnError if there are none that fit it."""
     try:
@@ -126,3 +180,14 @@ def load_average(net: CornerNet, path: Path) -> None:
 def parameter_count(net: nn.Module) -> int:
     """Numbers of the network as it is exported: weights and biases of its convolutions, batch norms folded into them."""
     return sum(p.numel() for m in net.modules() if isinstance(m, nn.Conv2d) for p in m.parameters())
+
+
+def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
+    """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
+    try:
+        report = json.loads((folder / "run.json").read_text())
+        net = build(report["config"]["architecture"], report["config"].get("batch_norm", False))
+    except (OSError, ValueError, KeyError) as error:
+        raise RcdnError(f"{folder} is not the folder of a run of `rcdn train`: {error}") from error
+    load_average(net, folder / "last.pt")
+    return net.eval(), report

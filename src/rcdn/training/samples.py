@@ -167,7 +167,7 @@ def draw(pool: Pool, index: int, side: int, kind: str, rng: np.random.Generator)
     x, y = rng.integers(0, image.shape[0] - side + 1, 2)
     grey = normalise(np.ascontiguousarray(image), kind)[y : y + side, x : x + side]
     if kind == "minmax" and rng.random() < 0.7:  # a crop of a picture seldom spans the picture's whole range
-        span = rng.uniform(0.4, 1.0)
+        span = rng.uniform(0.65, 1.0)
         grey = grey * np.float32(span) + np.float32(rng.uniform(0, 1 - span))
     return grey, labels - [x, y, 0]
 
