@@ -63,12 +63,12 @@ def motion_kernel(length: float, angle: float) -> Array:
     return np.asarray(k / k.sum())
 
 
-def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array, faint: float = 6.0, unsure: float = 0.6) -> Array:
+def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array, unsure: float = 0.6) -> Array:
     """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told after optics and noise, (N,) bool.
 
     The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure:
     σ·sqrt(√π·blur / L) / C ≤ `unsure` px, with L the edge that a corner has to itself (`pitch` (N,), at most 15 px), and
-    C at least `faint` grey levels.
+    C at least 6 grey levels.
     """
     clean = expose(image, replace(sensor, noise=0.0, shot=0.0, jpeg=0), np.random.default_rng(0))
     box = np.ones((11, 11), np.uint8)
@@ -78,7 +78,7 @@ def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array, faint: float 
     noise = np.hypot(sensor.noise, sensor.shot * 0.7)
     blur = np.hypot(sensor.blur, 0.5 * sensor.disk) + 0.3 + 0.3 * sensor.motion
     bound = noise * np.sqrt(np.sqrt(np.pi) * blur / np.clip(pitch, 3, 15)) / contrast
-    return np.asarray((contrast >= faint) & (bound <= unsure))
+    return np.asarray((contrast >= 6) & (bound <= unsure))
 
 
 def focus(image: Array, sensor: Sensor) -> Array:

@@ -23,8 +23,9 @@ class Ranges:
     """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees.
 
     `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere.
-    Corners of less contrast than `faint` grey levels, or that can't be placed to within `unsure` px, are neither demanded
-    nor forbidden.
+    `busy_p`: of training windows without a board that show where a photograph has most detail. Corners whose surroundings span
+    little of a window's grey levels (`faint`: standard deviation over 9×9 px as a share of them), or that can't be placed to
+    within `unsure` px, are neither demanded nor forbidden.
     """
 
     pitch: tuple[float, float] = (14.0, 60.0)
@@ -54,7 +55,8 @@ class Ranges:
     several_p: float = 0.0
     whole: bool = True
     images_p: float = 0.0
-    faint: float = 6.0
+    busy_p: float = 0.0
+    faint: float = 0.0
     unsure: float = 0.6
 
 
@@ -76,7 +78,7 @@ PAPER = replace(
     HARD, pitch=(8, 60), tilt=60, noise=13, noise_tail_p=0, blur=(0.4, 1.2), wide_blur_p=0, motion_p=0,
     contrast=(0.45, 0.95), fisheye_p=0.15, distortion=0.25, bend_p=0.05, cover_p=0.15, shadow_p=0.2, glare_p=0.05,
     bleed_p=0.1, paint_p=0, coded_p=0, process_p=0.1, light=0.8, none_p=0.3, several_p=0.15, images_p=0.6,
-    faint=50, unsure=0.25,
+    busy_p=0.75, faint=0.15, unsure=0.25,
 )  # fmt: skip
 """What the paper's own training set shows (section 3.2): clutter, distortion, occlusion, moderate noise and blur, half
 of it inverted; corners that anybody sees.
