@@ -75,6 +75,17 @@ def test_train_then_export(run, torch):
     assert Path("runs/tiny/tiny.onnx").read_bytes() == Path("weights/a.onnx").read_bytes()
 
 
+def test_several_networks_one_grown_from_the_other(run):
+    Path("wide.toml").write_text('recipe = "tiny.toml"\narchitecture = "B"\nteacher = "tiny"\n')
+    result = run("train", "tiny.toml", "wide.toml", "--backgrounds", "none", *CPU)
+    assert result.exit_code == 0
+    assert [line.split()[0] for line in result.stdout.splitlines() if "is complete" in line] == [
+        "runs/tiny",
+        "runs/wide",
+    ]
+    assert report("runs/wide")["config"]["teacher"] == "tiny"
+
+
 def test_options_of_train(run):
     first = ("train", "tiny.toml", "--backgrounds", "none", *CPU)
     assert run(*first, "--runs", "here", "--seed", 5, "--steps", 1).exit_code == 0

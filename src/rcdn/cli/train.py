@@ -1,4 +1,4 @@
-"""`rcdn train`: a network from a configuration, on a CPU, a GPU or several machines."""
+"""`rcdn train`: networks from configurations, on a CPU, a GPU or several machines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from rcdn.errors import ConfigError
 
 
 def train(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to train, such as configs/train_f.toml.")],
+    config: Annotated[
+        list[Path],
+        typer.Argument(metavar="CONFIG.toml…", help="What to train, one after the other: configs/train_q.toml."),
+    ],
     runs: Annotated[
         Path, typer.Option(metavar="DIR", help="Where runs and their pools of rendered crops are kept.")
     ] = Path("runs"),
@@ -39,23 +42,24 @@ def train(
     devices: Annotated[str, typer.Option(help="How many of them, on each machine: auto or a number.")] = "auto",
     nodes: Annotated[int, typer.Option(min=1, help="How many machines.")] = 1,
 ) -> None:
-    """Train a network and keep its weights, its log and its TensorBoard events in RUNS/NAME.
+    """Train networks and keep the weights, log and TensorBoard events of each in RUNS/NAME.
 
-    NAME is the configuration's, or the name of its file. A run that was stopped goes on where it was: say the same
+    NAME is the configuration's, or the name of its file; a network that grows from another one (`teacher`) comes after it. A run that was stopped goes on where it was: say the same
     command again. Relative folders in the configuration start at the current directory. Needs: pip install
     'rcdn[train]'.
     """
-    settings = _settings(config, backgrounds, steps, seed)
+    chosen = [_settings(path, backgrounds, steps, seed) for path in config]
     import torch
 
     from rcdn.training.loop import train as learn
 
     if threads:
         torch.set_num_threads(threads)
-    fabric = _fabric(accelerator, devices, nodes)
-    folder = learn(settings, runs, overfit=overfit, workers=workers, resume=not fresh, fabric=fabric)
-    if fabric.is_global_zero:
-        typer.echo(f"{folder} is complete; its weights: rcdn export {folder} -o FILE.onnx")
+    for settings in chosen:
+        fabric = _fabric(accelerator, devices, nodes)
+        folder = learn(settings, runs, overfit=overfit, workers=workers, resume=not fresh, fabric=fabric)
+        if fabric.is_global_zero:
+            typer.echo(f"{folder} is complete; its weights: rcdn export {folder} -o FILE.onnx")
 
 
 def _settings(path: Path, backgrounds: str | None, steps: int | None, seed: int | None) -> Any:

@@ -1,0 +1,1 @@
+"""Plots of the paper's figures, from the rows of `rcdn evaluate`. The caller makes the (matplotlib) figure."""
