@@ -1,6 +1,10 @@
-"""Other people's detectors on our pictures, all in our words and our pixels. One that isn't installed says so and is passed over."""
+"""Other detectors on our pictures, all in our words and our pixels. One that isn't installed says so and is passed over.
 
-from rcdn.peers import boofcv, calibtargets, chesscorners, mrgingham, opencv
+Those of others are called as they are. Those that the RCDN paper compares with and that can't be installed are written here
+(`chess`, `mate`, `geiger`, `rochade`; docs/peers.md).
+"""
+
+from rcdn.peers import boofcv, calibtargets, chess, chesscorners, geiger, mate, mrgingham, opencv, rochade
 from rcdn.peers.base import Find, Grid, Peer, quiet
 
 PEERS = {
@@ -14,6 +18,10 @@ PEERS = {
         calibtargets.PYRAMID,
         chesscorners.CORNERS,
         mrgingham.MRGINGHAM,
+        chess.CHESS,
+        mate.MATE,
+        geiger.GEIGER,
+        rochade.ROCHADE,
     )
 }
 """All peers that are known, by name."""

@@ -78,7 +78,7 @@ SETS = {
         )),
         PictureSet("ueye-like", "uEye", 206, 24, recipe=Recipe(
             size=(1280, 1024), model="brown", focal=(1.1, 1.6), lens=((-0.06, 0.02), *[(0, 0)] * 4), pitch=(33, 62), least=20, tilt=55,
-            noise=(3, 8), blur=(0.5, 1.2), gain=(0.2, 0.5), light=1.2, jpeg=(0, 0), clutter=("shapes", "text", "tiles", "blocks"),
+            noise=(3, 8), blur=(0.5, 1.2), gain=(0.2, 0.5), light=0.5, jpeg=(0, 0), clutter=("shapes", "text", "tiles", "blocks"),
         )),
         PictureSet("ueye", "uEye", 5, 5, folder="rochade-ueye"),
         PictureSet("gopro-like", "GoPro", 100, 10, recipe=Recipe(
@@ -86,7 +86,7 @@ SETS = {
             pitch=(45, 110), least=25, tilt=60, noise=(1, 4), blur=(0.7, 1.3), gain=(0.6, 0.9), light=0.6, jpeg=(80, 95),
             clutter=("noise", "shapes", "text", "tiles", "blocks"),
         )),
-        PictureSet("gopro", "GoPro", 30, 10, folder="rochade-gopro-a"),
+        PictureSet("gopro", "GoPro", 30, 30, folder="rochade-gopro-a"),
     )
 }  # fmt: skip
 """The paper has 206 pictures of Mesa, 206 of uEye and 100 of GoPro; 5 and 30 of the latter two can be had as photographs."""

@@ -21,8 +21,8 @@ Measure = Callable[[tuple[float, float]], float]
 
 
 @dataclass(frozen=True)
-class Claim:
-    """A claim, and what the figures say: `signs`: where → 1 it holds, 0 both are equal, −1 it doesn't; `told`: the figures.
+class Comparison:
+    """A claim that compares, and what the figures say: `signs`: where → 1 it holds, 0 both are equal, −1 it doesn't; `told`: the figures.
 
     `share`: part of the places in which it must hold; None: in all, some of them may be equal.
     """
@@ -78,7 +78,7 @@ def published(table: str) -> Figures:
     return {(row, "max" if row == "ChESS" else "adaptive"): rates for row, rates in TABLE3.items()}
 
 
-def claims(table: str, figures: Figures) -> list[Claim]:
+def claims(table: str, figures: Figures) -> list[Comparison]:
     """The claims about `table2` or `table3`, on these figures. F1 stands for "better" where the text doesn't say in what."""
     return _of_table2(figures) if table == "table2" else _of_table3(figures)
 
@@ -103,7 +103,7 @@ def _name(key: Key, methods: bool) -> str:
 def _better(
     text: str, figures: Figures, pairs: Sequence[tuple[Key, Key]], measure: Measure, share: float | None = None,
     only: str = "",
-) -> Claim:  # fmt: skip
+) -> Comparison:  # fmt: skip
     """The first of each pair is the greater one on every set (or on those whose name has `only` in it)."""
     signs, told = {}, []
     for one, two in pairs:
@@ -115,10 +115,10 @@ def _better(
             where = f"{name}, {_name(one, True)}" if len(pairs) > 1 else name
             signs[where] = _sign(a, b)
             told.append(f"{name}: {_name(one, methods)} {a:.4f}, {_name(two, methods)} {b:.4f}")
-    return Claim(text, signs, "; ".join(told), share)
+    return Comparison(text, signs, "; ".join(told), share)
 
 
-def _of_table2(figures: Figures) -> list[Claim]:
+def _of_table2(figures: Figures) -> list[Comparison]:
     nets = ("A", "MATE")
 
     def pairs(one: str, two: str) -> list[tuple[Key, Key]]:
@@ -144,7 +144,7 @@ def _of_table2(figures: Figures) -> list[Claim]:
     ]
 
 
-def _best(figures: Figures, nets: Sequence[str]) -> Claim:
+def _best(figures: Figures, nets: Sequence[str]) -> Comparison:
     signs, told = {}, []
     for net in nets:
         keys = [(net, m) for m in ("max", "0.5", "std", "adaptive")]
@@ -152,28 +152,28 @@ def _best(figures: Figures, nets: Sequence[str]) -> Claim:
             values = [f1(figures[k][name]) for k in keys]
             signs[f"{name}, {net}"] = _sign(values[0], max(values[1:]))
             told.append(f"{name}: {net} max {values[0]:.4f}, best other {max(values[1:]):.4f}")
-    return Claim(
+    return Comparison(
         "a share of the maximum is the best threshold on two data sets of three (F1)", signs, "; ".join(told), 2 / 3
     )
 
 
-def _close(figures: Figures, nets: Sequence[str]) -> Claim:
+def _close(figures: Figures, nets: Sequence[str]) -> Comparison:
     signs, told = {}, []
     for net in nets:
         for name in _common(figures, (net, "adaptive"), (net, "max")):
             a, b = f1(figures[net, "adaptive"][name]), f1(figures[net, "max"][name])
             signs[f"{name}, {net}"] = 1 if abs(a - b) <= CLOSE else -1
             told.append(f"{name}: {net} adaptive {a:.4f}, max {b:.4f}")
-    return Claim(
+    return Comparison(
         f"the adaptive threshold is close to a share of the maximum (F1 within {CLOSE})", signs, "; ".join(told)
     )
 
 
-def _of_table3(figures: Figures) -> list[Claim]:
+def _of_table3(figures: Figures) -> list[Comparison]:
     def net(row: str) -> Key:
         return row, "max" if row == "ChESS" else "adaptive"
 
-    def better(text: str, one: str, two: str, measure: Measure = f1) -> Claim:
+    def better(text: str, one: str, two: str, measure: Measure = f1) -> Comparison:
         return _better(text, figures, [(net(one), net(two))], measure)
 
     return [
@@ -191,7 +191,7 @@ def _of_table3(figures: Figures) -> list[Claim]:
     ]
 
 
-def _depth(figures: Figures) -> list[Claim]:
+def _depth(figures: Figures) -> list[Comparison]:
     """By the mean F1 of the sets: rising from three to six layers, and no more with a seventh."""
     rows = ("A", "D-1", "E-32", "F", "H")
     names = _common(figures, *((row, "adaptive") for row in rows))
@@ -200,12 +200,12 @@ def _depth(figures: Figures) -> list[Claim]:
         "and saturates with F (H, 7 layers, is no better; mean F1)",
     )
     if not names:
-        return [Claim(text, {}, "") for text in texts]
+        return [Comparison(text, {}, "") for text in texts]
     mean = {row: sum(f1(figures[row, "adaptive"][name]) for name in names) / len(names) for row in rows}
     steps = {f"{a} → {b}": _sign(mean[b], mean[a]) for a, b in pairwise(rows[:4])}
     rising = ", ".join(f"{row} {mean[row]:.4f}" for row in rows[:4])
     last = f"F {mean['F']:.4f}, H {mean['H']:.4f}"
     return [
-        Claim(texts[0], steps, rising),
-        Claim(texts[1], {"F, H": 1 if _sign(mean["F"], mean["H"]) >= 0 else -1}, last),
+        Comparison(texts[0], steps, rising),
+        Comparison(texts[1], {"F, H": 1 if _sign(mean["F"], mean["H"]) >= 0 else -1}, last),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rcdn.evaluation.paper.table_claims import Claim, claims, measured, published
+from rcdn.evaluation.paper.table_claims import Comparison, claims, measured, published
 
 TITLES = {"table2": "Table 2: thresholds and losses", "table3": "Table 3: networks"}
 SHORT = {
@@ -28,7 +28,7 @@ def printed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Claim, Claim]]:
+def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Comparison, Comparison]]:
     """Each claim of section 4.1 on the paper's own figures, and on ours."""
     return list(zip(claims(table, published(table)), claims(table, measured(rows)), strict=True))
 
