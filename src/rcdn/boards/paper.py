@@ -78,9 +78,9 @@ def _board_at(pool: Pool, seed: int) -> Labels | None:
     """The board that grows from `seed`: from a 3 × 3 matrix if one of its pairs of directions has one, else from a cell."""
     own = [float(a) for a in pool.angles[seed] if np.isfinite(a)]
     pairs = [(min(p), max(p)) for p in combinations(own, 2)]
-    matrices = [_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
+    matrices = [start_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
     for at in matrices:
-        if len(at) == 9 and _even(pool, index := np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])):
+        if len(at) == 9 and even(pool, index := np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])):
             rows, cols = np.indices((grown := grow_lines(pool, index)).shape)
             return dict(
                 zip(zip(cols.ravel().tolist(), rows.ravel().tolist(), strict=True), grown.ravel().tolist(), strict=True)
@@ -93,7 +93,7 @@ def _board_at(pool: Pool, seed: int) -> Labels | None:
     return None
 
 
-def _matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
+def start_matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
     """Corners at labels −1..1 around `seed`: columns run along the angle `a`, rows along `b`, a < b.
 
     The neighbours of the seed, then theirs: a diagonal counts if both ways to it end at one corner. No corner comes twice.
@@ -112,7 +112,7 @@ def _matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
     return at
 
 
-def _even(pool: Pool, index: Array) -> bool:
+def even(pool: Pool, index: Array) -> bool:
     """Is a 3 × 3 matrix of corners (rows, columns) a start for growth: even steps along each direction, nearly straight lines?"""
     xy = pool.xy[index]
     steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1) for axis in (0, 1)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from rcdn import __version__
 from rcdn.boards.geiger import Pool, energy, grow_lines
-from rcdn.boards.paper import _even, _matrix
+from rcdn.boards.paper import even, start_matrix
 from rcdn.peers.base import Find, Grid, Peer
 from rcdn.peers.geiger_corners import GeigerCorners, geiger_corners
 from rcdn.peers.labels import labelled
@@ -47,11 +47,11 @@ def geiger_boards(found: GeigerCorners) -> list[Array]:
 def _board_at(pool: Pool, seed: int) -> tuple[float, Array] | None:
     """Energy and indices of the board that grows from the 3 × 3 corners around `seed`; None if there aren't nine fit for it."""
     a, b = sorted(pool.angles[seed].tolist())
-    at = _matrix(pool, seed, a, b)
+    at = start_matrix(pool, seed, a, b)
     if len(at) < 9:
         return None
     index = np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])
-    if not _even(pool, index):
+    if not even(pool, index):
         return None
     index = grow_lines(pool, index)
     return energy(pool.xy[index]), index

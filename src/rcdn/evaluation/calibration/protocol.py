@@ -74,8 +74,8 @@ def camera_of(task: Task, views: Sequence[int] | Array) -> State:
     return solve(state, task.corners.take(mine), task.weight[mine], default_free(state, warp=task.warp)).state
 
 
-def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
-    """Residuals (n, 2) of the used corners of `views` where only their poses fit the camera of `state`; NaN where it can't see."""
+def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
+    """The camera of `state` with poses of `views` that fit their used corners; the other poses mean nothing."""
     mine = task.of(views)
     corners = task.corners.take(mine)
     seen = [Seen(corners.board[corners.frame == v], corners.xy[corners.frame == v]) for v in views]
@@ -83,9 +83,13 @@ def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
     T[np.asarray(views)] = poses(state.cameras[0], seen)
     lost = ~np.isfinite(T).all(axis=(1, 2))
     T[lost] = task.T[lost]
-    posed = State.mono(state.cameras[0], T, state.warp)
-    weight = task.weight[mine]
-    return residuals(solve(posed, corners, weight, default_free(posed, lens=False)).state, corners)
+    start = State.mono(state.cameras[0], T, state.warp)
+    return solve(start, corners, task.weight[mine], default_free(start, lens=False)).state
+
+
+def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
+    """Residuals (n, 2) of the used corners of `views` where only their poses fit the camera of `state`; NaN where it can't see."""
+    return residuals(posed(state, task, views), task.corners.take(task.of(views)))
 
 
 def without_outliers(task: Task) -> Task:
@@ -133,6 +137,25 @@ class Errors:
     camera: float = float("nan")
 
 
+@dataclass(frozen=True, eq=False)
+class Half:
+    """Calibrated from `mine`, only poses solved on `others` (view numbers): residuals `cal` and `pose` (n, 2) px, and the state of `others`."""
+
+    mine: Array
+    others: Array
+    cal: Array
+    pose: Array
+    state: State
+
+
+def half(task: Task, mine: Array, others: Array) -> Half:
+    """One direction of one split."""
+    state = camera_of(task, mine)
+    held = posed(state, task, others)
+    gaps = residuals(held, task.corners.take(task.of(others)))
+    return Half(mine, others, residuals(state, task.corners.take(task.of(mine))), gaps, held)
+
+
 def errors(task: Task, references: Sequence[Task] = ()) -> Errors:
     """All figures of a task; `references`: the same views by other detectors, whose corners judge this one's cameras."""
     views = np.unique(task.corners.frame[task.used])
@@ -140,7 +163,7 @@ def errors(task: Task, references: Sequence[Task] = ()) -> Errors:
         return Errors()
     whole = camera_of(task, views)
     of = task.of(views)
-    fit = _rms([residuals(whole, task.corners.take(of))])
+    fit = root_mean_square([residuals(whole, task.corners.take(of))])
     cals, held = zip(*(_both_ways(task, views[a], views[b]) for a, b in halves(len(views))), strict=True)
     pose = float(np.median(held))
     by_fold, by_camera = _by_fold(task, references, views)
@@ -149,12 +172,8 @@ def errors(task: Task, references: Sequence[Task] = ()) -> Errors:
 
 def _both_ways(task: Task, a: Array, b: Array) -> tuple[float, float]:
     """Calibration and pose error over both directions of one split."""
-    cal, held = [], []
-    for mine, others in ((a, b), (b, a)):
-        state = camera_of(task, mine)
-        cal.append(residuals(state, task.corners.take(task.of(mine))))
-        held.append(pose_gaps(state, task, others))
-    return _rms(cal), _rms(held)
+    both = [half(task, a, b), half(task, b, a)]
+    return root_mean_square([h.cal for h in both]), root_mean_square([h.pose for h in both])
 
 
 def _by_fold(task: Task, references: Sequence[Task], views: Array) -> tuple[float, float]:
@@ -164,10 +183,10 @@ def _by_fold(task: Task, references: Sequence[Task], views: Array) -> tuple[floa
         state = camera_of(task, np.setdiff1d(views, out))
         own.append(pose_gaps(state, task, out))
         others += [pose_gaps(state, reference, out) for reference in references]
-    return _rms(own), _rms(others) if others else float("nan")
+    return root_mean_square(own), root_mean_square(others) if others else float("nan")
 
 
-def _rms(parts: Sequence[Array]) -> float:
-    """Of all residuals; infinite if a camera can't see a corner."""
+def root_mean_square(parts: Sequence[Array]) -> float:
+    """Of the lengths of all residuals, parts of (n, 2) px; infinite if a camera can't see a corner."""
     gaps = np.concatenate(parts)
     return rms(np.nan_to_num(gaps, nan=np.inf), np.ones(len(gaps)))

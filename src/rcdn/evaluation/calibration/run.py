@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -101,7 +101,7 @@ def _row(
 def _rows_on_all(cameras: CameraSet, found: Found) -> list[Row]:
     rows = []
     for name, pictures in found.grids.items():
-        boards = [b for b in map(_largest, pictures) if b is not None]
+        boards = [b for b in map(largest, pictures) if b is not None]
         counts = {"pictures": len(pictures), "whole": sum(whole(g, cameras.size) is not None for g in pictures)}
         note = "; ".join(filter(None, [found.notes[""], found.notes[name]]))
         figures, used = Errors(), {"views": len(boards), "corners": sum(len(b[0]) for b in boards)}
@@ -123,7 +123,7 @@ def _used(task: Task) -> dict[str, int]:
     }
 
 
-def _largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
+def largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
     """Labels (M, 2) from 0 and pixels (M, 2) of the board with most corners; None if none has enough of them."""
     usable = [g for g in grids if g.ij is not None and len(g.xy) >= FEWEST_CORNERS and np.ptp(g.ij, axis=0).min() > 0]
     if not usable:
@@ -142,17 +142,15 @@ def _largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
 
 def _rows_alike(cameras: CameraSet, found: Found, warp: bool) -> list[Row]:
     """Rows on common and agreed; who finds too few whole boards for that is compared with the first of the others alone."""
-    core = _core(
-        {n: {k for k, g in enumerate(p) if whole(g, cameras.size) is not None} for n, p in found.grids.items()}
-    )
-    rows = _rows_on_common(cameras, found.of(core), warp, COMMON, AGREED)
+    many = core({n: {k for k, g in enumerate(p) if whole(g, cameras.size) is not None} for n, p in found.grids.items()})
+    rows = _rows_on_common(cameras, found.of(many), warp, COMMON, AGREED)
     for name in found.grids:
-        if name not in core:
-            rows += _rows_on_common(cameras, found.of([core[0], name]), warp, f"with {name}")
+        if name not in many:
+            rows += _rows_on_common(cameras, found.of([many[0], name]), warp, f"with {name}")
     return rows
 
 
-def _core(wholes: dict[str, set[int]]) -> list[str]:
+def core(wholes: Mapping[str, set[Any]]) -> list[str]:
     """Who has a say in which pictures are common, by the pictures of whole boards: those that find many. Of our own
     settings `auto` alone does; the others join if they leave nothing out."""
     judged = [n for n in wholes if n == "auto" or n not in OURS] or list(wholes)
