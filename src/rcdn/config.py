@@ -6,9 +6,12 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from rcdn.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.types import Pattern
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
@@ -139,6 +142,8 @@ class Sharpen:
 class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
+    `pattern`: what boards are made of: squares (`checker`) or triangles (`deltille`, docs/decisions/0013-deltille.md). Of deltilles, `auto`
+    is the network that has learnt them, corners are refined by their antisymmetry whatever `refine` says, and `sharpen` does nothing.
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
     `rescue`: where the adaptive threshold finds nothing, 0.41 of the largest response is the threshold, if that stands out from the map
     (over 0.15, and 20 times the 99th percentile); the corners are then marked LOW_CONFIDENCE.
@@ -165,6 +170,7 @@ class DetectorConfig:
     pyramid: bool = True
     min_corners: int = 9
     threads: int = 0
+    pattern: Pattern = "checker"
 
     def __post_init__(self) -> None:
         kinds = (
@@ -180,6 +186,14 @@ class DetectorConfig:
             _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {value!r}")
         known = get_args(Recovery)
         _require(self.recovery in known, f"DetectorConfig.recovery must be one of {known}, not {self.recovery!r}")
+        from rcdn.types import Pattern  # here, since the command line starts without NumPy
+
+        known = get_args(Pattern)
+        _require(self.pattern in known, f"DetectorConfig.pattern must be one of {known}, not {self.pattern!r}")
+        _require(
+            self.pattern == "checker" or self.recovery == "graph",
+            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
+        )
         _require(isinstance(self.pyramid, bool), f"DetectorConfig.pyramid must be true or false, not {self.pyramid!r}")
         _bounded(self, "border", 0)
         _bounded(self, "seed", 0.01, 1)

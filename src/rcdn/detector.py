@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from rcdn.boards import find_boards, has_cells
+from rcdn.boards.deltille import find_deltilles
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
-from rcdn.corners import Candidates, candidates_at, find_maxima
+from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.response import load_model
+from rcdn.corners.six_sector import six_candidates
 from rcdn.errors import ConfigError
 from rcdn.io import as_grey
 from rcdn.precision import sharpen
@@ -46,7 +48,8 @@ class Detector:
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self.config = config or DetectorConfig()
-        self._model = load_model(self.config.model)
+        deltille = self.config.pattern == "deltille" and self.config.model == "auto"
+        self._model = load_model("rcdn_deltille" if deltille else self.config.model)
 
     def response(self, image: Any) -> Array:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
@@ -72,7 +75,7 @@ class Detector:
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
         whole = [look.corners for look in looks if look.view.scale >= 1]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
-        if self.config.sharpen is None:
+        if self.config.sharpen is None or self.config.pattern == "deltille":
             return Detection(corners, boards)
         sharp = [sharpen(grey, board, self.config.sharpen.geometry) for board in boards]
         return Detection(_moved(corners, boards, sharp), sharp)
@@ -82,6 +85,8 @@ class Detector:
         part = view.of(grey)
         response = self._model(part, self.config.threads)
         peaks = find_maxima(response, self.config)
+        if self.config.pattern == "deltille":
+            return self._look_for_triangles(part, response, peaks, view, grey.shape)
         if known and view.scale < 1:
             strong = peaks.take(peaks.strong(self.config))
             left = unexplained(view, strong.xy, known)
@@ -92,8 +97,14 @@ class Detector:
             boards = find_boards_paper(part, found, self.config.min_corners)
         else:
             boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0))
-        corners = corners_in_picture(view, _with_members(found, boards))
-        return _Look(view, corners, boards_in_picture(view, boards, grey.shape), view.to_picture(found.corners.xy))
+        return _look_of(view, found, boards, grey.shape)
+
+    def _look_for_triangles(
+        self, part: Array, response: Array, peaks: Maxima, view: View, shape: tuple[int, ...]
+    ) -> _Look:
+        found = six_candidates(part, response, peaks, self.config)
+        boards = find_deltilles(part, found, self.config.min_corners, max(view.scale, 1.0))
+        return _look_of(view, found, boards, shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +115,12 @@ class _Look:
     corners: Corners
     boards: list[Board]
     strong: Array
+
+
+def _look_of(view: View, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> _Look:
+    """What a view of a picture (H, W) shows, in pixels of the picture."""
+    corners = corners_in_picture(view, _with_members(found, boards))
+    return _Look(view, corners, boards_in_picture(view, boards, shape), view.to_picture(found.corners.xy))
 
 
 def _members(corners: Corners, boards: list[Board]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.config import Nms
 from rcdn.corners.nms import nms
 from rcdn.metrics import best_f1, match, nearest
-from rcdn.synthetic import HARD, random_crop
+from rcdn.synthetic import HARD, Ranges, random_crop
 from rcdn.types import Array
 
 Score = tuple[Array, Array, Array, int]
@@ -18,10 +18,10 @@ COUNT, SIZE, FIRST, BORDER, RADIUS, DOUBT = 400, 144, 9_000_000_000, 8, 2.0, 4.0
 """400 crops of 144 px of the ranges HARD; the rim of 8 px doesn't count; 2 px to match; 4 px around doubtful corners"""
 
 
-@lru_cache(maxsize=1)
-def validation_set(count: int = COUNT) -> tuple[tuple[Array, Array], ...]:
+@lru_cache(maxsize=2)
+def validation_set(count: int = COUNT, ranges: Ranges = HARD) -> tuple[tuple[Array, Array], ...]:
     """(picture, labels) of the fixed hard validation set; no photographs in it, so that anybody can make it."""
-    return tuple(random_crop(FIRST + k, SIZE, HARD) for k in range(count))
+    return tuple(random_crop(FIRST + k, SIZE, ranges) for k in range(count))
 
 
 def summary(scores: list[Score]) -> dict[str, float]:

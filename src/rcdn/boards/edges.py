@@ -28,7 +28,7 @@ def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1) / length[:, None]
     reach = np.clip(length[:, None] * np.array(ACROSS), 1, 5)
     shift = reach[:, None, :, None] * normal[:, None, None, :]
-    near, far = (_sample(grey, middle[:, :, None] + s * shift).mean(axis=2) for s in (1, -1))
+    near, far = (sample_grey(grey, middle[:, :, None] + s * shift).mean(axis=2) for s in (1, -1))
     return np.asarray((near - far).reshape(len(start), 3, ALONG // 3).mean(axis=2))
 
 
@@ -41,14 +41,14 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
     middle = start[:, None] + np.linspace(0.25, 0.75, ALONG)[None, :, None] * step[:, None]
     near, far = (
-        (_sample(grey, middle + r * normal[:, None]) - _sample(grey, middle - r * normal[:, None])).mean(axis=1)
+        (sample_grey(grey, middle + r * normal[:, None]) - sample_grey(grey, middle - r * normal[:, None])).mean(axis=1)
         for r in (0.1, 0.3)
     )
     share = near / np.where(np.abs(far) > 1e-6, far, np.inf)
     return float(np.median(share)) if len(share) else 0.0
 
 
-def _sample(grey: Array, xy: Array) -> Array:
+def sample_grey(grey: Array, xy: Array) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
     flat: Array = xy.reshape(-1, 2).astype(np.float32)
     columns = 1 << 14  # remap takes fewer than 32768 rows and columns
@@ -91,7 +91,7 @@ def _edge_offset(grey: Array, xy: Array, across: Array, along: Array, colour: Ar
     for side in (1, -1):
         rows = xy[:, None] + side * ROWS[None, :, None] * along[:, None]
         where = rows[:, :, None] + t[None, None, :, None] * across[:, None, None]
-        slope = _slope(np.log(_sample(grey, where) + DARK), t)
+        slope = _slope(np.log(sample_grey(grey, where) + DARK), t)
         halves.append(side * colour[:, None] * np.median(slope, axis=1))
     both = np.minimum(*halves)
     row, best = np.arange(len(xy)), both[:, 1:-1].argmax(axis=1) + 1

@@ -15,7 +15,18 @@ from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, ori
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose, usual_size
+from rcdn.types import (
+    Array,
+    Board,
+    BoardView,
+    Calibration,
+    Camera,
+    CameraModel,
+    ModelScore,
+    Pose,
+    plane_points,
+    usual_size,
+)
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
     "pinhole": ("pinhole", 0),
@@ -51,10 +62,10 @@ def calibrate(
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
     `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of
-    a square, m. `names` of the boards' pictures: boards of one name are held out together (default: each board its own). `model`:
-    `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the
-    simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board in inner corners; default: the
-    usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
+    a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
+    board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
+    `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
+    in inner corners; default: the usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
@@ -96,6 +107,8 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
     if size is not None and min(size) < 2:
         raise ConfigError(f"size counts inner corners (columns, rows), at least 2 each, not {tuple(size)}")
+    if len({board.pattern for board in boards}) > 1:
+        raise ConfigError("boards: some are of squares and some of triangles (deltilles); calibrate from one kind")
     for k, board in enumerate(boards):
         if not np.isfinite(board.xy).all():
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
@@ -160,12 +173,12 @@ def _task(
     corners = Corners3(
         frame,
         np.zeros(len(frame), int),
-        joint * spacing,
+        plane_points(joint, boards[0].pattern) * spacing,
         np.concatenate([boards[k].xy for k in index]),
         bend(joint, whole),
     )
     picture = np.repeat([numbers[names[k]] for k in index], lengths)
-    seen = [Seen(a * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
+    seen = [Seen(plane_points(a, boards[k].pattern) * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
     return _Task(index, seen, reasons, corners, np.nan_to_num(sigma), picture)
 
 

@@ -46,7 +46,7 @@ def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)
-    if size is None:
+    if size is None or board.pattern != "checker":  # where a deltille ends isn't known, and it has no quarter turns
         return Labelled(own, False)
     if board.size == size:
         return Labelled(own, True)

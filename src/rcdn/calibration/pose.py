@@ -56,11 +56,13 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
 def _corners(board: Board, spacing: float, warp: Array | None) -> tuple[Corners3, Array]:
     if warp is not None and np.shape(warp) != (2,):
         raise ConfigError(f"warp must have shape (2,), as Calibration.warp, not {np.shape(warp)}")
+    if warp is not None and board.pattern != "checker":
+        raise ConfigError("warp: it is known of whole boards of squares only; leave it out for a deltille")
     zero = np.zeros(len(board), int)
     raised = np.zeros(len(board)) if warp is None else bend(board.ij, board.size) @ np.asarray(warp, float)
     sigma = np.nan_to_num(sigma_of(board))
     # the warp is known: as a bend of one unit by the state's warp (1, 0)
-    return Corners3(zero, zero, board.ij * spacing, board.xy, np.stack([raised, 0 * raised], axis=-1)), sigma
+    return Corners3(zero, zero, board.points * spacing, board.xy, np.stack([raised, 0 * raised], axis=-1)), sigma
 
 
 def _starts(camera: Camera, corners: Corners3) -> list[Array]:

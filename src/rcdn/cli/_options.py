@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import re
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
+
+
+class PatternName(StrEnum):
+    """What boards are made of: `rcdn.types.Pattern`."""
+
+    checker = "checker"
+    deltille = "deltille"
 
 
 class GridSize(NamedTuple):

@@ -39,7 +39,9 @@ def status(image: ImageResult, wanted: Size | None) -> str:
 
 
 def board_text(board: Board, wanted: Size | None) -> str:
-    """`9×6`, or `8×6 partial (41 of 48)`; of a board that can't be part of the `wanted` one, what it is instead."""
+    """`9×6`, or `8×6 partial (41 of 48)`, or `deltille (98 corners)`; of a board that can't be part of the `wanted` one, what it is instead."""
+    if board.pattern != "checker":
+        return f"{board.pattern} ({len(board)} corners)"
     size = size_text(board.size)
     if found(board, wanted):
         return size

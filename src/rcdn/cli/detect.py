@@ -16,7 +16,7 @@ import typer
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
-from rcdn.cli._options import GridSize, Jobs, parse_size
+from rcdn.cli._options import GridSize, Jobs, PatternName, parse_size
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
@@ -80,6 +80,12 @@ def detect(
     preset: Annotated[
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
+    pattern: Annotated[
+        PatternName,
+        typer.Option(
+            help="What the boards are made of. checker: squares. deltille: triangles, six of which meet in a corner."
+        ),
+    ] = PatternName.checker,
     jobs: Jobs = 0,
     threads: Annotated[
         int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
@@ -106,8 +112,9 @@ def detect(
         say_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
+    _check_pattern(pattern, board, vnl)
     many = _pool.jobs_for(jobs, paths)
-    config = _pool.one_thread(DetectorConfig.preset(preset.value, threads=threads), many)
+    config = _pool.one_thread(DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value), many)
     store = open_cache(config, cache, off=cache is None)
     _detect_all(run, paths, _batch.Work(partial(_make_detector, config), store), many, overlay)
     failures = _write(run, json, vnl, board)
@@ -149,6 +156,14 @@ def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, pa
         from rcdn.io import check_writable
 
         check_writable(overlay / "overlay.png")
+
+
+def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | None) -> None:
+    """Raise for what has no meaning for triangles."""
+    if pattern is PatternName.deltille and board is not None:
+        raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
+    if pattern is PatternName.deltille and vnl is not None:
+        raise ConfigError("--vnl: mrcal's format holds grids of squares only; write --json for a deltille")
 
 
 def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, jobs: int, overlay: Path | None) -> None:

@@ -84,7 +84,7 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
     score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
     fine, status = refine(grey, response, weak.strong, config.refine, pitch)
-    once = _first_of_each(fine, score)
+    once = first_of_each(fine, score)
     if found.rescued:
         status = np.where(status == Status.REFINED, Status.LOW_CONFIDENCE, status)
     order = once[np.lexsort((fine[once, 1], fine[once, 0], -score[once]))]
@@ -106,7 +106,7 @@ def pitches(xy: Array, strong: Array) -> Array:
     return nearest_other(cKDTree(xy[strong]), int(strong.sum()), xy)
 
 
-def _first_of_each(xy: Array, score: Array) -> Array:
+def first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
     keep = np.ones(len(xy), bool)
     pairs = cKDTree(xy).query_pairs(SAME, output_type="ndarray") if len(xy) else np.zeros((0, 2), int)

@@ -64,7 +64,7 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
 
 def _orient(grey: Array, xy: Array, radius: Array, careful: Array) -> tuple[Array, Array, Array, Array]:
     """Axes, contrast, polarity and fit of corners at `xy` (N, 2) from rings of `radius` (N, R) px."""
-    rings = _sample(grey, xy, radius)
+    rings = sample_rings(grey, xy, radius)
     ok, start, contrast, fit = _sectors(rings.mean(axis=1))
     folded = (rings[..., :HALF_TURN] + rings[..., HALF_TURN:]) / 2
     fit_too = ok & careful
@@ -75,7 +75,7 @@ def _orient(grey: Array, xy: Array, radius: Array, careful: Array) -> tuple[Arra
     return np.where(ok[:, None], np.sort(found, axis=1), np.nan), np.abs(contrast), polarity, fit
 
 
-def _sample(grey: Array, xy: Array, radius: Array) -> Array:
+def sample_rings(grey: Array, xy: Array, radius: Array) -> Array:
     """Grey levels (N, R, 2 HALF_TURN) float32 on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
     angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
     there = np.nan_to_num(xy, nan=-1)

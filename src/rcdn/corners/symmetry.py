@@ -1,10 +1,13 @@
-"""The centre of point symmetry of a corner's surroundings.
+"""The centre of point symmetry, or of antisymmetry, of a corner's surroundings.
 
 Two straight edges that cross look the same after half a turn about their crossing, whatever their angle, contrast and
 (even) blur; perspective keeps that, until the window meets the next edges. Equating I(c + d) and I(c − d) over a window
 uses the whole length of the edges, not only the middle, and no model of the grey levels: with white noise and known
 gradients its variance is the bound for any estimator of the crossing. Schöps et al. 2020 ("Why having 10,000 parameters
 in your camera model is better than twelve"), section 3, use the same cost with a homography from the known board.
+
+Where three edges cross, as in a deltille, opposite sectors have opposite colours, and half a turn gives the negative: I(c + d) + I(c − d)
+is the same for all d. What it is the same as is no business of the estimate: the mean over the window is taken out.
 """
 
 from __future__ import annotations
@@ -51,19 +54,26 @@ def _windows(grey: Array, xy: Array, half: int) -> Array:
     return window[:, :-1] * (1 - fy) + window[:, 1:] * fy
 
 
-def _odd(values: Array) -> Array:
+def _odd(values: Array, half: int) -> Array:
     return values - values[:, ::-1, ::-1]
 
 
-def symmetry_step(grey: Array, xy: Array, half: int) -> Array:
-    """One Gauss–Newton step (N, 2), px, from `xy` (N, 2) towards the centre of symmetry within `half` px.
+def _even(values: Array, half: int) -> Array:
+    """Values plus their half turn, without their mean over the disc."""
+    both, disc = values + values[:, ::-1, ::-1], _disc(half)
+    return np.asarray(both - (both * disc).sum(axis=(1, 2), keepdims=True) / disc.sum())
+
+
+def symmetry_step(grey: Array, xy: Array, half: int, anti: bool = False) -> Array:
+    """One Gauss–Newton step (N, 2), px, from `xy` (N, 2) towards the centre of symmetry (`anti`: antisymmetry) within `half` px.
 
     NaN where the window has no edges, or edges of one direction only.
     """
     window = _windows(grey, xy, half + 1)
-    residual = _odd(window[:, 1:-1, 1:-1])
-    gx = _odd(window[:, 1:-1, 2:] - window[:, 1:-1, :-2]) * (0.5 * _disc(half))
-    gy = _odd(window[:, 2:, 1:-1] - window[:, :-2, 1:-1]) * (0.5 * _disc(half))
+    turn = _even if anti else _odd
+    residual = turn(window[:, 1:-1, 1:-1], half)
+    gx = turn(window[:, 1:-1, 2:] - window[:, 1:-1, :-2], half) * (0.5 * _disc(half))
+    gy = turn(window[:, 2:, 1:-1] - window[:, :-2, 1:-1], half) * (0.5 * _disc(half))
     dot = lambda a, b: np.einsum("nij,nij->n", a, b).astype(np.float64)  # noqa: E731
     xx, xy_, yy, x0, y0 = dot(gx, gx), dot(gx, gy), dot(gy, gy), dot(gx, residual), dot(gy, residual)
     det = xx * yy - xy_ * xy_
@@ -71,8 +81,10 @@ def symmetry_step(grey: Array, xy: Array, half: int) -> Array:
     return np.stack((xy_ * y0 - yy * x0, xy_ * x0 - xx * y0), axis=1) / det[:, None]
 
 
-def symmetry_centre(grey: Array, start: Array, half: int, repeats: int = 10, done: float = 0.003) -> Array:
-    """Centres of symmetry (N, 2) px of `grey` (H, W) near `start` (N, 2) px, over discs of radius `half`, px.
+def symmetry_centre(
+    grey: Array, start: Array, half: int, repeats: int = 10, done: float = 0.003, anti: bool = False
+) -> Array:
+    """Centres of symmetry (N, 2) px of `grey` (H, W) near `start` (N, 2) px, over discs of radius `half`, px; `anti`: of antisymmetry.
 
     Steps of at most 1 px until they are shorter than `done`. NaN where a step fails, where there is no rest after
     `repeats` steps, or where the centre is more than max(1, half / 2) px from the start.
@@ -81,7 +93,7 @@ def symmetry_centre(grey: Array, start: Array, half: int, repeats: int = 10, don
     for part in chunks(len(xy), (2 * (half + MARGIN) + 3) ** 2 * 4):
         moving = np.arange(len(xy))[part]
         for _ in range(repeats):
-            step = np.clip(symmetry_step(grey, xy[moving], half), -1, 1)
+            step = np.clip(symmetry_step(grey, xy[moving], half, anti), -1, 1)
             xy[moving] += step
             moving = moving[(np.abs(step) > done).any(axis=1)]
             if not len(moving):

@@ -13,7 +13,7 @@ import numpy as np
 from rcdn.errors import FormatError, RcdnError
 from rcdn.io.fields import numbers, read_json, read_text, take
 from rcdn.io.files import write_text
-from rcdn.types import Array, Board, Corners, Orientation, Status
+from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
 
 VERSION = 1
 DECIMALS = 4
@@ -120,6 +120,7 @@ def _image_record(image: ImageResult) -> dict[str, Any]:
 
 def _board_record(board: Board) -> dict[str, Any]:
     record: dict[str, Any] = {
+        "pattern": None if board.pattern == "checker" else board.pattern,
         "ij": board.ij.tolist(),
         "xy": rounded(board.xy).tolist(),
         "size": list(board.size),
@@ -171,9 +172,12 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
     ij = numbers(record, "ij", where, finite=True)
     if (ij != np.floor(ij)).any():
         raise FormatError(f"{where}: 'ij' must hold whole numbers")
+    pattern: Any = take(record, "pattern", str, where) if "pattern" in record else "checker"
+    if pattern not in get_args(Pattern):
+        raise FormatError(f"{where}: 'pattern' must be one of {', '.join(get_args(Pattern))}")
     common = _common(record, where)
     try:
-        board = Board(ij=ij, image_size=image_size, orientation=orientation, **common)
+        board = Board(ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, **common)
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
     if take(record, "size", list, where) != list(board.size) or take(record, "complete", bool, where) != board.complete:

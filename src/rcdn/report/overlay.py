@@ -1,8 +1,9 @@
 """What was found, drawn over the picture, so that a person can judge it at a glance.
 
-Each board has its colour: thin lines along rows and columns, a thicker outline, and one mark a corner whose shape tells
-its status. The first corner is a filled disc with its label; a red arrow shows +i, a green one +j (with letters, for
-those who can't tell the colours apart). Corners that belong to no board are small yellow dots.
+Each board has its colour: thin lines along rows and columns (of a deltille along its three families of lines), a thicker
+outline, and one mark a corner whose shape tells its status. The first corner is a filled disc with its label; a red arrow
+shows +i, a green one +j (with letters, for those who can't tell the colours apart).
+Corners that belong to no board are small yellow dots.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import cv2
 import numpy as np
 
 from rcdn.io import as_grey
-from rcdn.types import Array, Board, Corners, Status
+from rcdn.types import Array, Board, Corners, Pattern, Status
 
 Colour = tuple[int, int, int]
 
@@ -184,13 +185,14 @@ def _loose(corners: Corners, boards: Sequence[Board]) -> Array:
 def _draw_board(canvas: _Canvas, board: Board, colour: Colour) -> None:
     xy = canvas.to_canvas(board.xy)
     at = {(int(i), int(j)): k for k, (i, j) in enumerate(board.ij)}
-    pairs = _neighbours(at)
+    pairs = _neighbours(at, board.pattern)
     segments = xy[np.array(pairs, dtype=int).reshape(-1, 2)]
     lengths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
     side = float(np.median(lengths)) if pairs else 20.0 * canvas.unit
     radius = float(np.clip(0.2 * side, 2.5 * canvas.unit, 6 * canvas.unit))
     if pairs:
-        outline = np.array([_cells_beside(at, board.ij[a], board.ij[b]) < 2 for a, b in pairs])
+        beside = _cells_beside if board.pattern == "checker" else _triangles_beside
+        outline = np.array([beside(at, board.ij[a], board.ij[b]) < 2 for a, b in pairs])
         bare = _shortened(segments, lengths, radius)
         canvas.lines(bare[~outline], colour, canvas.unit)
         canvas.lines(bare[outline], colour, 2 * canvas.unit)
@@ -205,9 +207,10 @@ def _shortened(segments: Array, lengths: Array, radius: float) -> Array:
     return np.stack([segments[:, 0] + cut, segments[:, 1] - cut], axis=1)
 
 
-def _neighbours(at: dict[tuple[int, int], int]) -> list[tuple[int, int]]:
-    """Pairs of row numbers of corners next to each other along i or along j."""
-    return [(k, at[n]) for (i, j), k in at.items() for n in ((i + 1, j), (i, j + 1)) if n in at]
+def _neighbours(at: dict[tuple[int, int], int], pattern: Pattern) -> list[tuple[int, int]]:
+    """Pairs of row numbers of corners next to each other along i or along j, of a deltille also along j − i."""
+    steps = ((1, 0), (0, 1)) if pattern == "checker" else ((1, 0), (0, 1), (-1, 1))
+    return [(k, at[n]) for (i, j), k in at.items() for d, e in steps if (n := (i + d, j + e)) in at]
 
 
 def _cells_beside(at: dict[tuple[int, int], int], a: Array, b: Array) -> int:
@@ -215,6 +218,12 @@ def _cells_beside(at: dict[tuple[int, int], int], a: Array, b: Array) -> int:
     (i, j), (di, dj) = (int(v) for v in a), (int(v) for v in b - a)
     sides = ((dj, di), (-dj, -di))  # square to the edge
     return sum((i + si, j + sj) in at and (i + di + si, j + dj + sj) in at for si, sj in sides)
+
+
+def _triangles_beside(at: dict[tuple[int, int], int], a: Array, b: Array) -> int:
+    """How many whole triangles lie beside the edge from label `a` to label `b`: a sixth of a turn to either side leads to their third corners."""
+    (i, j), (di, dj) = (int(v) for v in a), (int(v) for v in b - a)
+    return ((i - dj, j + di + dj) in at) + ((i + di + dj, j - di) in at)
 
 
 def _draw_origin(canvas: _Canvas, board: Board, xy: Array, radius: float, colour: Colour) -> None:
@@ -244,6 +253,8 @@ def _unit_vector(v: Array) -> Array:
 
 def _caption(number: int, board: Board) -> str:
     """For example `board 1: 9x6 complete, unique`. Plain ASCII: OpenCV's older fonts have nothing else."""
+    if board.pattern != "checker":
+        return f"board {number}: {board.pattern}, {len(board)} corners, {board.orientation.replace('_', ' ')}"
     cols, rows = board.size
     whole = "complete" if board.complete else f"partial, {len(board)} of {cols * rows}"
     return f"board {number}: {cols}x{rows} {whole}, {board.orientation.replace('_', ' ')}"

@@ -1,4 +1,4 @@
-"""A checkerboard to print at true scale: the geometry once, in millimetres, and two thin writers (PDF, SVG).
+"""A checkerboard, or a deltille, to print at true scale: the geometry once, in millimetres, and two thin writers (PDF, SVG).
 
 Coordinates are millimetres on the page, origin at its top-left corner, x right, y down.
 """
@@ -9,7 +9,11 @@ import math
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
+import numpy as np
+
 from rcdn.errors import ConfigError
+from rcdn.types import Pattern, plane_points
+from rcdn.types.corners import ROW
 
 PAPERS = {
     "a0": (841.0, 1189.0),
@@ -51,6 +55,13 @@ class Rect:
 
 
 @dataclass(frozen=True)
+class Triangle:
+    """A filled black triangle; its corners (x, y), mm."""
+
+    corners: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
 class Label:
     """A line of text whose baseline starts at (x, y), mm."""
 
@@ -63,7 +74,8 @@ class Label:
 class Target:
     """A page with one board. `size` (columns, rows) in inner corners; `spacing` in metres; `page` (width, height) mm.
 
-    `squares` are the black squares, row by row from the top-left one; `ruler` and `labels` are the foot of the page.
+    `squares` are the black squares, row by row from the top-left one, `triangles` the black triangles of a deltille; `ruler` and `labels` are
+    the foot of the page.
     """
 
     size: tuple[int, int]
@@ -72,12 +84,14 @@ class Target:
     squares: tuple[Rect, ...]
     ruler: tuple[Rect, ...]
     labels: tuple[Label, ...]
+    triangles: tuple[Triangle, ...] = ()
 
 
-def make_target(size: tuple[int, int], spacing: float, paper: str = "a4") -> Target:
+def make_target(size: tuple[int, int], spacing: float, paper: str = "a4", pattern: Pattern = "checker") -> Target:
     """Lay out a board of `size` (columns, rows) inner corners with squares of `spacing` metres on `paper`.
 
-    The sheet lies or stands, whichever takes the larger squares. Raises ConfigError if `size`, `spacing` or `paper`
+    `pattern` deltille: with triangles of that side; every other row of corners is set off by half a side, and the triangles are those at
+    its inner corners. The sheet lies or stands, whichever takes the larger squares. Raises ConfigError if `size`, `spacing` or `paper`
     can't be used, or if the board doesn't fit; that message says which spacing does.
     """
     if paper not in PAPERS:
@@ -87,11 +101,11 @@ def make_target(size: tuple[int, int], spacing: float, paper: str = "a4") -> Tar
     if not (math.isfinite(spacing) and spacing > 0):
         raise ConfigError(f"spacing must be a length above 0, in metres, not {spacing:g}")
     upright = PAPERS[paper]
-    page = max((upright, upright[::-1]), key=lambda p: _largest(size, p))
-    side, most = spacing * 1000, _largest(size, page)
+    page = max((upright, upright[::-1]), key=lambda p: _largest(size, p, pattern))
+    side, most = spacing * 1000, _largest(size, page, pattern)
     if side > most + 1e-6:
-        raise ConfigError(_too_large(size, spacing, paper, most))
-    return _layout(size, spacing, page)
+        raise ConfigError(_too_large(size, spacing, paper, most, pattern))
+    return _layout(size, spacing, page) if pattern == "checker" else _layout_deltille(size, spacing, page)
 
 
 def largest_spacing(size: tuple[int, int], paper: str) -> float:
@@ -127,6 +141,7 @@ def to_svg(target: Target) -> str:
         f'<rect width="{width}" height="{height}" fill="white"/>',
         '<g id="squares" fill="black">',
         *map(_svg_rect, target.squares),
+        *map(_svg_triangle, target.triangles),
         '</g>\n<g id="ruler" fill="black">',
         *map(_svg_rect, target.ruler),
         f'</g>\n<g id="labels" font-family="Helvetica, Arial, sans-serif" font-size="{_number(FONT)}">',
@@ -151,17 +166,25 @@ def to_pdf(target: Target) -> bytes:
     return _pdf_file(objects)
 
 
-def _largest(size: tuple[int, int], page: tuple[float, float]) -> float:
+def _extent(size: tuple[int, int], pattern: Pattern) -> tuple[float, float]:
+    """Width and height of what is printed, in sides of a square or triangle."""
+    cols, rows = size
+    return (cols + 1.0, rows + 1.0) if pattern == "checker" else (cols + 1.5, (rows + 1) * ROW)
+
+
+def _largest(size: tuple[int, int], page: tuple[float, float], pattern: Pattern = "checker") -> float:
     """Side of the largest squares, mm, that fit on a page of that width and height (below 0: none)."""
     fits = [
         min((room - 2 * QUIET) / count, room / (count + 2 * QUIET_SQUARES))
-        for room, count in zip((page[0], page[1] - FOOTER), (size[0] + 1, size[1] + 1), strict=True)
+        for room, count in zip((page[0], page[1] - FOOTER), _extent(size, pattern), strict=True)
     ]
     return min(fits)
 
 
-def _too_large(size: tuple[int, int], spacing: float, paper: str, most: float) -> str:
+def _too_large(size: tuple[int, int], spacing: float, paper: str, most: float, pattern: Pattern) -> str:
     board = f"{size[0]}x{size[1]} inner corners are {size[0] + 1}x{size[1] + 1} squares"
+    if pattern != "checker":
+        board = f"a deltille of {size[0]}x{size[1]} inner corners is {size[0] + 1.5:g} triangles wide"
     most = math.floor(most * 10) / 10  # rounded down: the advice must fit
     if most < 1:
         return f"size: {board}, too many for {paper} paper; take a larger paper or a smaller size"
@@ -187,6 +210,24 @@ def _layout(size: tuple[int, int], spacing: float, page: tuple[float, float]) ->
     return Target(size, spacing, page, tuple(squares), _ruler(x, y), labels)
 
 
+def _layout_deltille(size: tuple[int, int], spacing: float, page: tuple[float, float]) -> Target:
+    side = spacing * 1000
+    width, height = _extent(size, "deltille")
+    left, top = (page[0] - width * side) / 2, (page[1] - FOOTER - height * side) / 2
+    inner = {(k - j // 2, j) for j in range(size[1]) for k in range(size[0])}
+    first = [(i + d, j + e) for i, j in inner for d, e in ((0, 0), (-1, 0), (0, -1))]
+    triangles = []
+    for i, j in sorted(set(first), key=lambda ij: (ij[1], ij[0])):
+        xy = plane_points(np.array([(i, j), (i + 1, j), (i, j + 1)]), "deltille") * side
+        xy += np.array([left + side, top + ROW * side])
+        a, b, c = ((float(x), float(y)) for x, y in xy)
+        triangles.append(Triangle((a, b, c)))
+    x, y = QUIET, page[1] - EDGE
+    text = f"deltille, {size[0]}×{size[1]} inner corners · {side:.6g} mm triangles · print at 100 %"
+    labels = (Label(x, y - 4.5, text), Label(x + RULER + 2, y, "100 mm: measure it"))
+    return Target(size, spacing, page, (), _ruler(x, y), labels, tuple(triangles))
+
+
 def _ruler(x: float, y: float) -> tuple[Rect, ...]:
     """A base line and a tick every centimetre; positions are those of the ticks' centres."""
     base = Rect(x - HAIR / 2, y - HAIR, RULER + HAIR, HAIR)
@@ -205,6 +246,11 @@ def _svg_rect(r: Rect) -> str:
     return f'<rect x="{x}" y="{y}" width="{w}" height="{h}"/>'
 
 
+def _svg_triangle(t: Triangle) -> str:
+    points = " ".join(f"{_number(x)},{_number(y)}" for x, y in t.corners)
+    return f'<polygon points="{points}"/>'
+
+
 def _pdf_content(target: Target) -> bytes:
     """Drawing operators. `cm` makes the unit a millimetre; PDF's y goes up, so it is turned round here."""
     height = target.page[1]
@@ -212,6 +258,9 @@ def _pdf_content(target: Target) -> bytes:
     for r in (*target.squares, *target.ruler):
         x, y, w, h = map(_number, (r.x, height - r.y - r.height, r.width, r.height))
         lines.append(f"{x} {y} {w} {h} re")
+    for t in target.triangles:
+        (ax, ay), (bx, by), (cx, cy) = ((_number(x), _number(height - y)) for x, y in t.corners)
+        lines.append(f"{ax} {ay} m {bx} {by} l {cx} {cy} l h")
     lines.append("f")
     for label in target.labels:
         text = label.text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")

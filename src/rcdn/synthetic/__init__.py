@@ -2,10 +2,10 @@
 
 from rcdn.synthetic.crops import random_crop
 from rcdn.synthetic.render import render, truth
-from rcdn.synthetic.sample import HARD, ORDINARY, PRESETS, TRAINING, Ranges, random_scene
+from rcdn.synthetic.sample import DELTILLE, DELTILLE_TRAINING, HARD, ORDINARY, PRESETS, TRAINING, Ranges, random_scene
 from rcdn.synthetic.scene import Background, Bend, BoardSpec, BoardTruth, Cover, Light, Scene, Sensor, scene_from_json
 
 __all__ = [
-    "HARD", "ORDINARY", "PRESETS", "TRAINING", "Background", "Bend", "BoardSpec", "BoardTruth", "Cover", "Light",
+    "DELTILLE", "DELTILLE_TRAINING", "HARD", "ORDINARY", "PRESETS", "TRAINING", "Background", "Bend", "BoardSpec", "BoardTruth", "Cover", "Light",
     "Ranges", "Scene", "Sensor", "random_crop", "random_scene", "render", "scene_from_json", "truth",
 ]  # fmt: skip

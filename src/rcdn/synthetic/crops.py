@@ -20,7 +20,8 @@ def random_crop(
     """Picture (size, size) uint8 and labels (N, 3) of one crop; the same seed gives the same crop.
 
     Labels are x, y in the crop and a kind: 1 a corner that is plainly there, 0 one to be neither demanded nor forbidden
-    (damaged, or not legible under its blur and noise).
+    (damaged, or not legible under its blur and noise). With deltilles among the ranges (`deltille_p`) only theirs have
+    labels: other boards are clutter then.
     Most windows hold a corner within 48 px of their middle.
     """
     scene, window = crop_scene(seed, size, ranges, len(images))
@@ -30,7 +31,9 @@ def random_crop(
             return busy_window(rng, size, images), np.zeros((0, 3))
     light = irradiance(scene, window, samples=2, images=images)
     labels = [np.zeros((0, 3))]
-    for board in truth(scene):
+    for spec, board in zip(scene.boards, truth(scene), strict=True):
+        if ranges.deltille_p and spec.pattern != "deltille":
+            continue
         xy = board.xy - window[:2]
         near = ((xy > -8) & (xy < size + 8)).all(axis=1) & (board.visible | board.ignore)
         told = legible(light, scene.sensor, xy[near], board.pitch[near], ranges.unsure)

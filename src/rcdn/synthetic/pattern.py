@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.synthetic.lattice import extent, upright
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
 
@@ -29,11 +30,13 @@ def _inside(u: Array, width: Array, low: float, high: float) -> Array:
     return np.asarray(np.maximum(b - a, 0) / width)
 
 
-def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array) -> tuple[Array, Array]:
+def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array | None = None) -> tuple[Array, Array]:
     """Reflectance and coverage (0..1) of the sheet.
 
-    `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and footprints, squares.
+    `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and footprints, squares; `ws`: the footprint along u + v, of a deltille.
     """
+    if spec.pattern == "deltille":
+        return _triangles(spec, u, v, wu, wv, wu if ws is None else ws)
     duty = 1 - 2 * spec.bleed
     odd_u, odd_v = _pulse(u, wu, duty), _pulse(v, wv, duty)
     even_u, even_v = _pulse(u + 1, wu, duty), _pulse(v + 1, wv, duty)
@@ -50,6 +53,53 @@ def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array) -> tuple[Ar
     value = value * printed + F32(spec.margin_value) * (1 - printed)
     m = spec.margin
     return value, _inside(u, wu, -1 - m, spec.cols + m) * _inside(v, wv, -1 - m, spec.rows + m)
+
+
+def _triangles(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array) -> tuple[Array, Array]:
+    """`sheet` of a deltille: u, v and u + v are whole along its three families of edges."""
+    # the fractions of u, v and u + v sum up to 0 in one kind of triangle, to 1 in the other
+    dark = np.clip(1 - (_fraction(u, wu) + _fraction(v, wv) - _fraction(u + v, ws)), 0, 1)
+    if spec.bleed:
+        dark = _shrunk(u, v, wu, spec.bleed)
+    if spec.swap:
+        dark = 1 - dark
+    value = F32(spec.white) + F32(spec.black - spec.white) * dark
+    for i, j, paint in spec.painted:
+        cover = _inside(u, wu, i - 1, i) * _inside(v, wv, j - 1, j)
+        value = value * (1 - cover) + F32(paint) * cover
+    value = np.where(_printed(spec, u, v), value, F32(spec.margin_value))
+    (x, y), (cols, rows), m = upright(spec, u, v), extent(spec), spec.margin
+    return value, _inside(x, wu, -1 - m, cols + m) * _inside(y, wv, -1 - m, rows + m)
+
+
+def _fraction(u: Array, width: Array) -> Array:
+    """Mean of u − ⌊u⌋ over [u − w/2, u + w/2]."""
+
+    def integral(x: Array) -> Array:
+        n = np.floor(x)
+        return np.asarray(n * F32(0.5) + F32(0.5) * (x - n) ** 2)
+
+    return np.asarray((integral(u + width * F32(0.5)) - integral(u - width * F32(0.5))) / width)
+
+
+def _shrunk(u: Array, v: Array, width: Array, bleed: float) -> Array:
+    """Darkness where every dark triangle has lost a rim of `bleed` of its height (or gained one)."""
+    fu, fv = u - np.floor(u), v - np.floor(v)
+    depth = np.minimum(np.minimum(fu, fv), 1 - fu - fv)  # in a dark triangle
+    beyond = np.minimum(np.minimum(1 - fu, 1 - fv), fu + fv - 1)  # in a bright one
+    return np.asarray(np.clip(F32(0.5) + (np.where(fu + fv < 1, depth, -beyond) - F32(bleed)) / width, 0, 1))
+
+
+def _printed(spec: BoardSpec, u: Array, v: Array) -> Array:
+    """Is the triangle at (u, v) one with an inner corner?"""
+    i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+
+    def held(i: Array, j: Array) -> Array:
+        k = i + (j >> 1)
+        return (j >= 0) & (j < spec.rows) & (k >= 0) & (k < spec.cols)
+
+    tip = np.where(u - i + v - j < 1, held(i, j), held(i + 1, j + 1))
+    return np.asarray(tip | held(i + 1, j) | held(i, j + 1))
 
 
 def _markers(spec: BoardSpec, value: Array, u: Array, v: Array, dark: Array) -> Array:

@@ -9,14 +9,15 @@ import numpy as np
 from rcdn.geometry import unproject
 from rcdn.synthetic.background import paint
 from rcdn.synthetic.degrade import coverage, expose, illuminate, signed_distance
+from rcdn.synthetic.lattice import extent, labels, steps, upright
 from rcdn.synthetic.pattern import F32, sheet
 from rcdn.synthetic.scene import BoardSpec, BoardTruth, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array
 
 Window = tuple[int, int, int, int]
-LEAST_PITCH = 4.0
-"""px between neighbours under which a corner is neither demanded nor forbidden"""
+LEAST_PITCH = {"checker": 4.0, "deltille": 7.0}
+"""px between neighbours under which a corner is neither demanded nor forbidden; six sectors need more of them than four"""
 
 
 def render(scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()) -> Array:
@@ -54,24 +55,25 @@ def _composite(image: Array, spec: BoardSpec, rays: Array, samples: int) -> Arra
     u, v = rays_to_board(spec, rays)
     m = spec.margin + 2
     with np.errstate(invalid="ignore"):
-        hit = (u > -1 - m) & (u < spec.cols + m) & (v > -1 - m) & (v < spec.rows + m)
+        (x, y), (cols, rows) = upright(spec, u, v), extent(spec)
+        hit = (x > -1 - m) & (x < cols + m) & (y > -1 - m) & (y < rows + m)
     if not hit.any():
         return image
-    rows, cols = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
-    part = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
-    if min(len(rows), len(cols)) < 2 or image[part].shape[0] < 2 or image[part].shape[1] < 2:
+    lines, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+    part = np.s_[lines[0] : lines[-1] + 1, columns[0] : columns[-1] + 1]
+    if min(len(lines), len(columns)) < 2 or image[part].shape[0] < 2 or image[part].shape[1] < 2:
         return image
     u, v = u[part], v[part]
     (uy, ux), (vy, vx) = np.gradient(u), np.gradient(v)
     bad = ~np.isfinite(u + v + ux + uy + vx + vy)
     u, v, ux, uy, vx, vy = (np.where(bad, F32(-1e4), a).astype(F32) for a in (u, v, ux, uy, vx, vy))
-    wu = np.maximum(np.hypot(ux, uy) / F32(samples), F32(1e-6))
-    wv = np.maximum(np.hypot(vx, vy) / F32(samples), F32(1e-6))
+    slopes = [(ux, uy), (vx, vy)] if spec.pattern == "checker" else [(ux, uy), (vx, vy), (ux + vx, uy + vy)]
+    widths = [np.maximum(np.hypot(*slope) / F32(samples), F32(1e-6)) for slope in slopes]
     value, cover = np.zeros_like(u), np.zeros_like(u)
     for dy in (np.arange(samples) + 0.5) / samples - 0.5:
         for dx in (np.arange(samples) + 0.5) / samples - 0.5:
             dx32, dy32 = F32(dx), F32(dy)
-            ink, alpha = sheet(spec, u + ux * dx32 + uy * dy32, v + vx * dx32 + vy * dy32, wu, wv)
+            ink, alpha = sheet(spec, u + ux * dx32 + uy * dy32, v + vx * dx32 + vy * dy32, *widths)
             value += ink * alpha
             cover += alpha
     cover = np.where(bad, 0, cover / samples**2)
@@ -88,7 +90,7 @@ def truth(scene: Scene) -> list[BoardTruth]:
 
 def _board_truth(scene: Scene, index: int) -> BoardTruth:
     spec = scene.boards[index]
-    ij = np.stack(np.meshgrid(np.arange(spec.cols), np.arange(spec.rows)), axis=-1).reshape(-1, 2)
+    ij = labels(spec)
     xy = board_to_pixels(spec, scene.camera, ij)
     with np.errstate(invalid="ignore"):
         cosine = viewing_cosine(spec, ij)
@@ -97,7 +99,7 @@ def _board_truth(scene: Scene, index: int) -> BoardTruth:
     near &= _seen_here(scene, spec, ij, xy)
     covered, touched = _hidden(scene, index, xy)
     pitch = _pitch(spec, scene, ij, xy)
-    doubtful = touched | ~inside | (pitch < LEAST_PITCH) | (cosine < 0.17) | _painted(spec, ij)
+    doubtful = touched | ~inside | (pitch < LEAST_PITCH[spec.pattern]) | (cosine < 0.17) | _painted(spec, ij)
     ignore = near & doubtful & ~covered
     return BoardTruth(xy, ij, near & ~doubtful & ~covered, ignore, pitch)
 
@@ -110,9 +112,8 @@ def _seen_here(scene: Scene, spec: BoardSpec, ij: Array, xy: Array) -> Array:
 
 
 def _pitch(spec: BoardSpec, scene: Scene, ij: Array, xy: Array) -> Array:
-    """Shortest distance to the four neighbours, px (squares may be larger one way than the other)."""
-    steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-    near = np.stack([np.linalg.norm(board_to_pixels(spec, scene.camera, ij + s) - xy, axis=1) for s in steps])
+    """Shortest distance to the neighbours, px (squares may be larger one way than the other)."""
+    near = np.stack([np.linalg.norm(board_to_pixels(spec, scene.camera, ij + s) - xy, axis=1) for s in steps(spec)])
     return np.asarray(np.nan_to_num(near, nan=0.0).min(axis=0))
 
 
@@ -139,7 +140,8 @@ def _hidden(scene: Scene, index: int, xy: Array) -> tuple[Array, Array]:
         u, v = rays_to_board(other, unproject(scene.camera, finite))
         m = other.margin
         with np.errstate(invalid="ignore"):
-            slack = np.minimum(np.minimum(u + 1 + m, other.cols + m - u), np.minimum(v + 1 + m, other.rows + m - v))
+            (x, y), (cols, rows) = upright(other, u, v), extent(other)
+            slack = np.minimum(np.minimum(x + 1 + m, cols + m - x), np.minimum(y + 1 + m, rows + m - y))
             covered |= slack > 0.3
             touched |= (slack > -0.3) & (slack <= 0.3)
     return covered, touched

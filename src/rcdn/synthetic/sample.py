@@ -11,6 +11,7 @@ import numpy as np
 from rcdn.errors import ConfigError
 from rcdn.geometry import unproject
 from rcdn.synthetic.background import KINDS
+from rcdn.synthetic.lattice import from_upright, labels, middle, steps
 from rcdn.synthetic.scene import Background, Bend, BoardSpec, Cover, Light, Scene, Sensor
 from rcdn.synthetic.surface import board_to_pixels
 
@@ -22,10 +23,10 @@ Triple = tuple[float, float, float]
 class Ranges:
     """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees.
 
-    `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere.
-    `busy_p`: of training windows without a board that show where a photograph has most detail. Corners whose surroundings span
-    little of a window's grey levels (`faint`: standard deviation over 9×9 px as a share of them), or that can't be placed to
-    within `unsure` px, are neither demanded nor forbidden.
+    `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere. `deltille_p`:
+    of boards that are deltilles. `busy_p`: of training windows without a board that show where a photograph has most detail.
+    Corners whose surroundings span little of a window's grey levels (`faint`: standard deviation over 9×9 px as a share of
+    them), or that can't be placed to within `unsure` px, are neither demanded nor forbidden.
     """
 
     pitch: tuple[float, float] = (14.0, 60.0)
@@ -58,6 +59,7 @@ class Ranges:
     busy_p: float = 0.0
     faint: float = 0.0
     unsure: float = 0.6
+    deltille_p: float = 0.0
 
 
 ORDINARY = Ranges()
@@ -87,7 +89,18 @@ The class-balanced loss of Eq. 1 answers "corner" wherever the odds are better t
 faint to tell teach it to answer everywhere.
 """
 
-PRESETS = {"ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER}
+DELTILLE = replace(ORDINARY, cells=(5, 12), deltille_p=1)
+"""Calibration pictures of deltilles (paper section 4.5)."""
+
+DELTILLE_TRAINING = replace(
+    TRAINING, pitch=(9, 70), tilt=70, noise_tail_p=0.15, wide_blur_p=0.2, motion_p=0.1, coded_p=0.1, deltille_p=0.75
+)
+"""What networks learn deltilles from: TRAINING, with steeper and smaller ones left out; the checkerboards in it are clutter."""
+
+PRESETS = {
+    "ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER,
+    "deltille": DELTILLE, "deltille-training": DELTILLE_TRAINING,
+}  # fmt: skip
 
 
 def random_scene(
@@ -163,7 +176,7 @@ def _with_edge_shadow(rng: Rng, scene: Scene) -> Scene:
     """The scene with the edge of a shadow, mostly a sharp one, across the first board; corners lie on it or near it."""
     spec, far = scene.boards[0], 2.0 * scene.width
     uv = rng.uniform([-0.5, -0.5], [spec.cols - 0.5, spec.rows - 0.5], (1, 2))
-    x, y = board_to_pixels(spec, scene.camera, uv)[0]
+    x, y = board_to_pixels(spec, scene.camera, from_upright(spec, uv))[0]
     half = far if _chance(rng, 0.7) else _log(rng, 4, 60)
     if not np.isfinite(x + y):
         return scene
@@ -205,7 +218,7 @@ def _print(rng: Rng, r: Ranges) -> BoardSpec:
         (int(rng.integers(0, cols + 1)), int(rng.integers(0, rows + 1)), float(rng.uniform(0, 1)))
         for _ in range(int(rng.integers(1, 4)) if _chance(rng, r.paint_p) else 0)
     )
-    return BoardSpec(
+    spec = BoardSpec(
         cols, rows, (0, 0, 0), (0, 0, 1),
         aspect=float(rng.uniform(0.8, 1.25)) if _chance(rng, 0.15) and not r.whole else 1.0,
         margin=margin, margin_value=margin_value, black=black, white=white, swap=_chance(rng, 0.5),
@@ -213,6 +226,13 @@ def _print(rng: Rng, r: Ranges) -> BoardSpec:
         bend=_bend(rng, max(cols, rows)) if _chance(rng, r.bend_p) else None, painted=painted,
         coded=int(rng.integers(4, 7)) if _chance(rng, r.coded_p) else 0,
     )  # fmt: skip
+    return _deltille(spec) if r.deltille_p and _chance(rng, r.deltille_p) else spec
+
+
+def _deltille(spec: BoardSpec) -> BoardSpec:
+    """The board with triangles for its squares; a row of painted rhombi stays as far left as squares were."""
+    painted = tuple((i - j // 2, j, value) for i, j, value in spec.painted)
+    return replace(spec, pattern="deltille", painted=painted, coded=0)
 
 
 def _bend(rng: Rng, size: int) -> Bend:
@@ -242,8 +262,8 @@ def _placed(spec: BoardSpec, scene: Scene, rvec: Triple, at: tuple[float, float]
     ray = ray / np.linalg.norm(ray)
     face = _facing(ray) if scene.model == "fisheye" else np.eye(3)
     R = face @ cv2.Rodrigues(np.array(rvec))[0]
-    middle = np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect, 0])
-    t = ray * (scene.focal / pitch) / (ray[2] if scene.model != "fisheye" else 1.0) - R @ middle
+    centre = np.array([*middle(spec), 0])
+    t = ray * (scene.focal / pitch) / (ray[2] if scene.model != "fisheye" else 1.0) - R @ centre
     r = cv2.Rodrigues(R)[0].ravel()
     return replace(spec, rvec=(float(r[0]), float(r[1]), float(r[2])), tvec=(float(t[0]), float(t[1]), float(t[2])))
 
@@ -271,12 +291,15 @@ def _board_in(rng: Rng, r: Ranges, scene: Scene) -> BoardSpec:
 
 
 def _whole(spec: BoardSpec, scene: Scene, least: float) -> bool:
-    grid = np.stack(np.meshgrid(np.arange(spec.cols), np.arange(spec.rows)), axis=-1)
-    xy = board_to_pixels(spec, scene.camera, grid.reshape(-1, 2)).reshape(*grid.shape)
+    xy = board_to_pixels(spec, scene.camera, labels(spec))
     if not np.isfinite(xy).all() or (xy < 10).any() or (xy > [scene.width - 11, scene.height - 11]).any():
         return False
-    steps = [np.linalg.norm(np.diff(xy, axis=a), axis=-1).min() for a in (0, 1)]
-    return bool(min(steps) > least)
+    if spec.pattern == "deltille":
+        around = [board_to_pixels(spec, scene.camera, labels(spec) + step) for step in steps(spec)[:3]]
+        return bool(min(np.linalg.norm(other - xy, axis=1).min() for other in around) > least)
+    grid = xy.reshape(spec.rows, spec.cols, 2)
+    lengths = [np.linalg.norm(np.diff(grid, axis=a), axis=-1).min() for a in (0, 1)]
+    return bool(min(lengths) > least)
 
 
 def _with_covers(rng: Rng, r: Ranges, scene: Scene) -> Scene:
@@ -286,7 +309,7 @@ def _with_covers(rng: Rng, r: Ranges, scene: Scene) -> Scene:
     spec = scene.boards[0]
     for _ in range(int(rng.integers(1, 4))):
         uv = rng.uniform([-1, -1], [spec.cols, spec.rows], (2, 2))
-        ends = np.nan_to_num(board_to_pixels(spec, scene.camera, uv))
+        ends = np.nan_to_num(board_to_pixels(spec, scene.camera, from_upright(spec, uv)))
         if _chance(rng, 0.5):
             ends[1] = ends[0] + (ends[1] - ends[0]) * rng.uniform(0, 0.5)
         value, soft = float(rng.uniform(0, 1)), float(rng.choice([1.0, 1.0, 3.0]))

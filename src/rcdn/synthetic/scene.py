@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import ConfigError
-from rcdn.types import Array, Camera, CameraModel
+from rcdn.types import Array, Camera, CameraModel, Pattern
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,10 @@ class BoardSpec:
     with `swap` bright; `bleed`: how far white runs into black (negative: black into white), squares;
     `painted`: squares (i, j, value) painted over, each named by the corner at its end; `coded`: bits per side of the
     marker in white squares, 0 = none.
+
+    `pattern` deltille: triangles instead of squares, `cols` × `rows` inner corners in rows that are set off by half an edge in turn; corner
+    (i, j) lies at (i + j/2, j·√3/2) edges, i from −⌊j/2⌋ on. All triangles at these corners are printed, and no others; the one
+    between (0, 0), (1, 0) and (0, 1) is dark. `painted` names rhombi; `coded` counts for squares only.
     """
 
     cols: int
@@ -56,6 +60,7 @@ class BoardSpec:
     bend: Bend | None = None
     painted: tuple[tuple[int, int, float], ...] = ()
     coded: int = 0
+    pattern: Pattern = "checker"
 
 
 @dataclass(frozen=True)
@@ -149,10 +154,11 @@ class Scene:
 class BoardTruth:
     """Exact corners of one rendered board.
 
-    `xy` (cols·rows, 2) px, NaN where the lens can't see; `ij` (cols·rows, 2) column and row, row by row.
+    `xy` (cols·rows, 2) px, NaN where the lens can't see; `ij` (cols·rows, 2) column and row (of a deltille: along its two
+    axes), row by row.
     `visible` (N,): plainly in the picture; `ignore` (N,): in the picture, but too damaged to demand or to forbid
-    (half covered, at the frame, a painted square beside it, under 4 px of pitch, seen from under 10°).
-    `pitch` (N,): distance to the nearest of the four neighbours, px.
+    (half covered, at the frame, a painted square beside it, under 4 px of pitch, 7 px of a deltille, seen from under 10°).
+    `pitch` (N,): distance to the nearest of the four (six) neighbours, px.
     """
 
     xy: Array

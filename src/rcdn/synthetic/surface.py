@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 
 from rcdn.geometry import project, transform
+from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
-from rcdn.types import Array, Camera, Pose
+from rcdn.types import Array, Camera, Pose, plane_points
+from rcdn.types.corners import ROW
 
 
 def board_pose(spec: BoardSpec) -> Pose:
@@ -28,14 +30,11 @@ def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array
     return height, bend.curvature * t + bend.amplitude * w * np.cos(arg)
 
 
-def _middle(spec: BoardSpec) -> Array:
-    return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])
-
-
 def board_points(spec: BoardSpec, uv: Array) -> Array:
     """Points (N, 3) of the sheet, in the board's frame, at board coordinates `uv` (N, 2)."""
-    x, y = uv[:, 0].astype(float), uv[:, 1] * spec.aspect
-    z = np.zeros(len(uv)) if spec.bend is None else _height(spec.bend, x, y, _middle(spec))[0]
+    x, y = plane_points(uv, spec.pattern).T
+    y = y * spec.aspect
+    z = np.zeros(len(uv)) if spec.bend is None else _height(spec.bend, x, y, middle(spec))[0]
     return np.stack([x, y, z], axis=1)
 
 
@@ -49,7 +48,7 @@ def viewing_cosine(spec: BoardSpec, uv: Array) -> Array:
     pose, points = board_pose(spec), board_points(spec, uv)
     normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))
     if spec.bend is not None:
-        slope = _height(spec.bend, points[:, 0], points[:, 1], _middle(spec))[1]
+        slope = _height(spec.bend, points[:, 0], points[:, 1], middle(spec))[1]
         normal[:, 0], normal[:, 1] = -slope * np.cos(spec.bend.angle), -slope * np.sin(spec.bend.angle)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     seen = transform(pose, points)
@@ -66,12 +65,13 @@ def rays_to_board(spec: BoardSpec, rays: Array) -> tuple[Array, Array]:
         if spec.bend is not None:
             depth = _meet_sheet(spec, spec.bend, origin, e, depth)
         depth = np.where((e[..., 2] > 0.02) & (depth > 0), depth, np.nan)
-    return origin[0] + depth * e[..., 0], (origin[1] + depth * e[..., 1]) / spec.aspect
+    x, y = origin[0] + depth * e[..., 0], (origin[1] + depth * e[..., 1]) / spec.aspect
+    return (x, y) if spec.pattern == "checker" else (x - 0.5 / ROW * y, y / ROW)
 
 
 def _meet_sheet(spec: BoardSpec, bend: Bend, origin: Array, e: Array, depth: Array) -> Array:
     """Newton along each ray, from its hit on the plane."""
-    centre, c, s = _middle(spec), np.cos(bend.angle), np.sin(bend.angle)
+    centre, c, s = middle(spec), np.cos(bend.angle), np.sin(bend.angle)
     reach = float(np.hypot(spec.cols, spec.rows)) + 4
     for _ in range(8):
         x, y = origin[0] + depth * e[..., 0], origin[1] + depth * e[..., 1]

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from rcdn.corners.normalise import normalise
+from rcdn.synthetic import PRESETS
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.samples import Pool
@@ -30,11 +31,15 @@ def torch_response(net: Any, image: Array, loss: str, kind: str) -> Array:
 
 
 def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict[str, float]:
-    """What `validation.summary` says of a network on the hard validation set, or on the crops of `overfit`."""
+    """What `validation.summary` says of a network on the hard validation set, or on the crops of `overfit`.
+
+    A network that learns deltilles is judged by windows of the ranges that it learns from: X-corners are none of its.
+    """
     net.eval()
     samples: Any
+    ranges = PRESETS[config.pool.ranges]
     if overfit is None:
-        samples = validation_set()
+        samples = validation_set(ranges=ranges) if ranges.deltille_p else validation_set()
     else:
         samples = [(im, lab[np.isfinite(lab[:, 0])]) for im, lab in zip(overfit.images, overfit.labels, strict=True)]
     return summary([score_crop(torch_response(net, im, config.loss, config.normalisation), lab) for im, lab in samples])

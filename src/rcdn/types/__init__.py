@@ -6,7 +6,7 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 from rcdn.types.base import Array
 from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
-from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
+from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 
 __all__ = [
     "LENS",
@@ -19,9 +19,11 @@ __all__ = [
     "Corners",
     "ModelScore",
     "Orientation",
+    "Pattern",
     "Pose",
     "PoseEstimate",
     "Status",
     "StereoCalibration",
+    "plane_points",
     "usual_size",
 ]

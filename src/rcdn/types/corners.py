@@ -13,7 +13,22 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.types.base import Array, freeze
 
-Orientation = Literal["unique", "ambiguous_180", "ambiguous_90"]
+Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
+Pattern = Literal["checker", "deltille"]
+"""What a board is made of: squares of two colours, or equilateral triangles of two colours (a deltille)."""
+ROW = 0.5 * 3**0.5
+"""height of a triangle of a deltille, the distance of its rows, edges"""
+
+
+def plane_points(ij: Array, pattern: Pattern = "checker") -> Array:
+    """Where labels `ij` (..., 2) lie on their board, (..., 2), in squares; of a deltille, in edges of its triangles.
+
+    A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Labels need not be whole.
+    """
+    if pattern == "checker":
+        return np.asarray(ij, np.float64)
+    i, j = np.moveaxis(np.asarray(ij, np.float64), -1, 0)
+    return np.stack([i + 0.5 * j, ROW * j], axis=-1)
 
 
 class Status(IntEnum):
@@ -76,7 +91,8 @@ class Board:
     `xy` (M, 2) px; `ij` (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image
     (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
     `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
-    `response` (M,), `status` (M,) as in `Corners`.
+    `response` (M,), `status` (M,) as in `Corners`. `pattern`: of a `deltille`, i and j run along two edges of a triangle, 60° apart, and
+    nothing says where the board ends: it is never `complete`.
     """
 
     xy: Array
@@ -86,6 +102,7 @@ class Board:
     status: Array
     orientation: Orientation
     sigma: Array | None = field(default=None)
+    pattern: Pattern = "checker"
 
     def __post_init__(self) -> None:
         freeze(self, "xy", self.xy, np.float64, (2,))
@@ -112,8 +129,13 @@ class Board:
 
     @property
     def complete(self) -> bool:
-        """True if no label of the bounding grid is missing."""
-        return len(self) == self.size[0] * self.size[1]
+        """True if no label of the bounding grid is missing; False of a deltille."""
+        return self.pattern == "checker" and len(self) == self.size[0] * self.size[1]
+
+    @property
+    def points(self) -> Array:
+        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles); see `plane_points`."""
+        return plane_points(self.ij, self.pattern)
 
     def grid(self) -> Array:
         """Positions as a (rows, columns, 2) array, NaN where a corner is missing."""
@@ -126,12 +148,14 @@ class Board:
     def grid_of(self, size: tuple[int, int]) -> Array | None:
         """`grid()` as a board of `size` (columns, rows), turned a quarter if that makes it fit; None if the board has another size.
 
-        Never mirrored. Of the two quarter turns it takes the one that leaves the square inside (0, 0) its colour, so that an
+        Never mirrored; a deltille isn't turned. Of the two quarter turns it takes the one that leaves the square inside (0, 0) its colour, so that an
         unambiguous board stays so.
         """
         grid = self.grid()
         if self.size == tuple(size):
             return grid
+        if self.pattern != "checker":
+            return None
         if self.size != tuple(size)[::-1]:
             return None
         return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)

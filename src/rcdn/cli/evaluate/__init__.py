@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import typer
 
-from rcdn.cli.evaluate import calibration, detection, figures, sweep, table4, tables
+from rcdn.cli.evaluate import calibration, deltille, detection, figures, sweep, table4, tables
 
 app = typer.Typer(
     no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
@@ -26,3 +26,4 @@ app.command("table4")(table4.table4)
 app.command("fig4")(figures.fig4)
 app.command("fig5")(figures.fig5)
 app.command("fig6")(figures.fig6)
+app.command("deltille")(deltille.deltille)

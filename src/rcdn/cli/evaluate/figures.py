@@ -38,7 +38,7 @@ def fig4(
     plots: Plots = None,
     markdown: Markdown = None,
 ) -> None:
-    """Fig. 4: how far RCDN's, MATE's and ChESS' highest response is from the corner, over noise and rotation.
+    """Figure 4: how far RCDN's, MATE's and ChESS' highest response is from the corner, over noise and rotation.
 
     Corners of 64 and 191 with a line of 128, without and with 3×3 pre-blur; noise 0 to 100, rotation 0° to 90°; the highest
     response of the central 41×41 of 81×81 px, no refinement. Printed: means over all angles. `hit`: within 1 px; `miss`: more
@@ -60,7 +60,7 @@ def fig5(
     plots: Plots = None,
     markdown: Markdown = None,
 ) -> None:
-    """Fig. 5: how far RCDN's, MATE's and ChESS' highest response is from the corner, over noise and tilt.
+    """Figure 5: how far RCDN's, MATE's and ChESS' highest response is from the corner, over noise and tilt.
 
     As fig4, with a tilt of 0° to 70° about an axis at 45° to the squares' edges, which cross at 2 atan(cos tilt).
 
@@ -82,7 +82,7 @@ def fig6(
     plots: Plots = None,
     markdown: Markdown = None,
 ) -> None:
-    """The paper's second Fig. 5: mean error, px, of sub-pixel refinements over noise, blur, rotation and tilt.
+    """The second Figure 5 of the paper: mean error, px, of sub-pixel refinements over noise, blur, rotation and tilt.
 
     Corners of 64 and 191 anywhere within a pixel, 80×80 px; one factor at a time, the others low (noise 2, blur 1 px, 10°,
     10°). From the highest response (seed) go: centre of mass (CoM), Gaussian peak (Gauss), parabola, cornerSubPix (OpenCV),

@@ -1,0 +1,215 @@
+"""Boards of triangles: from six-sector corners to labelled lattices (paper section 4.5). No board size is needed.
+
+As for squares: links that both ends agree on, cells that the picture shows, a flood fill over them (`boards.triangles`), then corners that
+the lattice predicts, and a validation that only drops.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from rcdn.boards.graph import Label
+from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.six_sided import (
+    ALIKE,
+    ALIKE_SEARCHED,
+    REACH,
+    believable,
+    shortest,
+    six_sided,
+    usual_contrast,
+    validate,
+)
+from rcdn.boards.triangles import FIT, Field, cells, label, links
+from rcdn.corners import Candidates
+from rcdn.corners.peaks import SAME
+from rcdn.corners.six_sector import antisymmetry, ring, six_axes
+from rcdn.types import Array, Board, Status
+
+NEAR = 0.22
+"""a corner may lie this share of the shortest step from its prediction"""
+NEAR_SEARCHED, FIT_SEARCHED = 0.12, 0.6
+"""the same, and least `fit`, of a corner that the network did not answer at"""
+SUPPORT, SHORTEST = 3, 3.0
+"""labelled corners that a prediction needs, and the least step there, px"""
+ROUNDS = 60
+
+
+def find_deltilles(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
+    """Deltilles among six-sector corners (`six_candidates`), the one with most corners first; [] if there is none.
+
+    `grey` (H, W); `least`: fewest corners of a board, which also needs six whole triangles;
+    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny triangles are trusted less).
+    """
+    field = Field.of(grey, candidates)
+    free, boards = np.ones(len(field.xy), bool), []
+    for at, sign in label(field, cells(field, links(field))):
+        grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
+        if len(grid) < 3:
+            continue
+        validate(field, grid, sign)
+        _grow(field, grid, sign, free)
+        validate(field, grid, sign)
+        if believable(field, grid, least, scale):
+            held = np.array(list(grid.at.values()))
+            free[held[held < len(free)]] = False
+            boards.append(_as_board(field, candidates, grid, sign))
+    return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+# ---- completion
+
+
+def _grow(field: Field, grid: Grid, sign: int, free: Array) -> None:
+    """Add corners, nearest to their prediction first, until nothing changes; where the network is silent the picture is searched."""
+    if not grid.at:
+        return
+    open_ = free.copy()
+    open_[list(grid.at.values())] = False
+    refused: set[tuple[Label, int]] = set()
+    for _ in range(ROUNDS):
+        spots = _spots_beside(grid)
+        offers = _offers(field, grid, sign, open_, spots, refused)
+        if not offers:
+            return
+        for offer in sorted(offers, key=lambda o: o[:3]):
+            _take(field, grid, open_, spots.labels[offer.row], offer)
+
+
+class _Spots(NamedTuple):
+    """Empty places of a lattice where it may go on: `labels` (K), their predictions, and the shortest step there, `step` (K,) px."""
+
+    labels: list[Label]
+    guess: Predictions
+    step: Array
+
+
+def _spots_beside(grid: Grid) -> _Spots:
+    labels = sorted({(u + d, v + e) for u, v in grid.at for d, e in REACH} - set(grid.at))
+    guess = grid.predictions(labels)
+    step = shortest(guess)
+    rows = np.flatnonzero((guess.support >= SUPPORT) & (np.nan_to_num(step) >= SHORTEST))
+    return _Spots([labels[k] for k in rows], Predictions(*(a[rows] for a in guess)), step[rows])
+
+
+class _Offer(NamedTuple):
+    """What may take spot number `row`: `corner`, or −1, at `xy` (2,); `gap`: from its prediction, in steps."""
+
+    gap: float
+    row: int
+    corner: int
+    xy: Array
+
+
+def _take(field: Field, grid: Grid, open_: Array, spot: Label, offer: _Offer) -> None:
+    """Give the spot what is offered, unless either has gone."""
+    corner = offer.corner
+    if spot in grid.at or (corner >= 0 and not open_[corner]):
+        return
+    if corner >= 0:
+        open_[corner] = False
+    elif cKDTree(grid.xy[list(grid.at.values())]).query(offer.xy)[0] < SAME:
+        return
+    else:
+        corner = field.append(offer.xy)
+        grid.xy = field.xy
+    grid.at[spot] = corner
+
+
+def _offers(
+    field: Field, grid: Grid, sign: int, open_: Array, spots: _Spots, refused: set[tuple[Label, int]]
+) -> list[_Offer]:
+    """Unlabelled corners of the network's that may take a spot, and, with none near, one that the picture shows there."""
+    tries = _tries(field, open_, spots, refused)
+    if not tries:
+        return []
+    row, corner = np.array([t[:2] for t in tries]).T
+    xy, guess, step = np.array([t[2] for t in tries]), spots.guess, spots.step[row]
+    du, dv, silent = guess.du[row], guess.dv[row], corner < 0
+    gap = np.linalg.norm(xy - guess.xy[row], axis=1) / step
+    looks = six_axes(field.grey, xy, ring(step))
+    fine = (gap < np.where(silent, NEAR_SEARCHED, NEAR)) & (looks.fit >= np.where(silent, FIT_SEARCHED, FIT))
+    fine &= (looks.polarity != 0) & _axes_fit(looks.axes, du, dv)
+    usual = usual_contrast(field, grid, sign, spots.labels, guess.du, guess.dv)
+    fine &= six_sided(field.grey, xy, du, dv, sign) > np.where(silent, ALIKE_SEARCHED, ALIKE) * usual[row]
+    refused.update((spots.labels[r], c) for (r, c, _), f in zip(tries, fine.tolist(), strict=True) if not f)
+    return [_Offer(float(gap[k]), *tries[k]) for k in np.flatnonzero(fine)]
+
+
+def _tries(field: Field, open_: Array, spots: _Spots, refused: set[tuple[Label, int]]) -> list[tuple[int, int, Array]]:
+    """(row of a spot, corner or −1, position) of what lies near enough to be looked at, and wasn't refused."""
+    out, silent = [], np.ones(len(spots.labels), bool)
+    index = np.flatnonzero(open_[: field.known])
+    if len(index) and len(silent):
+        near = cKDTree(field.xy[index]).query_ball_point(spots.guess.xy, NEAR * spots.step)
+        out = [(row, int(c), field.xy[c]) for row, own in enumerate(near) for c in index[own]]
+        silent[[row for row, _, _ in out]] = False
+        out = [t for t in out if (spots.labels[t[0]], t[1]) not in refused]
+    silent &= np.array([(label, -1) not in refused for label in spots.labels], bool)
+    rows = np.flatnonzero(silent & (spots.guess.support > SUPPORT))
+    found = antisymmetry(field.grey, spots.guess.xy[rows], spots.step[rows])
+    seen = np.isfinite(found).all(axis=1) & _inside(found, field.grey.shape)
+    return out + [(int(row), -1, xy) for row, xy in zip(rows[seen], found[seen], strict=True)]
+
+
+def _inside(xy: Array, shape: tuple[int, ...]) -> Array:
+    return np.asarray(((xy >= 3) & (xy <= np.array(shape[::-1]) - 4)).all(axis=1))
+
+
+def _axes_fit(axes: Array, du: Array, dv: Array) -> Array:
+    """(K,) bool: is there an axis (K, 3) along each of the lattice's directions, nearer than half way to the next one?"""
+    angle = np.stack([np.arctan2(s[:, 1], s[:, 0]) for s in (du, dv, dv - du)], axis=1)
+    turn = np.abs((angle[:, :, None] - axes[:, None] + np.pi / 2) % np.pi - np.pi / 2)
+    order = np.sort(angle % np.pi, axis=1)
+    room = np.column_stack([np.diff(order, axis=1), order[:, :1] + np.pi - order[:, 2:]]).min(axis=1)
+    turn = np.where(np.isfinite(turn), turn, np.pi)
+    own = turn.argmin(axis=2)
+    apart = (own[:, 0] != own[:, 1]) & (own[:, 1] != own[:, 2]) & (own[:, 0] != own[:, 2])
+    return np.asarray(apart & (turn.min(axis=2).max(axis=1) < np.maximum(0.5 * room, np.deg2rad(8))))
+
+
+# ---- labels for the user
+
+
+def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Board:
+    """The lattice labelled by the contract. Searched corners have no response: 0."""
+    ij, corner = np.array(list(grid.at)), np.array(list(grid.at.values()))
+    new = ordered(ij, field.xy[corner], sign)
+    order = np.lexsort((new[:, 0], new[:, 1]))
+    corner, new = corner[order], new[order]
+    bare = corner >= field.known
+    row = np.where(bare, 0, corner)
+    status = candidates.all.status[row]
+    weak = ~candidates.sure[row] & (status == Status.REFINED)
+    status = np.where(bare | weak, Status.COMPLETED, status)
+    response = np.where(bare, 0, field.response[row])
+    height, width = field.grey.shape
+    return Board(field.xy[corner], new, (width, height), response, status, "ambiguous_120", pattern="deltille")
+
+
+def ordered(ij: Array, xy: Array, colour: int) -> Array:
+    """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
+
+    `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 dark. In the labels returned they are dark. A third of
+    a turn keeps the colours: of the three labellings left, the one whose i axis runs closest to +x. The smallest i and j are 0.
+    """
+    options = [_turned(ij, k) for k in ((0, 2, 4) if colour < 0 else (1, 3, 5))]
+    best = max(options, key=lambda o: _rightward(o, xy))
+    return np.asarray(best - best.min(axis=0))
+
+
+def _turned(ij: Array, sixths: int) -> Array:
+    u, v = ij.T
+    for _ in range(sixths):
+        u, v = -v, u + v
+    return np.stack([u, v], axis=1)
+
+
+def _rightward(ij: Array, xy: Array) -> float:
+    """cos of the angle between the i axis and +x."""
+    design = np.column_stack([ij, np.ones(len(ij))])
+    step = np.linalg.lstsq(design, xy, rcond=None)[0][0]
+    return float(step[0] / max(np.hypot(*step), 1e-12))

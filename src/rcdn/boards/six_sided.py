@@ -1,0 +1,194 @@
+"""What makes corners a lattice of triangles: six sectors that alternate, places that their neighbours predict. Drop-only, as for squares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.boards.edges import sample_grey
+from rcdn.boards.graph import Label
+from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.triangles import STEPS, Field
+from rcdn.corners.six_sector import ring, six_axes
+from rcdn.types import Array
+
+REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
+"""steps to where a lattice may go on: a shadow's edge takes a line of corners with it"""
+OFF_INSIDE, OFF_RIM, OFF_LOOSE = 0.04, 0.1, 0.18
+"""largest distance of a corner from its neighbours' prediction, share of the shortest step: with all six neighbours, with fewer, and where
+the prediction stands on few corners (`ENOUGH`)"""
+OFF_PX, OFF_USUAL = 0.6, 6.0
+"""what is always allowed: so many px, and so many times the board's median"""
+ENOUGH = 7
+EVEN, EVEN_USUAL = 0.02, 10.0
+"""most of a ring's variance that doesn't change its sign under half a turn, and that as a multiple of the board's median (noise has it, too):
+the edge of a shadow or of a cover near a corner, which draws it aside"""
+ALIKE, ALIKE_SEARCHED = 0.12, 0.4
+"""least contrast of a corner, share of the usual one beside it (shadows leave a fifth); of one that the network did not answer at"""
+CLOSE, CLOSE_PX, FAR = (0.3, 0.6), 2.2, 0.9
+"""how far from a corner its sectors are looked at, shares of the way to their centroids: close to it, but not in its blur, and far from it"""
+ALONG, ASIDE = (0.85, 1.0, 1.15), (-0.35, -0.18, 0.0, 0.18, 0.35)
+"""where the samples of a sector lie around that, along the way and to its sides: their mean is what noise leaves"""
+STEP_CLOSE, STEP_FAR = 0.15, 0.3
+"""least step between adjacent sectors there, share of the mean step"""
+DARK = 6.0
+"""grey levels added before the logarithm, so that noise in the dark doesn't count as contrast"""
+CELLS = 6
+"""fewest whole triangles of a board"""
+RESPONSE = 0.3
+"""least median response of a board"""
+IRREGULAR = 0.05
+"""largest median distance of a board's corners from their neighbours' predictions, steps: fisheyes and bent sheets have 0.022, cloth 0.09"""
+FEW, FEW_IRREGULAR, FEW_FIT = 16, 0.03, 0.75
+"""under so many corners, the same, and the least median `fit`"""
+TINY, TINY_LEAST = 8.0, 20
+"""px of the picture; a board of shorter steps must have so many corners"""
+
+
+def six_sided(grey: Array, xy: Array, du: Array, dv: Array, sign: int) -> Array:
+    """Contrast (K,) of corners at `xy` (K, 2) whose six sectors alternate as the lattice says, steps of the logarithm of the grey level; 0 of others.
+
+    `du`, `dv` (K, 2) px: the lattice's steps there; `sign`: colour of the sector between them. Sectors must alternate near the corner
+    and further out: beyond a narrow margin, a dark background is no triangle. The logarithm makes lit and shaded parts alike.
+    """
+    arms = STEPS[:, 0, None] * du[:, None] + STEPS[:, 1, None] * dv[:, None]
+    middle, across = (arms + np.roll(arms, -1, axis=1)) / 3, (np.roll(arms, -1, axis=1) - arms) / 3
+    close = np.clip(CLOSE_PX / np.maximum(np.linalg.norm(middle, axis=2).min(axis=1), 1e-9), *CLOSE)
+    out = []
+    for radius, least in ((close, STEP_CLOSE), (np.full(len(xy), FAR), STEP_FAR)):
+        spots = [
+            xy[:, None] + (radius * along)[:, None, None] * (middle + s * across) for along in ALONG for s in ASIDE
+        ]
+        value = np.log(sample_grey(grey, np.stack(spots, axis=2)) + DARK).mean(axis=2)
+        steps = (value - np.roll(value, -1, axis=1)) * np.array([1, -1, 1, -1, 1, -1]) * sign
+        mean = steps.mean(axis=1)
+        out.append(np.where((mean > 0) & (steps.min(axis=1) > least * mean), mean, 0.0))
+    return np.asarray(np.where(out[0] > 0, out[1], 0.0))
+
+
+def shortest(guess: Predictions) -> Array:
+    """Shortest of the lattice's three steps (K,), px."""
+    return np.asarray(np.min([np.linalg.norm(s, axis=1) for s in (guess.du, guess.dv, guess.dv - guess.du)], axis=0))
+
+
+def usual_contrast(field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array) -> Array:
+    """Median contrast (K,) of the labelled corners within two steps of each spot, by the steps there."""
+    near = grid.around(spots, 2)
+    rows, columns = np.nonzero(near >= 0)
+    value = six_sided(field.grey, grid.xy[near[rows, columns]], du[rows], dv[rows], sign)
+    table = np.full(near.shape, np.nan)
+    table[rows, columns] = value
+    table[:, near.shape[1] // 2] = np.nan
+    some = np.isfinite(table).any(axis=1)
+    out = np.full(len(spots), np.inf)
+    out[some] = np.nanmedian(table[some], axis=1)
+    return out
+
+
+def validate(field: Field, grid: Grid, sign: int) -> None:
+    """Drop, in place: corners that no half turn negates; misfits, worst first; corners whose six sectors don't alternate; what has no
+    neighbour; all but the largest part.
+    """
+    while True:
+        before = len(grid)
+        _drop_uneven(field, grid)
+        _drop_misfits(grid)
+        _drop_poor(field, grid, sign)
+        held = set(grid.at)
+        grid.at = {s: c for s, c in grid.at.items() if any((s[0] + int(d), s[1] + int(e)) in held for d, e in STEPS)}
+        _largest_part(grid)
+        if len(grid) == before or not grid.at:
+            return
+
+
+def _drop_uneven(field: Field, grid: Grid) -> None:
+    """Drop corners that half a turn doesn't turn into their negative."""
+    spots = sorted(grid.at)
+    guess = grid.predictions(spots)
+    step = np.where(guess.support > 0, shortest(guess), 0)
+    even = six_axes(field.grey, grid.xy[[grid.at[s] for s in spots]], ring(step)).even
+    limit = max(EVEN, EVEN_USUAL * float(np.median(even))) if len(even) else 0.0
+    grid.at = {spot: grid.at[spot] for spot, share in zip(spots, even.tolist(), strict=True) if share <= limit}
+
+
+def _drop_misfits(grid: Grid) -> None:
+    """Drop corners that lie off their neighbours' prediction, worst first. A shadow's edge, or a cover's, near a corner draws it aside."""
+    while len(grid) > 3:
+        spots = sorted(grid.at)
+        guess = grid.predictions(spots)
+        off = np.linalg.norm(grid.xy[[grid.at[s] for s in spots]] - guess.xy, axis=1)
+        known = guess.support > 0
+        usual = float(np.median(off[known])) if known.any() else 0.0
+        around = np.array([sum((u + int(d), v + int(e)) in grid.at for d, e in STEPS) for u, v in spots])
+        share = np.select([around == 6, guess.support >= ENOUGH], [OFF_INSIDE, OFF_RIM], OFF_LOOSE)
+        limit = np.maximum(share * np.nan_to_num(shortest(guess)), max(OFF_PX, OFF_USUAL * usual))
+        excess = np.where(known, off / np.maximum(limit, 1e-9), 2.0)
+        worst = int(excess.argmax())
+        if excess[worst] <= 1:
+            return
+        del grid.at[spots[worst]]
+
+
+def _drop_poor(field: Field, grid: Grid, sign: int) -> None:
+    if len(grid) < 4:
+        return
+    spots = sorted(grid.at)
+    guess = grid.predictions(spots)
+    xy = grid.xy[[grid.at[s] for s in spots]]
+    told = guess.support > 0
+    contrast = np.zeros(len(spots))
+    contrast[told] = six_sided(field.grey, xy[told], guess.du[told], guess.dv[told], sign)
+    usual = np.zeros(len(spots))
+    if told.any():
+        some = [s for s, t in zip(spots, told, strict=True) if t]
+        usual[told] = usual_contrast(field, grid, sign, some, guess.du[told], guess.dv[told])
+    for spot, poor in zip(spots, contrast <= ALIKE * usual, strict=True):
+        if poor:
+            del grid.at[spot]
+
+
+def _triangles(grid: Grid) -> list[tuple[Label, Label, Label]]:
+    """Whole triangles of a lattice."""
+    out = []
+    for u, v in grid.at:
+        for other in ((u + 1, v), (u, v + 1)), ((u, v + 1), (u - 1, v + 1)):
+            if other[0] in grid.at and other[1] in grid.at:
+                out.append(((u, v), *other))
+    return out
+
+
+def _largest_part(grid: Grid) -> None:
+    """Leave the largest of the parts that are more than two edges apart."""
+    left, best = set(grid.at), set[Label]()
+    while left:
+        stack, part = [min(left)], set[Label]()
+        while stack:
+            u, v = stack.pop()
+            if (u, v) not in left:
+                continue
+            left.discard((u, v))
+            part.add((u, v))
+            stack += [(u + d, v + e) for d, e in REACH]
+        if len(part) > len(best):
+            best = part
+    grid.at = {s: c for s, c in grid.at.items() if s in best}
+
+
+def believable(field: Field, grid: Grid, least: int, scale: float) -> bool:
+    """Is it a board? Corners and triangles enough, most of them answered by the network, and as regular as print is.
+
+    Few corners must look plainly like corners, and where triangles are tiny in the picture, of which `grid` shows `scale` px for one, there must
+    be many: woven and printed cloth has triangles, too.
+    """
+    if len(grid) < least or len(_triangles(grid)) < CELLS:
+        return False
+    corner, guess = np.array(list(grid.at.values())), grid.predictions(list(grid.at))
+    response = np.where(corner < field.known, field.response[np.minimum(corner, field.known - 1)], 0)
+    told = guess.support > 0
+    step = shortest(guess)
+    off = float(np.median((np.linalg.norm(grid.xy[corner] - guess.xy, axis=1) / step)[told]))
+    looks = six_axes(field.grey, grid.xy[corner], ring(np.nan_to_num(step)))
+    if np.median(response) < RESPONSE or off > IRREGULAR:
+        return False
+    if len(grid) < FEW and (off > FEW_IRREGULAR or np.median(looks.fit) < FEW_FIT):
+        return False
+    return bool(len(grid) >= TINY_LEAST or np.median(step[told]) >= TINY * scale)

@@ -1,0 +1,50 @@
+"""`rcdn evaluate deltille`: boards of triangles, the paper's section 4.5."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rcdn.cli.evaluate._table import Json, bar, show
+
+
+def deltille(
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", envvar="RCDN_DATA", help="The folder that holds deltille-libcbdetect, two real pictures."
+        ),
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="Rendered scenes, and as many without a deltille.")] = 100,
+    views: Annotated[int, typer.Option(min=8, help="Rendered views to calibrate from.")] = 40,
+    json: Json = None,
+) -> None:
+    """Deltilles: rendered scenes, clutter, two real pictures, calibration and pose beside the paper's (about 5 minutes).
+
+    `recall`, `precision`: of corners in boards, at 2 px, of those plainly in the picture; `whole`: pictures with all of them and nothing
+    else. `cal`: calibrated from every second view, `pose`: only poses of the others, root mean square lengths of reprojection errors, px;
+    the views have noise of 5 grey levels and blur of 1 px. Without the real pictures their rows are left out.
+    """
+    from rcdn.evaluation.paper import deltille as suite
+    from rcdn.evaluation.paper.claim import lines
+    from rcdn.io import check_writable
+
+    if json is not None:
+        check_writable(json)
+    with bar("rendered scenes") as step:
+        rendered = suite.scenes(count, step)
+    with bar("clutter") as step:
+        alarms = suite.clutter(count, step)
+    pictures = suite.real(data)
+    with bar("calibration") as step:
+        camera = suite.calibration(views, step)
+    rows = [rendered, alarms, *pictures, camera]
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    settings = {"count": count, "views": views, "noise": suite.NOISE, "blur": suite.BLUR, "radius": suite.RADIUS}
+    show([{key: row.get(key) for key in columns} for row in rows], json, "deltille", settings)
+    if not pictures:
+        typer.echo(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
+    for text in lines(suite.claims(rendered, alarms, pictures, camera)):
+        typer.echo(text)

@@ -1,0 +1,51 @@
+"""Which corners a board has, what surrounds them, and where its sheet ends: squares or triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.synthetic.scene import BoardSpec
+from rcdn.types import Array
+from rcdn.types.corners import ROW
+
+STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+STEPS_DELTILLE = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
+"""from a corner to its neighbours, labels"""
+
+
+def labels(spec: BoardSpec) -> Array:
+    """Labels (cols·rows, 2) of a board's inner corners, row by row."""
+    ij = np.stack(np.meshgrid(np.arange(spec.cols), np.arange(spec.rows)), axis=-1).reshape(-1, 2)
+    if spec.pattern == "deltille":
+        ij[:, 0] -= ij[:, 1] // 2
+    return ij
+
+
+def steps(spec: BoardSpec) -> Array:
+    """Steps (4 or 6, 2) from a label to those of its neighbours."""
+    return STEPS if spec.pattern == "checker" else STEPS_DELTILLE
+
+
+def middle(spec: BoardSpec) -> Array:
+    """(2,) the middle of the inner corners in the sheet's plane, squares or edges."""
+    if spec.pattern == "checker":
+        return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])
+    return np.array([(spec.cols - 1) / 2 + 0.25 * (spec.rows > 1), (spec.rows - 1) / 2 * ROW * spec.aspect])
+
+
+def upright(spec: BoardSpec, u: Array, v: Array) -> tuple[Array, Array]:
+    """Coordinates in which the sheet's rim is upright, from labels (whole or not): (u, v), of a deltille (u + v/2, v)."""
+    return (u, v) if spec.pattern == "checker" else (u + v * np.float32(0.5), v)
+
+
+def from_upright(spec: BoardSpec, uv: Array) -> Array:
+    """Labels (..., 2), whole or not, from coordinates of `upright`."""
+    if spec.pattern == "checker":
+        return uv
+    return np.stack([uv[..., 0] - 0.5 * uv[..., 1], uv[..., 1]], axis=-1)
+
+
+def extent(spec: BoardSpec) -> tuple[float, float]:
+    """How far squares or triangles reach in coordinates of `upright`: from (−1, −1) to this. Beyond it is margin."""
+    half = 0.5 if spec.pattern == "deltille" and spec.rows > 1 else 0.0
+    return spec.cols + half, float(spec.rows)
