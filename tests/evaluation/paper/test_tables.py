@@ -207,7 +207,7 @@ def test_missing_weights_and_photographs_are_rows_that_say_so(monkeypatch, tmp_p
 
 def test_default_and_full_counts(tmp_path):
     assert {n: (s.usual, s.total) for n, s in SETS.items()} == {
-        "mesa-like": (206, 206), "ueye-like": (24, 206), "ueye": (5, 5), "gopro-like": (10, 100), "gopro": (10, 30)
+        "mesa-like": (206, 206), "ueye-like": (24, 206), "ueye": (5, 5), "gopro-like": (10, 100), "gopro": (30, 30)
     }  # fmt: skip
     assert len(tables.plan("table2", sets=["gopro-like"]).sets["gopro-like"]) == 10
     assert len(tables.plan("table2", full=True, sets=["gopro-like"], most=12).sets["gopro-like"]) == 12
