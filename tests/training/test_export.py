@@ -80,7 +80,7 @@ def test_batch_norm_is_folded_in():
     weight, bias = folded(block)
     image = torch.randn(1, 32, 9, 9, generator=torch.Generator().manual_seed(1))
     expected = block[1](block[0](image))
-    got = torch.nn.functional.conv2d(image, torch.from_numpy(weight), torch.from_numpy(bias))
+    got = torch.nn.functional.conv2d(image, weight, bias)
     assert torch.allclose(got, expected, atol=1e-5)
 
 
