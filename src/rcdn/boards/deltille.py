@@ -45,7 +45,7 @@ def find_deltilles(grey: Array, candidates: Candidates, least: int = 9, scale: f
     `scale`: px of `grey` for one of the picture that it shows enlarged (tiny triangles are trusted less).
     """
     field = Field.of(grey, candidates)
-    free, boards = np.ones(len(field.xy), bool), []
+    free, boards = candidates.all.status != Status.SEED, []
     for at, sign in label(field, cells(field, links(field))):
         grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
         if len(grid) < 3:

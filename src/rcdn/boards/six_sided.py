@@ -16,12 +16,12 @@ REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(
 OFF_INSIDE, OFF_RIM, OFF_LOOSE = 0.04, 0.1, 0.18
 """largest distance of a corner from its neighbours' prediction, share of the shortest step: with all six neighbours, with fewer, and where
 the prediction stands on few corners (`ENOUGH`)"""
-OFF_PX, OFF_USUAL = 0.6, 6.0
-"""what is always allowed: so many px, and so many times the board's median"""
+OFF_PX, OFF_USUAL, OFF_MOST = 0.6, 6.0, 0.06
+"""what is always allowed: so many px, and so many times the board's median, but no more of a step than this"""
 ENOUGH = 7
-EVEN, EVEN_USUAL = 0.02, 10.0
-"""most of a ring's variance that doesn't change its sign under half a turn, and that as a multiple of the board's median (noise has it, too):
-the edge of a shadow or of a cover near a corner, which draws it aside"""
+EVEN, EVEN_USUAL, EVEN_MOST = 0.02, 10.0, 0.4
+"""most of a ring's variance that doesn't change its sign under half a turn, that as a multiple of the board's median (noise has it, too), and
+whatever is usual: the edge of a shadow or of a cover near a corner, which draws it aside"""
 ALIKE, ALIKE_SEARCHED = 0.12, 0.4
 """least contrast of a corner, share of the usual one beside it (shadows leave a fifth); of one that the network did not answer at"""
 CLOSE, CLOSE_PX, FAR = (0.3, 0.6), 2.2, 0.9
@@ -36,9 +36,10 @@ CELLS = 6
 """fewest whole triangles of a board"""
 RESPONSE = 0.3
 """least median response of a board"""
-IRREGULAR = 0.05
-"""largest median distance of a board's corners from their neighbours' predictions, steps: fisheyes and bent sheets have 0.022, cloth 0.09"""
-FEW, FEW_IRREGULAR, FEW_FIT = 16, 0.03, 0.75
+IRREGULAR = 0.035
+"""largest median distance of a board's corners from their neighbours' predictions, steps: fisheyes and bent sheets have 0.022, cloth
+0.05 to 0.09"""
+FEW, FEW_IRREGULAR, FEW_FIT = 25, 0.025, 0.75
 """under so many corners, the same, and the least median `fit`"""
 TINY, TINY_LEAST = 8.0, 20
 """px of the picture; a board of shorter steps must have so many corners"""
@@ -106,7 +107,7 @@ def _drop_uneven(field: Field, grid: Grid) -> None:
     guess = grid.predictions(spots)
     step = np.where(guess.support > 0, shortest(guess), 0)
     even = six_axes(field.grey, grid.xy[[grid.at[s] for s in spots]], ring(step)).even
-    limit = max(EVEN, EVEN_USUAL * float(np.median(even))) if len(even) else 0.0
+    limit = min(max(EVEN, EVEN_USUAL * float(np.median(even))), EVEN_MOST) if len(even) else 0.0
     grid.at = {spot: grid.at[spot] for spot, share in zip(spots, even.tolist(), strict=True) if share <= limit}
 
 
@@ -120,7 +121,8 @@ def _drop_misfits(grid: Grid) -> None:
         usual = float(np.median(off[known])) if known.any() else 0.0
         around = np.array([sum((u + int(d), v + int(e)) in grid.at for d, e in STEPS) for u, v in spots])
         share = np.select([around == 6, guess.support >= ENOUGH], [OFF_INSIDE, OFF_RIM], OFF_LOOSE)
-        limit = np.maximum(share * np.nan_to_num(shortest(guess)), max(OFF_PX, OFF_USUAL * usual))
+        step = np.nan_to_num(shortest(guess))
+        limit = np.maximum(np.maximum(share * step, OFF_PX), np.minimum(OFF_USUAL * usual, OFF_MOST * step))
         excess = np.where(known, off / np.maximum(limit, 1e-9), 2.0)
         worst = int(excess.argmax())
         if excess[worst] <= 1:

@@ -21,11 +21,12 @@ def deltille(
     views: Annotated[int, typer.Option(min=8, help="Rendered views to calibrate from.")] = 40,
     json: Json = None,
 ) -> None:
-    """Deltilles: rendered scenes, clutter, two real pictures, calibration and pose beside the paper's (about 5 minutes).
+    """Deltilles: rendered scenes, clutter, two real pictures, calibration and pose beside the paper's (about 8 minutes).
 
-    `recall`, `precision`: of corners in boards, at 2 px, of those plainly in the picture; `whole`: pictures with all of them and nothing
-    else. `cal`: calibrated from every second view, `pose`: only poses of the others, root mean square lengths of reprojection errors, px;
-    the views have noise of 5 grey levels and blur of 1 px. Without the real pictures their rows are left out.
+    `recall`, `precision`: of corners in boards, at 2 px; of those in the picture that can be placed to within 0.25 px at its noise, and `of all`
+    (deep shadows hide some); `whole`: pictures with all of the former and nothing false. `cal`: calibrated from every second view,
+    `pose`: only poses of the others, root mean square lengths of reprojection errors, px; the views have noise of 5 grey levels and blur
+    of 1 px. Without the real pictures their rows are left out.
     """
     from rcdn.evaluation.paper import deltille as suite
     from rcdn.evaluation.paper.claim import lines
@@ -42,7 +43,14 @@ def deltille(
         camera = suite.calibration(views, step)
     rows = [rendered, alarms, *pictures, camera]
     columns = list(dict.fromkeys(key for row in rows for key in row))
-    settings = {"count": count, "views": views, "noise": suite.NOISE, "blur": suite.BLUR, "radius": suite.RADIUS}
+    settings = {
+        "count": count,
+        "views": views,
+        "noise": suite.NOISE,
+        "blur": suite.BLUR,
+        "radius": suite.RADIUS,
+        "unsure": suite.UNSURE,
+    }
     show([{key: row.get(key) for key in columns} for row in rows], json, "deltille", settings)
     if not pictures:
         typer.echo(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
