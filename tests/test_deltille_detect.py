@@ -18,6 +18,7 @@ from rcdn.errors import ConfigError
 from rcdn.evaluation.paper.deltille import same_lattice, score, view_scene
 from rcdn.geometry import project, transform
 from rcdn.io import FormatError, ImageResult, read_detections, write_detections
+from rcdn.io.cameras import read_camera
 from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_target, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
@@ -293,3 +294,24 @@ def test_labels_agree_up_to_what_colours_leave():
     third[3] += 1
     assert same_lattice(third, ij, swapped=False).sum() == len(ij) - 1
     assert truth(view_scene(1))[0].visible.all()
+
+
+def test_the_command_line_calibrates_and_poses_from_pictures_of_deltilles(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for k in range(8):
+        cv2.imwrite(f"{k}.png", render(view_scene(k)))
+    done = CliRunner().invoke(
+        app, ["calibrate", ".", "--spacing", "0.02", "--pattern", "deltille", "--model", "brown", "--no-cache",
+              "--jobs", "1", "-o", "cam.json"]
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    known = view_scene(0).camera.K
+    assert np.abs(read_camera(Path("cam.json")).K - known).max() < 3  # px
+    posed = CliRunner().invoke(
+        app, ["pose", "0.png", "--camera", "cam.json", "--spacing", "0.02", "--pattern", "deltille", "--no-cache"]
+    )
+    assert posed.exit_code == 0, posed.output
+    for wrong in (["--warp"], ["--board", "9x6"]):
+        refused = CliRunner().invoke(app, ["calibrate", ".", "--spacing", "0.02", "--pattern", "deltille", *wrong])
+        assert refused.exit_code == 2
+        assert "squares only" in refused.output

@@ -17,6 +17,14 @@ class PatternName(StrEnum):
     deltille = "deltille"
 
 
+Pattern = Annotated[
+    PatternName,
+    typer.Option(
+        help="What the boards are made of. checker: squares. deltille: triangles, six of which meet in a corner."
+    ),
+]
+
+
 class GridSize(NamedTuple):
     """(columns, rows) of inner corners. Not a bare tuple: Typer would read two words for that."""
 

@@ -13,7 +13,7 @@ import typer
 from rcdn.cli import _batch
 from rcdn.cli._cache import Cache, open_cache
 from rcdn.cli._group import FAILED
-from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, parse_size
+from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, FormatError
 
@@ -56,7 +56,8 @@ def calibrate(
         ),
     ],
     spacing: Annotated[
-        float, typer.Option(metavar="METRES", help="Side of one square, in metres: 25 mm squares have 0.025.")
+        float,
+        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
     ],
     model: Annotated[
         Model,
@@ -98,6 +99,7 @@ def calibrate(
         Path | None,
         typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
     ] = None,
+    pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     frames: Frames = 40,
     cache: CacheFolder = None,
@@ -119,9 +121,11 @@ def calibrate(
         )
     if stereo and warp:
         raise ConfigError("--warp is for one camera; leave it away with --stereo")
+    if pattern is PatternName.deltille and (board is not None or warp or stereo):
+        raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
     outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
     outputs.check(inputs)
-    config = DetectorConfig.preset("auto")
+    config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     if stereo:
         _stereo(run, inputs, spacing, model.value, outputs)

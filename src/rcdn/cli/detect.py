@@ -16,7 +16,7 @@ import typer
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
-from rcdn.cli._options import GridSize, Jobs, PatternName, parse_size
+from rcdn.cli._options import GridSize, Jobs, Pattern, PatternName, parse_size
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
@@ -80,12 +80,7 @@ def detect(
     preset: Annotated[
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
-    pattern: Annotated[
-        PatternName,
-        typer.Option(
-            help="What the boards are made of. checker: squares. deltille: triangles, six of which meet in a corner."
-        ),
-    ] = PatternName.checker,
+    pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     threads: Annotated[
         int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")

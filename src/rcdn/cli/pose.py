@@ -11,7 +11,7 @@ import typer
 from rcdn.cli import _batch
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, say_error
-from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, parse_size
+from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 
@@ -35,7 +35,8 @@ def pose(
         ),
     ],
     spacing: Annotated[
-        float, typer.Option(metavar="METRES", help="Side of one square, in metres: 25 mm squares have 0.025.")
+        float,
+        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
     ],
     camera_name: Annotated[
         str | None,
@@ -48,6 +49,7 @@ def pose(
     json: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write poses with their covariances as JSON.")
     ] = None,
+    pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     cache: CacheFolder = None,
     no_cache: NoCache = False,
@@ -66,9 +68,11 @@ def pose(
     from rcdn.io import write_text
 
     check_spacing(spacing)
+    if pattern is PatternName.deltille and board is not None:
+        raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
     lens = _camera(camera, camera_name)
     _batch.check_file("--json", json, [Path(i) for i in inputs])
-    config = DetectorConfig.preset("auto")
+    config = DetectorConfig.preset("auto", pattern=pattern.value)
     size = None if board is None else (board.cols, board.rows)
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
     records: list[dict[str, Any]] = []
