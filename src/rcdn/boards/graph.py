@@ -105,12 +105,7 @@ def links(field: Field) -> Array:
     usable = np.flatnonzero(field.strong & field.refined & (field.polarity != 0))
     if len(usable) < 4:
         return out
-    xy = field.xy[usable]
-    distance, near = cKDTree(xy).query(xy, k=min(NEIGHBOURS + 1, len(usable)))
-    i, j = np.repeat(usable, near.shape[1] - 1), usable[near[:, 1:].ravel()]
-    length = distance[:, 1:].ravel()
-    step = field.xy[j] - field.xy[i]
-    angle = np.arctan2(step[:, 1], step[:, 0])
+    i, j, length, angle = near_pairs(field.xy, usable, NEIGHBOURS)
     (colour_i, turn_i), (colour_j, turn_j) = field.side_colour(i, angle), field.side_colour(j, angle)
     limit = np.where(length < SMALL, TOLERANCE_SMALL, TOLERANCE)
     fine = (turn_i < limit) & (turn_j < limit) & (colour_i == -colour_j)
@@ -118,21 +113,31 @@ def links(field: Field) -> Array:
     shown = edge_contrast(field.grey, field.xy[i], field.xy[j]) * colour[:, None]
     fine = shown.min(axis=1) > LEAST_CONTRAST * np.minimum(field.contrast[i], field.contrast[j])
     i, j, length, angle = i[fine], j[fine], length[fine], angle[fine]
-    return _mutual(out, i, j, length, _slot(field, i, angle))
+    return mutual(out, i, j, length, slot_of(field.axes[i], angle))
 
 
-def _slot(field: Field, i: Array, angle: Array) -> Array:
-    """Which of SLOTS a direction from corner i is."""
-    turn = np.cos(angle[:, None] - field.axes[i])
+def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Array, Array]:
+    """Each corner of `usable` (K,), numbers of rows of `xy` (N, 2), and its `count` nearest among them: from, to, distance px, direction (M,) rad."""
+    own = xy[usable]
+    distance, near = cKDTree(own).query(own, k=min(count + 1, len(usable)))
+    i, j = np.repeat(usable, near.shape[1] - 1), usable[near[:, 1:].ravel()]
+    step = xy[j] - xy[i]
+    return i, j, distance[:, 1:].ravel(), np.arctan2(step[:, 1], step[:, 0])
+
+
+def slot_of(axes: Array, angle: Array) -> Array:
+    """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
+    turn = np.cos(angle[:, None] - axes)
     axis = np.abs(turn).argmax(axis=1)
-    return np.asarray(axis + 2 * (turn[np.arange(len(i)), axis] < 0))
+    return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 
 
-def _mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
+def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
+    """`out` (N, S), all −1, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
     order = np.lexsort((j, -length))  # the shortest is written last, and stays
     out[i[order], slot[order]] = j[order]
     back = np.zeros_like(out, bool)
-    for k in range(4):
+    for k in range(out.shape[1]):
         has = np.flatnonzero(out[:, k] >= 0)
         back[has, k] = (out[out[has, k]] == has[:, None]).any(axis=1)
     return np.where(back, out, -1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -129,3 +129,19 @@ class Prediction:
     def pitch(self) -> float:
         """Length of the shorter step, px."""
         return float(min(np.linalg.norm(self.du), np.linalg.norm(self.dv)))
+
+
+def parts(spots: Iterable[Label], steps: Iterable[Label]) -> list[set[Label]]:
+    """The parts of a grid's labels that `steps` join, the largest first, of equals that with the smallest label."""
+    left, out, ways = set(spots), [], list(steps)
+    while left:
+        stack, part = [min(left)], set()
+        while stack:
+            u, v = stack.pop()
+            if (u, v) not in left:
+                continue
+            left.discard((u, v))
+            part.add((u, v))
+            stack += [(u + d, v + e) for d, e in ways]
+        out.append(part)
+    return sorted(out, key=lambda p: (-len(p), min(p)))

@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.boards.edges import sample_grey
 from rcdn.boards.graph import Label
-from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.local import Grid, Predictions, parts
 from rcdn.boards.triangles import STEPS, Field
 from rcdn.corners.six_sector import ring, six_axes
 from rcdn.types import Array
@@ -160,19 +160,9 @@ def _triangles(grid: Grid) -> list[tuple[Label, Label, Label]]:
 
 def _largest_part(grid: Grid) -> None:
     """Leave the largest of the parts that are more than two edges apart."""
-    left, best = set(grid.at), set[Label]()
-    while left:
-        stack, part = [min(left)], set[Label]()
-        while stack:
-            u, v = stack.pop()
-            if (u, v) not in left:
-                continue
-            left.discard((u, v))
-            part.add((u, v))
-            stack += [(u + d, v + e) for d, e in REACH]
-        if len(part) > len(best):
-            best = part
-    grid.at = {s: c for s, c in grid.at.items() if s in best}
+    for part in parts(grid.at, REACH)[1:]:
+        for spot in part:
+            del grid.at[spot]
 
 
 def believable(field: Field, grid: Grid, least: int, scale: float) -> bool:

@@ -10,10 +10,9 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import sample_grey
-from rcdn.boards.graph import Label
+from rcdn.boards.graph import Label, mutual, near_pairs, slot_of
 from rcdn.corners import Candidates
 from rcdn.types import Array, Status
 
@@ -88,29 +87,12 @@ def links(field: Field) -> Array:
     usable = np.flatnonzero(field.strong & (field.polarity != 0))
     if len(usable) < 3:
         return out
-    xy = field.xy[usable]
-    distance, near = cKDTree(xy).query(xy, k=min(NEIGHBOURS + 1, len(usable)))
-    i, j = np.repeat(usable, near.shape[1] - 1), usable[near[:, 1:].ravel()]
-    length = distance[:, 1:].ravel()
-    step = field.xy[j] - field.xy[i]
-    angle = np.arctan2(step[:, 1], step[:, 0])
+    i, j, length, angle = near_pairs(field.xy, usable, NEIGHBOURS)
     (one, turn), (other, back) = field.side(i, angle), field.side(j, angle)
     ratio = field.contrast[i] / np.maximum(field.contrast[j], 1e-9)
     fine = (one == other) & (turn < TURN) & (back < TURN) & (ratio < UNLIKE) & (ratio > 1 / UNLIKE)
     i, j, length, angle = i[fine], j[fine], length[fine], angle[fine]
-    slot = _slot(field, i, angle)
-    order = np.lexsort((j, -length))  # the shortest is written last, and stays
-    out[i[order], slot[order]] = j[order]
-    has = np.argwhere(out >= 0)
-    mutual = (out[out[has[:, 0], has[:, 1]]] == has[:, :1]).any(axis=1)
-    out[has[~mutual, 0], has[~mutual, 1]] = -1
-    return out
-
-
-def _slot(field: Field, i: Array, angle: Array) -> Array:
-    turn = np.cos(angle[:, None] - field.axes[i])
-    axis = np.abs(turn).argmax(axis=1)
-    return np.asarray(axis + 3 * (turn[np.arange(len(i)), axis] < 0))
+    return mutual(out, i, j, length, slot_of(field.axes[i], angle))
 
 
 def cells(field: Field, neighbour: Array) -> list[tuple[Triangle, int]]:

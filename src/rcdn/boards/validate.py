@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import INNER, REACH, WIDEST, Grid
+from rcdn.boards.local import INNER, REACH, WIDEST, Grid, parts
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.types import Array
 
@@ -131,20 +131,9 @@ def _drop_loose(grid: Grid) -> None:
 
 def _split(grid: Grid) -> list[Grid]:
     """Leave the largest of the parts that edges join; return the others."""
-    left, parts = set(grid.at), []
-    while left:
-        stack, part = [min(left)], set()
-        while stack:
-            u, v = stack.pop()
-            if (u, v) not in left:
-                continue
-            left.discard((u, v))
-            part.add((u, v))
-            stack += [(u + d, v + e) for d, e in STEPS]
-        parts.append(part)
-    parts.sort(key=lambda p: (-len(p), min(p)))
-    others = [Grid({spot: grid.at[spot] for spot in sorted(part)}, grid.xy) for part in parts[1:]]
-    for part in parts[1:]:
+    rest = parts(grid.at, STEPS)[1:]
+    others = [Grid({spot: grid.at[spot] for spot in sorted(part)}, grid.xy) for part in rest]
+    for part in rest:
         for spot in part:
             del grid.at[spot]
     return others
