@@ -64,6 +64,9 @@ def test_ordinary_boards_are_found_whole_with_right_labels_and_sub_pixel_corners
         ok, error = right_labels(boards[0], expected)
         assert ok, seed
         errors.append(error)
+        if auto:
+            assert len(boards[0]) == len(expected.xy), seed
+            assert boards[0].complete
         found, all_of_them = found + len(boards[0]), all_of_them + len(expected.xy)
     assert found >= (1.0 if auto else 0.985) * all_of_them
     assert np.mean(errors) < (0.06 if auto else 0.12)

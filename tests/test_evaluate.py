@@ -9,12 +9,13 @@ from typer.testing import CliRunner
 from rcdn.cli import app
 from rcdn.evaluation import detections, hard, scenes
 from rcdn.io import ImageResult, write_detections
+from rcdn.metrics import counted
 from rcdn.types import Board, Corners
 
 
 def test_doubtful_corners_are_neither_right_nor_wrong():
     found = np.array([[10.0, 10], [50, 50], [90, 90]])
-    kept = scenes._without(found, np.array([[52.0, 50], [91, 90]]), np.array([[90.0, 91]]))
+    kept = counted(found, np.array([[90.0, 91]]), np.array([[52.0, 50], [91, 90]]), scenes.RADIUS, scenes.BLIND)
     np.testing.assert_array_equal(kept, found[[0, 2]])
 
 

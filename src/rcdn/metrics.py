@@ -46,6 +46,16 @@ def precision_recall(scores: Array, hits: Array, total: int) -> tuple[Array, Arr
     return true / np.arange(1, len(true) + 1), true / max(total, 1)
 
 
+def counted(found: Array, truth: Array, blind: Array, radius: float, reach: float) -> Array:
+    """`found` (N, 2) without those closer than `reach` px to a `blind` spot (K, 2), if no corner of `truth` is closer than `radius`.
+
+    Corners that are neither demanded nor forbidden are such spots.
+    """
+    if not len(blind) or not len(found):
+        return found
+    return found[(cKDTree(blind).query(found)[0] >= reach) | nearest(found, truth, radius)]
+
+
 def best_f1(scores: Array, hits: Array, total: int) -> dict[str, float]:
     """`f1`, `precision`, `recall` at the threshold `threshold` with the largest F1, and average precision `ap`.
 

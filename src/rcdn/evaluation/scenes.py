@@ -8,12 +8,11 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std
 from rcdn.corners import find_candidates
 from rcdn.corners.response import load_model
-from rcdn.metrics import match, nearest
+from rcdn.metrics import counted, match, nearest
 from rcdn.synthetic import ORDINARY, random_scene, render, truth
 from rcdn.types import Array
 
@@ -52,7 +51,7 @@ def score_scene(index: int) -> Counts:
         if config.model not in maps:
             maps[config.model] = load_model(config.model)(image, 1)
         found = find_candidates(image, maps[config.model], config).corners.xy
-        found = _without(found, blind, corners)
+        found = counted(found, corners, blind, RADIUS, BLIND)
         pairs, gaps = match(found, corners, RADIUS)
         right = len(pairs) == len(found) == len(corners)
         out[name] = (
@@ -64,15 +63,6 @@ def score_scene(index: int) -> Counts:
             float(gaps.sum()),
         )
     return out
-
-
-def _without(found: Array, blind: Array, corners: Array) -> Array:
-    if not len(blind) or not len(found):
-        return found
-    near = cKDTree(blind).query(found)[0] < BLIND
-    if len(corners):
-        near &= cKDTree(corners).query(found)[0] >= RADIUS
-    return found[~near]
 
 
 def table(count: int = 300, workers: int = 2, progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:

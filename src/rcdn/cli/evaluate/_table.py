@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +14,10 @@ import typer
 Json = Annotated[
     Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
 ]
+
+
+Csv = Annotated[Path | None, typer.Option("--csv", help="Also write all rows to this file.")]
+Workers = Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")]
 
 
 @contextmanager
@@ -28,6 +32,30 @@ def bar(title: str) -> Iterator[Callable[[int, int], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def check_files(*paths: Path | None, plots: Path | None = None) -> None:
+    """Before the work: can the files be written, and, into the folder `plots`, pictures be drawn?"""
+    from rcdn.errors import RcdnError
+    from rcdn.io import check_writable
+
+    for path in paths:
+        if path is not None:
+            check_writable(path)
+    if plots is not None:
+        try:
+            import matplotlib  # noqa: F401
+        except ImportError as error:
+            raise RcdnError("--plots needs matplotlib: pip install 'rcdn[plot]'") from error
+
+
+def write_png(figure: Any, path: Path) -> None:
+    """A matplotlib figure, whole or not at all."""
+    from rcdn.io import write_bytes
+
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=110)
+    write_bytes(path, data.getvalue())
 
 
 def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:

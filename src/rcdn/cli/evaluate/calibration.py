@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli.evaluate._table import Json, bar, show
+from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
 
 def calibration(
@@ -45,11 +45,9 @@ def calibration(
     from rcdn.cli._cache import Cache, fingerprint, open_cache
     from rcdn.config import DetectorConfig
     from rcdn.evaluation import calibration as suite
-    from rcdn.io import check_writable, write_text
+    from rcdn.io import write_text
 
-    for path in (json, markdown):
-        if path is not None:
-            check_writable(path)
+    check_files(json, markdown)
     opened = open_cache(DetectorConfig(), cache)
     assert opened is not None
     folder = opened.folder
@@ -77,13 +75,11 @@ def trust(
     """
     from rcdn.errors import ConfigError
     from rcdn.evaluation import trust as suite
-    from rcdn.io import check_writable
 
     names = [name.strip() for name in models.split(",") if name.strip()]
     if unknown := [n for n in names if n not in suite.MODELS]:
         raise ConfigError(f"--models: {unknown[0]!r} isn't one of {', '.join(suite.MODELS)}")
-    if json is not None:
-        check_writable(json)
+    check_files(json)
     rows = []
     with bar("calibrating") as step:
         for k, name in enumerate(names):

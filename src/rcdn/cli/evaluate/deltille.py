@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli.evaluate._table import Json, bar, show
+from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
 
 def deltille(
@@ -30,10 +30,8 @@ def deltille(
     """
     from rcdn.evaluation.paper import deltille as suite
     from rcdn.evaluation.paper.claim import lines
-    from rcdn.io import check_writable
 
-    if json is not None:
-        check_writable(json)
+    check_files(json)
     with bar("rendered scenes") as step:
         rendered = suite.scenes(count, step)
     with bar("clutter") as step:

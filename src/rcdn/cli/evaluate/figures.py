@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rcdn.cli._group import one_line
-from rcdn.cli.evaluate._table import Json, bar, show, write_csv
+from rcdn.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv, write_png
 
 Full = Annotated[bool, typer.Option("--full", help="The paper's size; see above for the time.")]
-Workers = Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")]
-Csv = Annotated[Path | None, typer.Option("--csv", help="Also write all rows to this file.")]
 Plots = Annotated[
     Path | None, typer.Option("--plots", metavar="DIR", help="Also draw the figure into it (needs the extra `plot`).")
 ]
@@ -96,7 +93,7 @@ def fig6(
     from rcdn.evaluation.paper.claim import lines
 
     files = (json, csv, plots, markdown)
-    _check(files)
+    check_files(json, csv, markdown, plots=plots)
     count = trials or (1000 if full else 200)
     with bar("refining") as step:
         rows = refinements.table(count, factor or (), rcdn, workers or os.cpu_count() or 1, step)
@@ -122,7 +119,8 @@ def _pixel_error(
     from rcdn.evaluation.paper import pixel_claims, pixel_error
     from rcdn.evaluation.paper.claim import lines
 
-    _check(files)
+    json, csv, plots, markdown = files
+    check_files(json, csv, markdown, plots=plots)
     methods, lacking = pixel_error.contestants(*weights)
     grid = pixel_error.grid(figure, full, trials)
     with bar("looking for corners") as step:
@@ -138,22 +136,6 @@ def _pixel_error(
     typer.echo("\n".join(lines(claims)))
     told = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
     _write(figure, rows, settings | told, files, pixel_claims.markdown)
-
-
-def _check(files: tuple[Path | None, Path | None, Path | None, Path | None]) -> None:
-    """Before the work: can the files be written, and the figure be drawn?"""
-    from rcdn.errors import RcdnError
-    from rcdn.io import check_writable
-
-    json, csv, plots, markdown = files
-    for path in (json, csv, markdown):
-        if path is not None:
-            check_writable(path)
-    if plots is not None:
-        try:
-            import matplotlib  # noqa: F401
-        except ImportError as error:
-            raise RcdnError("--plots needs matplotlib: pip install 'rcdn[plot]'") from error
 
 
 def _weights(names: dict[str, str]) -> dict[str, dict[str, str]]:
@@ -188,12 +170,9 @@ def _write(
 def _plot(suite: str, rows: Sequence[dict[str, Any]], folder: Path) -> None:
     from matplotlib.figure import Figure
 
-    from rcdn.io import write_bytes
     from rcdn.report.paper.pixel_error_plot import draw_pixel_error
     from rcdn.report.paper.refinement_plot import draw_refinements
 
     figure = Figure(layout="constrained")
     (draw_refinements if suite == "fig6" else draw_pixel_error)(figure, rows)
-    data = BytesIO()
-    figure.savefig(data, format="png", dpi=110)
-    write_bytes(folder / f"{suite}.png", data.getvalue())
+    write_png(figure, folder / f"{suite}.png")

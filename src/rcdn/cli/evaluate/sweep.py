@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from rcdn.cli._group import one_line
-from rcdn.cli.evaluate._table import Json, bar, show, write_csv
+from rcdn.cli.evaluate._table import Json, bar, check_files, show, write_csv, write_png
 
 
 def sweep(
@@ -43,13 +42,10 @@ def sweep(
     """
     from rcdn.errors import ConfigError
     from rcdn.evaluation import sweep as suite
-    from rcdn.io import check_writable
 
     if preset not in ("auto", "paper"):
         raise ConfigError(f"--preset must be auto or paper, not {preset!r}")
-    for path in (json, csv):
-        if path is not None:
-            check_writable(path)
+    check_files(json, csv, plots=plots)
     names, lacking = suite.contestants([name.strip() for name in peers.split(",") if name.strip()])
     with bar("sweeping") as step:
         rows = suite.table(count, factor or (), names, preset, workers or os.cpu_count() or 1, step)
@@ -63,18 +59,12 @@ def sweep(
 
 
 def _plot(rows: Sequence[dict[str, Any]], folder: Path) -> None:
-    """One PNG a factor. Raises RcdnError if matplotlib isn't installed or the folder can't be written."""
-    from rcdn.errors import RcdnError
-    from rcdn.io import write_bytes
+    """One PNG a factor."""
+    from matplotlib.figure import Figure
+
     from rcdn.report.sweep_plot import draw_factor
 
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise RcdnError("--plots needs matplotlib: pip install 'rcdn[plot]'") from error
     for factor in dict.fromkeys(row["factor"] for row in rows):
         figure = Figure(figsize=(8, 8), layout="constrained")
         draw_factor(figure, factor, rows)
-        data = BytesIO()
-        figure.savefig(data, format="png", dpi=110)
-        write_bytes(folder / f"sweep_{factor}.png", data.getvalue())
+        write_png(figure, folder / f"sweep_{factor}.png")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.cli.evaluate._table import Json, bar, write_csv
+from rcdn.cli.evaluate._table import Json, bar, check_files, write_csv
 
 
 def table4(
@@ -67,11 +67,8 @@ def table4(
     from rcdn.evaluation.calibration import contestants
     from rcdn.evaluation.paper import table4 as suite
     from rcdn.evaluation.paper import table4_work as work
-    from rcdn.io import check_writable
 
-    for path in (json, csv, markdown):
-        if path is not None:
-            check_writable(path)
+    check_files(json, csv, markdown)
     opened = open_cache(DetectorConfig(), cache)
     assert opened is not None
     asked = (fingerprint, partial(Cache, opened.folder))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.cli._group import one_line
-from rcdn.cli.evaluate._table import Json, bar, show, write_csv
+from rcdn.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv
 
 if TYPE_CHECKING:
     from rcdn.evaluation.paper.tables import Name
@@ -27,11 +27,9 @@ Sets = Annotated[
 ]
 Full = Annotated[bool, typer.Option("--full", help="As many pictures as the paper has, or as there are.")]
 Count = Annotated[int | None, typer.Option(min=1, help="At most so many pictures a set.")]
-Workers = Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")]
 CacheDir = Annotated[
     Path | None, typer.Option("--cache", metavar="DIR", help="Where detections are kept, so that a run can go on.")
 ]
-Csv = Annotated[Path | None, typer.Option(help="Also write the table to this file.")]
 Markdown = Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the section of the docs to this file.")]
 
 
@@ -82,12 +80,10 @@ def _run(
     from rcdn.evaluation.paper import table_text as text
     from rcdn.evaluation.paper import tables as suite
     from rcdn.evaluation.results import save
-    from rcdn.io import check_writable, write_text
+    from rcdn.io import write_text
     from rcdn.provenance import provenance
 
-    for path in (json, csv, markdown):
-        if path is not None:
-            check_writable(path)
+    check_files(json, csv, markdown)
     what = suite.plan(name, data, full, sets or (), count)
     with bar("looking for corners") as step:
         rows = suite.table(what, workers or os.cpu_count() or 1, cache, step)

@@ -22,7 +22,7 @@ FORM = 1
 """Raised when the files change their form."""
 SOURCES = (
     "config.py", "corners", "geometry", "io/images.py", "synthetic", "evaluation/sweep/pictures.py",
-    "evaluation/paper/score.py", "evaluation/paper/sets.py",
+    "evaluation/paper/score.py", "evaluation/paper/sets.py", "metrics.py",
 )  # fmt: skip
 """Parts of the package that decide what a picture shows, and what is found in it."""
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")

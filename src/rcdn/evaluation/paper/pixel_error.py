@@ -18,7 +18,7 @@ from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.evaluation.paper.corner_pictures import View, exposure, noisy, pre_blurred
 from rcdn.evaluation.paper.middle_response import middle_response
-from rcdn.evaluation.paper.share_out import share_out
+from rcdn.evaluation.share_out import share_out
 from rcdn.types import Array
 
 SIZE, REGION = 81, 41

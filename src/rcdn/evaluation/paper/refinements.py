@@ -23,7 +23,7 @@ from rcdn.evaluation.paper.corner_pictures import View, corner_xy, defocused, no
 from rcdn.evaluation.paper.lone_fit import lone_fit
 from rcdn.evaluation.paper.middle_response import middle_response
 from rcdn.evaluation.paper.pixel_error import standard_error
-from rcdn.evaluation.paper.share_out import share_out
+from rcdn.evaluation.share_out import share_out
 from rcdn.types import Array, Status
 
 SIZE, REGION = 80, 10

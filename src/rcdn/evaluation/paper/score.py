@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std, Threshold
 from rcdn.corners import find_maxima
 from rcdn.corners.patches import gather_zero
 from rcdn.evaluation.paper.networks import Network
-from rcdn.metrics import match, nearest
+from rcdn.metrics import counted, match, nearest
 from rcdn.peers.chess import WINDOW
 from rcdn.peers.maxima import local_maxima
 from rcdn.types import Array
@@ -81,14 +80,7 @@ class Counts:
 
 def count(found: Array, xy: Array, ignore: Array) -> Counts:
     """Counts of one picture: detections (N, 2) against true corners `xy` (M, 2) and spots (K, 2) that are neither demanded nor forbidden."""
-    found = counted(found, xy, ignore)
+    found = counted(found, xy, ignore, RADIUS, RADIUS)
     near, reached = int(nearest(found, xy, RADIUS).sum()), int(nearest(xy, found, RADIUS).sum())
     pairs = len(match(found, xy, RADIUS)[0])
     return Counts(1, len(xy), len(found), near, reached, pairs, near / max(len(found), 1), reached / max(len(xy), 1))
-
-
-def counted(found: Array, xy: Array, ignore: Array) -> Array:
-    """`found` (N, 2) without those that lie on an ignored spot and on no true corner."""
-    if not len(ignore) or not len(found):
-        return found
-    return found[(cKDTree(ignore).query(found)[0] >= RADIUS) | nearest(found, xy, RADIUS)]

@@ -20,9 +20,9 @@ from rcdn.evaluation.calibration.pictures import Found, common, look, whole
 from rcdn.evaluation.calibration.protocol import FEWEST, SEED, SPLITS
 from rcdn.evaluation.calibration.run import ALL, COMMON, core, largest
 from rcdn.evaluation.paper import stereo_pair
-from rcdn.evaluation.paper.share_out import share_out
 from rcdn.evaluation.paper.table4_figures import Boards, Figures, Rig, Truth, figures, relabelled, rig_of
 from rcdn.evaluation.paper.table4_published import EYE_TRACKER, RATIOS, REFERENCE, WIDE_ANGLE, compared, published_rows
+from rcdn.evaluation.share_out import share_out
 from rcdn.peers import Grid
 from rcdn.synthetic import Scene
 

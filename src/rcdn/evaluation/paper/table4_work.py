@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rcdn.config import DetectorConfig
 from rcdn.evaluation.calibration.detectors import Contestant, Store, contestants
-from rcdn.evaluation.paper.share_out import share_out
+from rcdn.evaluation.share_out import share_out
 from rcdn.io import write_image
 from rcdn.synthetic import Scene, render
 

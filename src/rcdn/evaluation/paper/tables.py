@@ -21,7 +21,7 @@ from rcdn.evaluation.paper.networks import NETWORKS
 from rcdn.evaluation.paper.published import CROSS_ENTROPY, SQUARED, TABLE2, TABLE3
 from rcdn.evaluation.paper.score import BORDER, CHESS, RADIUS, Counts, chess_detections, count, detections, rules
 from rcdn.evaluation.paper.sets import FIRST, SETS, SIZE, PictureSet, Shot, missing, shots
-from rcdn.evaluation.paper.share_out import share_out
+from rcdn.evaluation.share_out import share_out
 from rcdn.peers import chess, maxima
 from rcdn.types import Array
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import ConfigError
+from rcdn.evaluation.share_out import share_out
 from rcdn.evaluation.sweep.bound import bounds
 from rcdn.evaluation.sweep.pictures import FIRST, Picture, picture, seed_of
 from rcdn.evaluation.sweep.score import MOST, SHARE, Answers, Score, broken, row, score
@@ -71,12 +69,10 @@ def table(
     levels = [(f, v) for f in (factors or FACTORS) for v in FACTORS[f]]
     tasks = [(factor, level, k, names) for factor, level in levels for k in range(count)]
     found: dict[tuple[str, str, str], list[Score]] = {(f, v, n): [] for f, v in levels for n in names}
-    with _mapper(workers, names, preset) as run:
-        for done, ((factor, level, _, _), scores) in enumerate(zip(tasks, run(tasks), strict=True), start=1):
-            for name, value in scores.items():
-                found[factor, level, name].append(value)
-            if progress:
-                progress(done, len(tasks))
+    judged = share_out(_one, tasks, workers, _load, (names, preset), progress)
+    for (factor, level, _, _), scores in zip(tasks, judged, strict=True):
+        for name, value in scores.items():
+            found[factor, level, name].append(value)
     return [_named_row(*key, scores) for key, scores in found.items()]
 
 
@@ -86,21 +82,6 @@ def _named_row(factor: str, level: str, name: str, scores: list[Score]) -> dict[
     if peer is not None and peer.board:
         size += f" {peer.board[0]}x{peer.board[1]}"
     return {"factor": factor, "level": level, "detector": name, "size": size} | row(scores)
-
-
-@contextmanager
-def _mapper(workers: int, names: tuple[str, ...], preset: str) -> Iterator[Callable[[list[Task]], Iterable[Scores]]]:
-    if workers == 1:
-        _load(names, preset)
-        yield lambda tasks: map(_one, tasks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _load, (names, preset)) as pool:
-        try:
-            yield lambda tasks: pool.map(_one, tasks, chunksize=4)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def _load(names: tuple[str, ...], preset: str) -> None:
