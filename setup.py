@@ -1,0 +1,23 @@
+"""The compiled part: one library of plain C kernels for Python's stable ABI. All else is in pyproject.toml."""
+
+import sys
+from glob import glob
+
+from setuptools import Extension, setup
+
+FLAGS = [
+    "-O3", "-std=c11", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math",
+    "-freciprocal-math", "-Wall", "-Wno-unknown-pragmas",
+]  # fmt: skip
+"""sums may be split over vector lanes; NaN and infinity keep their meaning"""
+
+native = Extension(
+    "rcdn._native",
+    sorted(glob("src/native/*.c")),
+    depends=sorted(glob("src/native/*.h")),
+    extra_compile_args=["/O2", "/std:c11"] if sys.platform == "win32" else FLAGS,
+    libraries=[] if sys.platform == "win32" else ["m"],
+    py_limited_api=True,
+)
+
+setup(ext_modules=[native], options={"bdist_wheel": {"py_limited_api": "cp311"}})

@@ -1,0 +1,81 @@
+/* What all kernels share: what they export, what they are compiled for, and how they read a picture. */
+#ifndef RCDN_H
+#define RCDN_H
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+/* A function compiled for several generations of processors; the loader picks the one that fits. What it calls must be inlined (INLINE),
+ * or it is compiled for the oldest of them. */
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default"), optimize("O3")))
+#else
+#define FAST
+#endif
+#if defined(_MSC_VER)
+#define INLINE static __forceinline
+#else
+#define INLINE static inline __attribute__((always_inline))
+#endif
+
+typedef ptrdiff_t index_t;
+
+/* A grey picture (height, width), 0..255: bytes, or float32 where `real`. */
+typedef struct {
+    const void *data;
+    index_t height, width;
+    int real;
+} Picture;
+
+INLINE float pixel(const Picture *p, index_t at) {
+    return p->real ? ((const float *)p->data)[at] : (float)((const uint8_t *)p->data)[at];
+}
+
+INLINE index_t clamped(index_t k, index_t n) {
+    return k < 0 ? 0 : k >= n ? n - 1 : k;
+}
+
+/* The window of (2 half + 1)² pixels around (x, y), which may lie outside: the border is repeated. */
+INLINE void gather(const Picture *p, index_t x, index_t y, index_t half, float *out) {
+    const index_t side = 2 * half + 1;
+    const int inside = x >= half && y >= half && x + half < p->width && y + half < p->height;
+    for (index_t j = 0; j < side; j++) {
+        const index_t row = clamped(y - half + j, p->height) * p->width;
+        if (!inside)
+            for (index_t i = 0; i < side; i++)
+                *out++ = pixel(p, row + clamped(x - half + i, p->width));
+        else if (p->real) {
+            memcpy(out, (const float *)p->data + row + x - half, side * sizeof(float));
+            out += side;
+        } else {
+            const uint8_t *from = (const uint8_t *)p->data + row + x - half;
+            for (index_t i = 0; i < side; i++)
+                out[i] = from[i];
+            out += side;
+        }
+    }
+}
+
+/* Bilinear grey level at (x, y); the border is repeated outside. */
+INLINE float sample(const Picture *p, float x, float y) {
+    x = fminf(fmaxf(x, 0), (float)(p->width - 1));
+    y = fminf(fmaxf(y, 0), (float)(p->height - 1));
+    const index_t i = (index_t)x, j = (index_t)y;
+    const index_t right = i + 1 < p->width ? 1 : 0, down = j + 1 < p->height ? p->width : 0;
+    const float fx = x - (float)i, fy = y - (float)j;
+    const index_t at = j * p->width + i;
+    const float top = pixel(p, at) + fx * (pixel(p, at + right) - pixel(p, at));
+    const float low = pixel(p, at + down) + fx * (pixel(p, at + down + right) - pixel(p, at + down));
+    return top + fy * (low - top);
+}
+
+#endif
