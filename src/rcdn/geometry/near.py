@@ -1,0 +1,53 @@
+"""Neighbours among points of the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.native import bind
+from rcdn.types import Array
+
+_nearest = bind("rcdn_nearest", "dndnnDL", result=True)
+_within = bind("rcdn_within", "dnddnLLn", result=True)
+ROOM = 4
+"""neighbours within reach that are usual"""
+
+
+def nearest(points: Array, at: Array, count: int = 1) -> tuple[Array, Array]:
+    """Distances and indices (K, `count`) of the `points` (N, 2) nearest to each of `at` (K, 2), the nearest first, of equals the earlier one.
+
+    inf and N where there are fewer points.
+    """
+    points, at = _flat(points), _flat(at)
+    distance, index = np.empty((len(at), count)), np.empty((len(at), count), np.int64)
+    _checked(_nearest(points, len(points), at, len(at), count, distance, index))
+    return distance, index
+
+
+def within(points: Array, at: Array, reach: Array | float) -> tuple[Array, Array]:
+    """Which `points` (N, 2) lie no further than `reach` (K,) from each of `at` (K, 2): rows of `at` (M,) and of `points` (M,), sorted."""
+    points, at = _flat(points), _flat(at)
+    reach = np.ascontiguousarray(np.broadcast_to(reach, len(at)), np.float64)
+    room = ROOM * (len(at) + 4)
+    while True:
+        row, index = np.empty(room, np.int64), np.empty(room, np.int64)
+        total = _checked(_within(points, len(points), at, reach, len(at), row, index, room))
+        if total <= room:
+            return row[:total], index[:total]
+        room = total
+
+
+def pairs(points: Array, reach: float) -> Array:
+    """All pairs (M, 2) i < j of `points` (N, 2) no further than `reach` from each other, sorted."""
+    i, j = within(points, points, reach)
+    return np.stack([i, j], axis=1)[i < j]
+
+
+def _flat(points: Array) -> Array:
+    return np.ascontiguousarray(points, np.float64).reshape(-1, 2)
+
+
+def _checked(result: int) -> int:
+    if result < 0:
+        raise MemoryError("neighbours: no memory for the cells")
+    return result
