@@ -6,7 +6,7 @@ from glob import glob
 from setuptools import Extension, setup
 
 FLAGS = [
-    "-O3", "-std=c11", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math",
+    "-O3", "-std=c11", "-ffp-contract=fast", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-fassociative-math",
     "-freciprocal-math", "-Wall", "-Wno-unknown-pragmas",
 ]  # fmt: skip
 """sums may be split over vector lanes; NaN and infinity keep their meaning"""
