@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from rcdn.corners.sieve import CELL
 from rcdn.corners.onnx_file import Graph
+from rcdn.corners.sieve import CELL
 from rcdn.native import bind
 from rcdn.types import Array
 
@@ -58,7 +59,7 @@ class CellNetwork:
             if _cells(grey, self.weights, mask, band[0], band[1] - band[0], out) < 0:
                 raise MemoryError("network: no memory for its rows")
 
-        bands = list(zip(edges, edges[1:], strict=False))
+        bands = list(pairwise(edges))
         if count > 1:
             with ThreadPoolExecutor(count) as pool:
                 list(pool.map(run, bands))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def _tensor(data: memoryview) -> tuple[str, Array | None]:
     return name, np.frombuffer(raw, "<f4").reshape(shape) if kind == FLOAT else None
 
 
-def _fields(data: memoryview) -> Iterator[tuple[int, int | memoryview]]:
+def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
     """Number and value of each field of a message: integers as they are, all else as bytes."""
     at = 0
     while at < len(data):

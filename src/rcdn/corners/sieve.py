@@ -9,7 +9,7 @@ from rcdn.types import Array
 
 CELL = 4
 """px"""
-SHARE = 0.1
+SHARE = 0.115
 """least √−det of the Hessian at half resolution, share of the local contrast"""
 FLOOR = 6.0
 """grey levels added to the contrast, as in the networks' normalisation: noise in flat areas is no saddle"""
@@ -27,3 +27,8 @@ def cells_with_saddles(grey: Array, share: float = SHARE) -> Array:
     if _sieve(np.ascontiguousarray(grey), share, FLOOR, out, *out.shape) < 0:
         raise MemoryError("sieve: no memory")
     return out.view(bool)
+
+
+def every_cell(grey: Array) -> Array:
+    """All cells of a picture or map (H, W), (⌈H/4⌉, ⌈W/4⌉) bool."""
+    return np.ones([-(-n // CELL) for n in grey.shape], bool)
