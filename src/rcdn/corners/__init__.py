@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import DetectorConfig
 from rcdn.corners.maxima import Maxima, find_maxima
 from rcdn.corners.orientation import Orientation, axes
+from rcdn.corners.patches import plain
 from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
 from rcdn.corners.refine import refine
+from rcdn.geometry.near import pairs
 from rcdn.types import Array, Corners, Status
 
 __all__ = ["Candidates", "Maxima", "candidates_at", "find_candidates", "find_maxima"]
@@ -45,7 +46,7 @@ def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Can
 
 def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
     """Refinement → orientation of the strong peaks; the weak ones wait."""
-    strong = found.strong(config)
+    grey, strong = plain(grey), found.strong(config)
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
     score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
     fine, status = refine(grey, response, weak.strong, config.refine, pitch)
@@ -60,14 +61,14 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
 
 def pitches(xy: Array, strong: Array) -> Array:
     """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
-    return nearest_other(cKDTree(xy[strong]), int(strong.sum()), xy)
+    return nearest_other(xy[strong], xy)
 
 
 def first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
     keep = np.ones(len(xy), bool)
-    pairs = cKDTree(xy).query_pairs(SAME, output_type="ndarray") if len(xy) else np.zeros((0, 2), int)
-    strong, weak = np.where((score[pairs[:, 0]] >= score[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1]).T
+    close = pairs(xy, SAME)
+    strong, weak = np.where((score[close[:, 0]] >= score[close[:, 1]])[:, None], close, close[:, ::-1]).T
     for i, j in sorted(zip(strong.tolist(), weak.tolist(), strict=True), key=lambda p: (-score[p[0]], p)):
         if keep[i]:
             keep[j] = False
