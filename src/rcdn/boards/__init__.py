@@ -55,7 +55,7 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
 def has_cells(grey: Array, candidates: Candidates) -> bool:
     """Is there any cell among the corners, from which a board could start?"""
     field = as_field(grey, candidates)
-    return bool(cells(field, links(field)))
+    return len(cells(field, links(field))) > 0
 
 
 def _finish(field: Field, grid: Grid, free: Array) -> None:
@@ -84,7 +84,7 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
     more = 0 if peaks is None else len(peaks.xy)
     longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
-        grey,
+        np.ascontiguousarray(grey),
         found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
         longer(seen.axes, np.nan),
         longer(seen.polarity.astype(int), 0),
