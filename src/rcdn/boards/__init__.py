@@ -100,22 +100,19 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
 
 def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     """A right-handed grid of corners as a board labelled by the contract. Filled corners have no response: 0."""
-    ij = np.array(list(grid.at))
-    index = np.array(list(grid.at.values()))
+    ij, index = np.array(list(grid.at)), np.array(list(grid.at.values()))
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
     index, new = index[order], new[order]
-    cols, rows = new.max(axis=0) + 1
-    filled = index >= len(field.xy)
-    row = np.where(filled, 0, index)
-    status = np.where(field.refined, Status.COMPLETED, Status.SEED)  # of weak peaks
-    known = np.where(
-        ~candidates.sure & (candidates.all.status == Status.REFINED), Status.COMPLETED, candidates.all.status
-    )
-    status[: len(known)] = known
+    seen, known = index < len(field.xy), index < len(candidates.all)  # filled corners were not seen; weak peaks are not known
+    response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
+    response[seen] = field.response[index[seen]]
+    status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)
+    own = candidates.all.status[index[known]]
+    status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
+    cols, rows = (new.max(axis=0) + 1).tolist()
     height, width = field.grey.shape
-    turn = orientation(int(cols), int(rows)) if sign else "ambiguous_180"  # without colours nothing is settled
-    status = np.where(filled, Status.COMPLETED, status[row])
-    return Board(grid.xy[index], new, (width, height), np.where(filled, 0, field.response[row]), status, turn)
+    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
+    return Board(grid.xy[index], new, (width, height), response, status, turn)
