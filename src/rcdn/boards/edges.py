@@ -10,7 +10,11 @@ import numpy as np
 from rcdn.native import bind
 from rcdn.types import Array
 
-_sample, _contrast, _steps = bind("rcdn_sample", "pdnD"), bind("rcdn_edge_contrast", "pddnD"), bind("rcdn_edge_steps", "pddnD")
+_sample, _contrast, _steps = (
+    bind("rcdn_sample", "pdnD"),
+    bind("rcdn_edge_contrast", "pddnD"),
+    bind("rcdn_edge_steps", "pddnD"),
+)
 _crossings = bind("rcdn_crossings", "pddddnffrfDD")
 
 

@@ -6,6 +6,7 @@ Purely local: no line, no homography, no size; so distorted, bent, cut and sever
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Field:
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
-        row = np.flatnonzero(self.waiting)
+        row = np.flatnonzero(self.waiting & _inside(self.xy, spots, float(np.max(reach))))
         row = row[np.unique(within(self.xy[row], spots, reach)[1])]
         if not len(row):
             return
@@ -66,12 +67,17 @@ class Field:
         xy, status, seen = self.peaks.look(row - first)
         known = ~self.waiting
         known[row] = False
-        fresh = _apart(xy, self.xy[known])
+        fresh = _apart(xy, self.xy[known & _inside(self.xy, xy, SAME)])
         self.xy[row[~fresh]] = GONE
         row = row[fresh]
         self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
         self.axes[row], self.polarity[row] = seen.axes[fresh], seen.polarity[fresh]
         self.contrast[row], self.fit[row] = seen.contrast[fresh], seen.fit[fresh]
+
+    @property
+    def unseen(self) -> int:
+        """How many peaks are waiting."""
+        return 0 if self.waiting is None else int(self.waiting.sum())
 
     @property
     def quality(self) -> Array:
@@ -86,11 +92,16 @@ class Field:
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
 
 
+def _inside(xy: Array, spots: Array, margin: float) -> Array:
+    """(N,) bool: which of `xy` (N, 2) lie within `margin` px of the box around `spots` (K, 2)."""
+    low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
+    x, y = xy.T
+    return np.asarray((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+
+
 def _apart(xy: Array, known: Array) -> Array:
     """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
-    fresh = np.ones(len(xy), bool)
-    if len(known):
-        fresh = nearest(known, xy)[0][:, 0] >= SAME
+    fresh = nearest(known, xy)[0][:, 0] >= SAME
     for one, other in pairs(xy, SAME).tolist():
         if fresh[one]:
             fresh[other] = False
@@ -108,11 +119,12 @@ def links(field: Field) -> Array:
     if len(usable) < 4:
         return out
     xy, axes = field.xy[usable], field.axes[usable]
-    looks = np.column_stack([np.cos(axes), np.sin(axes), field.polarity[usable], field.contrast[usable]])
+    looks = np.empty((len(usable), 6))
+    looks[:, 0:4:2], looks[:, 1:4:2] = np.cos(axes), np.sin(axes)
+    looks[:, 4], looks[:, 5] = field.polarity[usable], field.contrast[usable]
     distance, near = nearest(xy, xy, NEIGHBOURS + 1)
     own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
     limits = SMALL, np.sin(TOLERANCE), np.sin(TOLERANCE_SMALL), LEAST_CONTRAST
-    looks = np.ascontiguousarray(looks[:, [0, 2, 1, 3, 4, 5]])
     _links(field.grey, xy, looks, near, distance, *near.shape, *limits, np.empty(own.shape), room, own)
     out[usable] = np.where(own >= 0, usable[own], -1)
     return out
@@ -163,4 +175,4 @@ def label(field: Field, quads: Array) -> list[dict[Label, int]]:
     begin, out = np.empty(count + 1, np.int64), np.empty((4 * count, 3), np.int64)
     found = _label(quads[order], count, corners, used, heap, first, at_corner, where, held, slots, begin, out)
     ends = begin[: found + 1].tolist()
-    return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in zip(ends, ends[1:], strict=False)]
+    return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in pairwise(ends)]
