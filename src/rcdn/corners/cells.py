@@ -22,7 +22,7 @@ NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")
 BAND = 16
 """rows of cells that a thread takes at least"""
 
-_cells = bind("rcdn_cells", "pfbnnF", result=True)
+_cells = bind("rcdn_network", "pfbnnF", result=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -337,7 +337,7 @@ INLINE void *taken(char **room, index_t bytes) {
 
 /* The response in the cells of the rows `first` .. `first + rows` of `cells` (down, across) that are marked. `response` (height, width) is
  * left as it is elsewhere. 0, or −1 without memory. */
-FAST EXPORT index_t rcdn_cells(const void *data, index_t height, index_t width, int real, const float *weights, const uint8_t *cells, index_t first, index_t rows, float *response) {
+FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width, int real, const float *weights, const uint8_t *cells, index_t first, index_t rows, float *response) {
     const index_t across = (width + CELL - 1) / CELL;
     char *memory = malloc(room_for(across, rows)), *room = memory;
     if (!memory)
