@@ -19,6 +19,8 @@
 #define SEEN 8    /* rows of the normalised picture that are kept */
 
 typedef float vec __attribute__((vector_size(4 * NARROW)));
+typedef int32_t whole_vec __attribute__((vector_size(4 * NARROW)));
+typedef uint8_t byte_vec __attribute__((vector_size(NARROW)));
 
 /* Weights as `corners/cells.py` packs them: those in floating point, and those of 8 bits. `scale` and `bias` turn sums into the inputs of the
  * next layer, of the last one into what the sigmoid takes. */
@@ -27,11 +29,11 @@ typedef struct {
     struct {
         float scale[WIDE], bias[WIDE];
     } conv[CONVS + 1];
-    float last_scale[NARROW], last_bias[NARROW];
+    float last_scale[NARROW], last_bias[NARROW], last[WIDE][NARROW];
 } Reals;
 
 typedef struct {
-    int8_t strided[9 * NARROW * WIDE], conv[CONVS][9 * WIDE * WIDE], last[NARROW][WIDE];
+    int8_t strided[9 * NARROW * WIDE], conv[CONVS][9 * WIDE * WIDE];
 } Bytes;
 
 /* A layer's rows: the latest in a ring, and which of its cells are needed. */
@@ -72,10 +74,30 @@ INLINE void store(float *p, vec v) {
     memcpy(p, &v, sizeof v);
 }
 
-/* Levels of a layer's input: 0..255. */
-INLINE uint8_t rounded(float value) {
-    value = value > 0 ? value < 255 ? value : 255 : 0;
-    return (uint8_t)(value + 0.5f);
+/* `one` where the comparison `holds`, else `other`. */
+INLINE vec chosen(whole_vec holds, vec one, vec other) {
+    return (vec)((holds & (whole_vec)one) | (~holds & (whole_vec)other));
+}
+
+INLINE vec within(vec v, float low, float high) {
+    const vec least = (vec){0} + low, most = (vec){0} + high;
+    v = chosen(v > least, v, least);
+    return chosen(v < most, v, most);
+}
+
+/* Inputs of the next layer: 0..255. */
+INLINE void store_levels(uint8_t *p, vec v) {
+    const byte_vec out = __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
+    memcpy(p, &out, sizeof out);
+}
+
+/* 1 / (1 + exp(−x)), within 1e-6. */
+INLINE vec sigmoid(vec x) {
+    const vec t = within(x, -80, 80) * -1.44269504f;
+    const whole_vec whole = __builtin_convertvector(t, whole_vec);
+    const vec f = (t - __builtin_convertvector(whole, vec)) * 0.69314718f;
+    const vec part = 1 + f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+    return 1 / (1 + part * (vec)((whole + 127) << 23));
 }
 
 INLINE index_t mirrored(index_t k, index_t n) {
@@ -155,6 +177,11 @@ INLINE void normalise(Network *n, index_t y, index_t from, index_t to) {
     }
 }
 
+INLINE void joined(const uint8_t *restrict mask, index_t width, uint8_t *restrict into) {
+    for (index_t x = 0; x < width; x++)
+        into[x] |= mask[x];
+}
+
 /* Make rows of the normalised picture up to `y`, as far as rows of the first layer need them. */
 INLINE void see(Network *n, index_t y) {
     const Layer *first = &n->layer[0];
@@ -164,8 +191,7 @@ INLINE void see(Network *n, index_t y) {
         const index_t from = row > 4 ? (row - 3) / 2 : 0, to = row / 2 < first->height ? row / 2 : first->height - 1;
         memset(need, 0, (size_t)first->width);
         for (index_t k = from; k <= to; k++)
-            for (index_t x = 0; x < first->width; x++)
-                need[x] |= first->mask[k * first->width + x];
+            joined(first->mask + k * first->width, first->width, need);
         if (!memchr(need, 1, (size_t)first->width))
             continue;
         if (n->summed < 0 || row - n->summed > 2 * HALF) {
@@ -203,12 +229,8 @@ INLINE void first_block(const Network *n, index_t y, index_t x, const int count,
                 sum[k] += weight * row[2 * k + i];
         }
     }
-    for (int k = 0; k < count; k++) {
-        float value[NARROW];
-        store(value, sum[k]);
-        for (int c = 0; c < NARROW; c++)
-            out[k * NARROW + c] = rounded(value[c]);
-    }
+    for (int k = 0; k < count; k++)
+        store_levels(out + k * NARROW, sum[k]);
 }
 
 INLINE void first_row(Network *n, index_t y) {
@@ -232,31 +254,25 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     (k ? n->conv : n->strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
-INLINE float sigmoid(float x) {
-    const float t = fminf(fmaxf(-x, -80), 80) * 1.44269504f;
-    const float whole = rintf(t), f = (t - whole) * 0.69314718f;
-    const float part = 1 + f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f))))));
-    const int32_t bits = ((int32_t)whole + 127) << 23;
-    float scale;
-    memcpy(&scale, &bits, sizeof scale);
-    return 1 / (1 + part * scale);
-}
-
 /* Write the outputs of one row of cells into the response (height, width) of the picture. */
 INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index_t y, float *response) {
     const uint8_t *row = row_of(&n->layer[CONVS + 1], y);
+    const vec scale = load(n->reals->last_scale), bias = load(n->reals->last_bias);
+    const float(*last)[NARROW] = n->reals->last;
     for (index_t x = 0; x < width; x++) {
         if (!mask[x])
             continue;
-        float out[NARROW];
-        for (int k = 0; k < NARROW; k++) {
-            int32_t sum = 0;
-            for (int c = 0; c < WIDE; c++)
-                sum += row[x * WIDE + c] * n->bytes->last[k][c];
-            out[k] = (float)sum * n->reals->last_scale[k] + n->reals->last_bias[k];
+        float value[WIDE], out[NARROW];
+        for (int c = 0; c < WIDE; c++)
+            value[c] = row[x * WIDE + c];
+        vec a = {0}, b = {0}, c = {0}, d = {0}; /* of whole numbers under 2^24: exact in any order */
+        for (int k = 0; k < WIDE; k += 4) {
+            a += load(last[k]) * value[k];
+            b += load(last[k + 1]) * value[k + 1];
+            c += load(last[k + 2]) * value[k + 2];
+            d += load(last[k + 3]) * value[k + 3];
         }
-        for (int k = 0; k < NARROW; k++)
-            out[k] = sigmoid(out[k]);
+        store(out, sigmoid(((a + b) + (c + d)) * scale + bias));
         for (index_t j = 0; j < CELL && n->top + CELL * y + j < n->picture.height; j++)
             for (index_t i = 0; i < CELL && CELL * x + i < n->picture.width; i++)
                 response[(n->top + CELL * y + j) * n->picture.width + CELL * x + i] = out[CELL * j + i];
@@ -284,24 +300,24 @@ INLINE void needed_by(const uint8_t *next, index_t height, index_t width, uint8_
         if (!memchr(from, 1, (size_t)width))
             continue;
         for (int k = 0; k < 3; k++)
-            for (index_t x = 0; x < width; x++)
-                mask[y * wide + x + k] |= from[x];
+            joined(from, width, mask + y * wide + k);
     }
     for (index_t y = height + 1; y >= 0; y--) /* from below, so that rows are not yet spread themselves */
         for (int k = 1; k < 3; k++)
             if (y - k >= 0)
-                for (index_t x = 0; x < wide; x++)
-                    mask[y * wide + x] |= mask[(y - k) * wide + x];
+                joined(mask + (y - k) * wide, wide, mask + y * wide);
 }
 
 INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width, uint8_t *mask) {
     const index_t wide = 2 * width + 1;
     memset(mask, 0, (size_t)((2 * height + 1) * wide));
-    for (index_t y = 0; y < height; y++)
-        for (index_t x = 0; x < width; x++)
-            if (next[y * width + x])
-                for (int k = 0; k < 3; k++)
-                    memset(mask + (2 * y + k) * wide + 2 * x, 1, 3);
+    for (index_t y = 0; y < height; y++) {
+        uint8_t *row = mask + (2 * y + 1) * wide;
+        for (index_t x = 0, end; (x = next_run(next + y * width, x, width, &end)) < width; x = end)
+            memset(row + 2 * x, 1, (size_t)(2 * (end - x) + 1));
+        joined(row, wide, row - wide);
+        memcpy(row + wide, row, (size_t)wide);
+    }
 }
 
 /* Bytes that hold all rings, sums and masks for so many rows of cells. */

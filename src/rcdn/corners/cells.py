@@ -66,7 +66,10 @@ class CellNetwork:
             levels = np.rint(weight / scale[:, None, None, None]).astype(np.int8)
             after = unit[k + 1] if k + 1 < len(unit) else 1.0
             reals += [scale / after, bias / after]
-            whole.append(_grouped(levels) if k + 1 < len(unit) else levels.ravel())
+            if k + 1 < len(unit):
+                whole.append(_grouped(levels))
+            else:
+                reals.append(levels[:, :, 0, 0].T)
         return CellNetwork(np.concatenate([r.ravel() for r in reals]).astype(np.float32), np.concatenate(whole))
 
     def __call__(self, grey: Array, cells: Array, threads: int = 0, level: int = BEST) -> Array:
