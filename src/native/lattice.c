@@ -1,0 +1,120 @@
+/* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
+#include "rcdn.h"
+
+enum { TERMS = 6 };
+
+/* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y; returns 1 / depth. */
+INLINE double rectify(const double *flat, double x, double y, double *out) {
+    const double depth = 1 / (flat[6] * x + flat[7] * y + flat[8]);
+    out[0] = (flat[0] * x + flat[1] * y + flat[2]) * depth;
+    out[1] = (flat[3] * x + flat[4] * y + flat[5]) * depth;
+    return depth;
+}
+
+/* Board coordinates uv (2) of pixels x, y, and their derivatives (2, 2), under the map with `origin` (2) and `terms` (TERMS, 2). */
+INLINE void map(const double *flat, const double *origin, const double *terms, double x, double y, double *uv, double *slopes) {
+    double at[2];
+    const double depth = rectify(flat, x, y, at), s = at[0] - origin[0], t = at[1] - origin[1];
+    for (index_t k = 0; k < 2; k++) {
+        const double *a = terms + k;
+        const double by_s = a[2] + 2 * a[6] * s + a[8] * t, by_t = a[4] + a[8] * s + 2 * a[10] * t;
+        uv[k] = a[0] + 0.5 * (s * (a[2] + by_s) + t * (a[4] + by_t));
+        for (index_t axis = 0; axis < 2; axis++)
+            slopes[2 * k + axis] =
+                depth * (by_s * (flat[axis] - at[0] * flat[6 + axis]) + by_t * (flat[3 + axis] - at[1] * flat[6 + axis]));
+    }
+}
+
+/* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 where there is none.
+ * ij (count, 2): labels from 0 on; grid (rows, columns): room for all of them and `reach` more on every side. */
+FAST EXPORT void rcdn_lattice_neighbours(index_t count, const int64_t *ij, index_t reach, index_t rows, index_t columns, int32_t *grid,
+                                         int32_t *near) {
+    for (index_t k = 0; k < rows * columns; k++)
+        grid[k] = -1;
+    for (index_t k = 0; k < count; k++)
+        grid[(ij[2 * k] + reach) * columns + ij[2 * k + 1] + reach] = (int32_t)k;
+    const index_t side = 2 * reach + 1;
+    for (index_t k = 0; k < count; k++)
+        for (index_t i = 0; i < side; i++)
+            memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1], side * sizeof(int32_t));
+}
+
+/* Solves normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; `normal` counts on and above its diagonal. */
+INLINE void solve(double normal[TERMS][TERMS], double *pull) {
+    for (index_t k = 0; k < TERMS; k++) {
+        const double inverse = 1 / normal[k][k];
+        for (index_t r = k + 1; r < TERMS; r++) {
+            const double c = normal[k][r] * inverse;
+            for (index_t j = r; j < TERMS; j++)
+                normal[r][j] -= c * normal[k][j];
+            pull[2 * r] -= c * pull[2 * k];
+            pull[2 * r + 1] -= c * pull[2 * k + 1];
+        }
+    }
+    for (index_t k = TERMS - 1; k >= 0; k--)
+        for (index_t a = 0; a < 2; a++) {
+            double sum = pull[2 * k + a];
+            for (index_t j = k + 1; j < TERMS; j++)
+                sum -= normal[k][j] * pull[2 * j + a];
+            pull[2 * k + a] = sum / normal[k][k];
+        }
+}
+
+/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels ij (count, 2) around each corner,
+ * by least squares over `near` (count, side²). own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
+FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy, const double *flat, index_t side, const int32_t *near,
+                              double own, double far, const double *stiff, double *origin, double *terms) {
+    for (index_t k = 0; k < count; k++)
+        rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
+    const index_t many = side * side, reach = side / 2;
+    for (index_t k = 0; k < count; k++) {
+        double normal[TERMS][TERMS] = {{0}}, *pull = terms + 2 * TERMS * k;
+        memset(pull, 0, 2 * TERMS * sizeof(double));
+        for (index_t n = 0; n < many; n++) {
+            const index_t at = near[k * many + n];
+            const index_t i = n / side - reach, j = n % side - reach;
+            if (at < 0) {
+                if (k == 0) /* the first corner stands for what isn't there */
+                    normal[0][0] += own;
+                continue;
+            }
+            const double weight = i == 0 && j == 0 ? own : i * i > 1 || j * j > 1 ? far : 1;
+            const double s = origin[2 * at] - origin[2 * k], t = origin[2 * at + 1] - origin[2 * k + 1];
+            const double basis[TERMS] = {1, s, t, s * s, s * t, t * t};
+            for (index_t a = 0; a < TERMS; a++) {
+                const double heavy = weight * basis[a];
+                for (index_t b = 0; b < TERMS; b++)
+                    normal[a][b] += heavy * basis[b];
+                pull[2 * a] += heavy * (double)i;
+                pull[2 * a + 1] += heavy * (double)j;
+            }
+        }
+        for (index_t a = 0; a < TERMS; a++)
+            normal[a][a] += stiff[a];
+        solve(normal, pull);
+    }
+}
+
+/* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
+FAST EXPORT void rcdn_lattice_map(index_t count, index_t each, const int64_t *which, const double *xy, const double *flat, const double *origin,
+                                  const double *terms, double *uv, double *slopes) {
+    for (index_t k = 0; k < count; k++)
+        for (index_t n = k * each; n < (k + 1) * each; n++)
+            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * n], xy[2 * n + 1], uv + 2 * n, slopes + 4 * n);
+}
+
+/* Moves pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton's steps. Returns 0 where a map folds. */
+FAST EXPORT index_t rcdn_lattice_pixels(index_t count, const int64_t *which, const double *uv, index_t repeats, const double *flat,
+                                        const double *origin, const double *terms, double *xy) {
+    for (index_t k = 0; k < count; k++)
+        for (index_t n = 0; n < repeats; n++) {
+            double at[2], s[4];
+            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * k], xy[2 * k + 1], at, s);
+            const double u = uv[2 * k] - at[0], v = uv[2 * k + 1] - at[1], det = s[0] * s[3] - s[1] * s[2];
+            if (det == 0)
+                return 0;
+            xy[2 * k] += (s[3] * u - s[1] * v) / det;
+            xy[2 * k + 1] += (s[0] * v - s[2] * u) / det;
+        }
+    return 1;
+}
