@@ -61,6 +61,42 @@ INLINE double weights(const double *cov, double rough, double *out) {
     return det;
 }
 
+/* base (count, 2): where the homography H (3, 3) takes labels ij (count, 2); tangent (count, 2, FREE): what its parameters move there, orthonormal
+ * columns × √count. */
+FAST EXPORT void rcdn_smooth_tangent(index_t count, const double *ij, const double *H, double *base, double *tangent) {
+    for (index_t k = 0; k < count; k++) {
+        const double i = ij[2 * k], j = ij[2 * k + 1], depth = 1 / (H[6] * i + H[7] * j + H[8]);
+        const double x = (H[0] * i + H[1] * j + H[2]) * depth, y = (H[3] * i + H[4] * j + H[5]) * depth;
+        const double p = i * depth, q = j * depth;
+        const double rows[2 * FREE] = {p, q, depth, 0, 0, 0, -x * p, -x * q, 0, 0, 0, p, q, depth, -y * p, -y * q};
+        base[2 * k] = x;
+        base[2 * k + 1] = y;
+        memcpy(tangent + 2 * FREE * k, rows, sizeof rows);
+    }
+    for (index_t c = 0; c < FREE; c++) { /* Gram–Schmidt, every column twice */
+        for (index_t again = 0; again < 2; again++) {
+            double dot[FREE] = {0}, length = 0;
+            for (index_t r = 0; r < 2 * count; r++)
+                for (index_t l = 0; l < FREE; l++)
+                    dot[l] += tangent[r * FREE + l] * tangent[r * FREE + c];
+            for (index_t l = c; l < FREE; l++)
+                dot[l] = 0;
+            for (index_t r = 0; r < 2 * count; r++) {
+                double sum = 0;
+                for (index_t l = 0; l < FREE; l++)
+                    sum += dot[l] * tangent[r * FREE + l];
+                tangent[r * FREE + c] -= sum;
+                length += tangent[r * FREE + c] * tangent[r * FREE + c];
+            }
+            const double scale = length > 0 ? 1 / sqrt(length) : 0;
+            for (index_t r = 0; r < 2 * count; r++)
+                tangent[r * FREE + c] *= scale;
+        }
+    }
+    for (index_t r = 0; r < 2 * count * FREE; r++)
+        tangent[r] *= sqrt((double)count);
+}
+
 /* PANEL points from `p` on; those beyond `count` weigh nothing. */
 typedef struct {
     double bent[PANEL * TERMS], w[3][PANEL], x[FREE + 1][PANEL], y[FREE + 1][PANEL], log_det;
