@@ -95,6 +95,34 @@ FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy
     }
 }
 
+/* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2), two kinds one after the other; from one corner to
+ * the next the second kind changes its sign. near (count, 9): as from rcdn_lattice_neighbours. */
+FAST EXPORT void rcdn_lattice_slopes(index_t count, const int32_t *near, const double *levels, double *out) {
+    for (index_t k = 0; k < count; k++) {
+        double n = 1e-6, i1 = 0, j1 = 0, ii = 1e-6, ij = 0, jj = 1e-6, sums[3][2] = {{0}};
+        for (index_t place = 0; place < 9; place++) {
+            const index_t at = near[9 * k + place];
+            if (at < 0)
+                continue;
+            const double i = (double)(place / 3 - 1), j = (double)(place % 3 - 1), sign = place % 2 ? -1 : 1;
+            const double value[2] = {levels[2 * at], sign * levels[2 * at + 1]};
+            n += 1, i1 += i, j1 += j, ii += i * i, ij += i * j, jj += j * j;
+            for (index_t a = 0; a < 2; a++) {
+                sums[0][a] += value[a];
+                sums[1][a] += i * value[a];
+                sums[2][a] += j * value[a];
+            }
+        }
+        ii -= i1 * i1 / n, ij -= i1 * j1 / n, jj -= j1 * j1 / n;
+        const double det = ii * jj - ij * ij;
+        for (index_t a = 0; a < 2; a++) {
+            const double u = sums[1][a] - i1 * sums[0][a] / n, v = sums[2][a] - j1 * sums[0][a] / n;
+            out[4 * k + 2 * a] = (jj * u - ij * v) / det;
+            out[4 * k + 2 * a + 1] = (ii * v - ij * u) / det;
+        }
+    }
+}
+
 /* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
 FAST EXPORT void rcdn_lattice_map(index_t count, index_t each, const int64_t *which, const double *xy, const double *flat, const double *origin,
                                   const double *terms, double *uv, double *slopes) {

@@ -8,6 +8,7 @@ import numpy as np
 
 from rcdn.geometry import homography
 from rcdn.native import bind
+from rcdn.precision.median import median
 from rcdn.types import Array
 
 _neighbours = bind("rcdn_lattice_neighbours", "nlnnnII")
@@ -22,6 +23,8 @@ FAR = 0.05
 TERMS = 6
 STIFF = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
 """pull of the terms towards 0: of the quadratic ones it decides where neighbours lack on one side"""
+RING = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+"""steps to a corner's neighbours and itself, in the order of `neighbours`"""
 HORIZON = 0.1
 """least ratio of depths on the board under which its homography is not used"""
 
@@ -92,7 +95,7 @@ class Lattice:
 def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map."""
     xy = np.ascontiguousarray(xy, float)
-    flat, near = _rectifier(ij, xy), _near(ij, REACH)
+    flat, near = _rectifier(ij, xy), neighbours(ij)
     origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
     _lattice(len(xy), np.ascontiguousarray(ij, np.int64), xy, flat, 2 * REACH + 1, near, own, FAR, STIFF, origin, terms)
     return Lattice(flat, origin, terms)
@@ -103,13 +106,13 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
 
     Of corners with all eight neighbours, and beyond what `noise` (variance of positions, squares²) explains; 0 if there are none.
     """
-    near, there = neighbours(ij, 1)
-    inner = np.flatnonzero(there.all(axis=1))
+    near = neighbours(ij, 1)
+    inner = np.flatnonzero(near.min(axis=1) >= 0)
     if not len(inner):
         return 0.0
-    off = maps(inner, xy[near[inner]]) - (ij[near[inner]] - ij[inner, None])
-    left = (off**2).sum(axis=(1, 2)) / (2 * (near.shape[1] - TERMS))
-    return float(np.sqrt(max(np.median(left) - noise, 0.0)))
+    off = maps(inner, xy[near[inner]]) - RING
+    left = (off**2).sum(axis=(1, 2)) / (2 * (len(RING) - TERMS))
+    return float(np.sqrt(max(median(left) - noise, 0.0)))
 
 
 def _rectifier(ij: Array, xy: Array) -> Array:
@@ -125,14 +128,8 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     return np.vstack([affine, [0, 0, 1]])
 
 
-def neighbours(ij: Array, reach: int = REACH) -> tuple[Array, Array]:
-    """Indices (N, K) of the corners within `reach` squares, itself included, and whether each exists, (N, K) bool."""
-    near = _near(ij, reach)
-    return np.maximum(near, 0), near >= 0
-
-
-def _near(ij: Array, reach: int) -> Array:
-    """Indices (N, K) int32 of the corners within `reach` squares, row by row; -1 where there is none."""
+def neighbours(ij: Array, reach: int = REACH) -> Array:
+    """Indices (N, K) int32 of the corners within `reach` squares, itself included, column by column; -1 where there is none."""
     ij = np.ascontiguousarray(ij - ij.min(axis=0), np.int64)
     grid = np.empty(ij.max(axis=0) + 1 + 2 * reach, np.int32)
     near = np.empty((len(ij), (2 * reach + 1) ** 2), np.int32)

@@ -16,6 +16,7 @@ from numpy.polynomial.legendre import legvander
 
 from rcdn.geometry import homography
 from rcdn.native import bind
+from rcdn.precision.median import median
 from rcdn.types import Array
 
 LEAST_CORNERS, LEAST_LINES = 16, 4
@@ -138,8 +139,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
 def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, Array]:
     """Positions (N, 2) and their covariances (N, 2, 2); the data's distances (N, 2) px from the smooth board, and squared (N,) in standard deviations."""
     base, sheet = _sheet(ij, xy, cov)
-    trace = np.sort(cov[:, 0, 0] + cov[:, 1, 1])
-    full = _Evidence.of(sheet, float(np.sqrt((trace[(len(xy) - 1) // 2] + trace[len(xy) // 2]) / 4)))
+    full = _Evidence.of(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
     best = _likeliest(full)
     count, terms, root = len(xy), len(sheet.degree), full.root([best])[0]
     work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK))
