@@ -7,6 +7,11 @@
 
 enum { FREE = 8, PANEL = 8, TERMS = 64, CHUNK = 128 };
 
+/* The first whole cache line of some workspace, which needs PANEL doubles more. */
+INLINE double *aligned(double *work) {
+    return (double *)(((uintptr_t)work + sizeof(double[PANEL]) - 1) & ~(uintptr_t)(sizeof(double[PANEL]) - 1));
+}
+
 /* a, b (columns from..to) += PANEL rows that lie `stride` apart, times ca, cb. */
 INLINE void add_rows(double *restrict a, double *restrict b, const double *rows, index_t stride, const double *ca, const double *cb, index_t from,
                      index_t to) {
@@ -121,12 +126,38 @@ INLINE void take(Points *out, index_t p, index_t count, index_t terms, const dou
     }
 }
 
-/* Normal matrix `gram` of the coefficients with what the data say of them, and `fixed` (1,): −½ log of the determinant of all errors.
+/* Eliminates the homography from `gram`: `rest` as in rcdn_smooth_normal. Returns the log of the determinant. */
+INLINE double less_homography(const double *gram, index_t terms, double free, double *rest) {
+    const index_t size = 2 * terms, wide = size + PANEL, stride = FREE + wide;
+    double head[FREE * (FREE + 2 * TERMS + PANEL)];
+    for (index_t i = 0; i < FREE; i++) {
+        for (index_t j = 0; j < stride; j++)
+            head[i * stride + j] = gram[i * stride + j] * free * (j < FREE ? free : 1);
+        head[i * stride + i] += 1;
+    }
+    const double log_det = eliminate(head, 0, FREE, FREE, stride);
+    for (index_t i = 0; i <= size; i++)
+        memcpy(rest + i * wide, gram + (FREE + i) * stride + FREE, wide * sizeof(double));
+    memset(rest + (size + 1) * wide, 0, wide * sizeof(double));
+    for (index_t i = 0; i <= size; i += 2) {
+        double ca[PANEL], cb[PANEL];
+        for (index_t k = 0; k < FREE; k++) {
+            ca[k] = -head[k * stride + FREE + i];
+            cb[k] = -head[k * stride + FREE + i + 1];
+        }
+        add_rows(rest + i * wide, rest + (i + 1) * wide, head + FREE, stride, ca, cb, i & ~(index_t)(PANEL - 1), wide);
+    }
+    return log_det;
+}
+
+/* Normal matrix `gram` of the coefficients with what the data say of them; `rest` (2 terms + 2, 2 terms + PANEL) what is left of it, but for scrap in
+ * the last row, after elimination of the homography, whose parameters are of standard deviation `free`; fixed (1,): −½ log of the determinants of
+ * all errors and of that elimination.
  *
  * tangent (count, 2, FREE), bent (count, terms): what the coefficients move; off (count, 2): the data; cov (count, 2, 2) of their errors, to
  * which `rough`² is added along both axes. */
 FAST EXPORT void rcdn_smooth_normal(index_t count, index_t terms, const double *tangent, const double *bent, const double *off, const double *cov,
-                                    double rough, double *gram, double *fixed) {
+                                    double rough, double free, double *gram, double *rest, double *fixed) {
     const index_t data = FREE + 2 * terms, stride = data + PANEL;
     double log_det = 0;
     Points at;
@@ -166,13 +197,13 @@ FAST EXPORT void rcdn_smooth_normal(index_t count, index_t terms, const double *
             gram[(FREE + s) * stride + FREE + terms + t] = gram[(FREE + t) * stride + FREE + terms + s];
     for (index_t i = FREE; i < data; i++)
         gram[i * stride + data] = gram[data * stride + i];
-    fixed[0] = -0.5 * log_det;
+    fixed[0] = -0.5 * (log_det + less_homography(gram, terms, free, rest));
 }
 
-/* Rows first..last of m (…, wide) = gram (size + 1, size + PANEL) × root of its row and column, + 1 on the diagonal but for the data's. */
-INLINE void scaled(const double *gram, const double *root, index_t first, index_t last, index_t size, double *m, index_t wide) {
+/* The first `rows` rows of m (…, wide) = gram (size + 1, size + PANEL) × root of its row and column, + 1 on the diagonal but for the data's. */
+INLINE void scaled(const double *gram, const double *root, index_t rows, index_t size, double *m, index_t wide) {
     const index_t stride = size + PANEL;
-    for (index_t i = first; i < last; i++) {
+    for (index_t i = 0; i < rows; i++) {
         const double *restrict from = gram + i * stride, c = i < size ? root[i] : 1;
         double *restrict to = m + i * wide;
         for (index_t j = i & ~(index_t)(PANEL - 1); j < size; j++)
@@ -184,24 +215,16 @@ INLINE void scaled(const double *gram, const double *root, index_t first, index_
     }
 }
 
-/* Log marginal likelihoods (many,), but for a constant, of data with normal matrix `gram` (size + 1, size + PANEL) under coefficients of standard
- * deviations root (many, size), the first FREE of which are those of the first row. work: 2 (size + 2) (size + PANEL). */
-FAST EXPORT void rcdn_smooth_evidence(index_t size, const double *gram, index_t many, const double *root, double *work, double *out) {
+/* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, size), from the
+ * normal matrix `rest` (size + 2, size + PANEL) of rcdn_smooth_normal. work: as much as that, and PANEL. */
+FAST EXPORT void rcdn_smooth_evidence(index_t size, const double *rest, index_t many, const double *root, double *work, double *out) {
     const index_t stride = size + PANEL;
-    double *base = work, *m = work + (size + 2) * stride;
-    memcpy(base, gram, (size + 1) * stride * sizeof(double));
-    memset(base + (size + 1) * stride, 0, stride * sizeof(double));
-    memset(m + (size + 1) * stride, 0, stride * sizeof(double));
-    for (index_t i = 0; i < FREE; i++) {
-        for (index_t j = i; j < stride; j++)
-            base[i * stride + j] *= root[i] * (j < FREE ? root[j] : 1);
-        base[i * stride + i] += 1;
-    }
-    const double shared = eliminate(base, 0, FREE, size + 2, stride);
+    work = aligned(work);
+    memset(work + (size + 1) * stride, 0, stride * sizeof(double));
     for (index_t k = 0; k < many; k++) {
-        scaled(base, root + k * size, FREE, size + 1, size, m, stride);
-        const double log_det = shared + eliminate(m, FREE, size, size + 2, stride);
-        out[k] = -0.5 * (m[size * stride + size] + log_det);
+        scaled(rest, root + k * size, size + 1, size, work, stride);
+        const double log_det = eliminate(work, 0, size, size + 2, stride);
+        out[k] = -0.5 * (work[size * stride + size] + log_det);
     }
 }
 
@@ -248,16 +271,17 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
 /* Posterior of the points under coefficients of standard deviations root (size,) and unevenness `rough`, from their normal matrix.
  *
  * moved (count, 2): their shifts from where they lie without coefficients; known (count, 2, 2): their covariances; off (count, 2): what the data
- * lie off the smooth board, and beyond (count,): its squared length, in standard deviations. work: size (size + PANEL + 2 CHUNK). */
+ * lie off the smooth board, and beyond (count,): its squared length, in standard deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
 FAST EXPORT void rcdn_smooth_posterior(index_t count, index_t terms, const double *tangent, const double *bent, const double *data,
                                        const double *cov, double rough, const double *gram, const double *root, double *work, double *moved,
                                        double *known, double *off, double *beyond) {
     const index_t size = FREE + 2 * terms, all = (count + PANEL - 1) & ~(index_t)(PANEL - 1), span = all < CHUNK ? all : CHUNK;
     const index_t wide = size + PANEL + 2 * span;
+    work = aligned(work);
     for (index_t p = 0; p < count; p += span) {
         const index_t n = count - p < span ? count - p : span;
         double flat[2][CHUNK] = {{0}}, spread[3][CHUNK] = {{0}};
-        scaled(gram, root, 0, size, size, work, wide);
+        scaled(gram, root, size, size, work, wide);
         moves(p, n, span, terms, tangent, bent, root, work, wide);
         eliminate(work, 0, size, size, wide);
         for (index_t i = 0; i < size; i++) {

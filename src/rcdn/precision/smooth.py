@@ -47,8 +47,11 @@ STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 CHUNK = 128
 """corners whose posterior a kernel reckons at once"""
 
+_PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(TOTAL + 1) - 2.0)
+"""standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
+
 _tangent = bind("rcdn_smooth_tangent", "nddDD")
-_normal = bind("rcdn_smooth_normal", "nnddddrDD")
+_normal = bind("rcdn_smooth_normal", "nnddddrrDDD")
 _evidence = bind("rcdn_smooth_evidence", "ndndDD")
 _settle = bind("rcdn_smooth_posterior", "nnddddrddDDDDD")
 
@@ -71,45 +74,44 @@ class _Sheet:
         return replace(self, bent=np.ascontiguousarray(self.bent[:, :FEW]), degree=self.degree[:FEW])
 
 
-@dataclass(frozen=True, eq=False)
 class _Evidence:
-    """How likely a sheet's data are under widths of the prior, `scale` px the unit; remembers what it was asked."""
+    """How likely a sheet's data are under widths of the prior, `scale` px the unit. What was asked once is remembered."""
 
-    sheet: _Sheet
-    scale: float
-    known: dict[_Spot, float]
-    grams: dict[int, tuple[Array, float]]
+    def __init__(self, sheet: _Sheet, scale: float) -> None:
+        self.sheet, self.scale = sheet, scale
+        self.roots = scale * np.take(_PRIORS, np.concatenate([sheet.degree, sheet.degree]), axis=2)
+        self._known: dict[_Spot, float] = {}
+        self._normals: dict[int, tuple[Array, Array, float]] = {}
+        self._work = np.empty(0)
 
-    @classmethod
-    def of(cls, sheet: _Sheet, scale: float) -> _Evidence:
-        return cls(sheet, scale, {}, {})
-
-    def gram(self, rough: int) -> tuple[Array, float]:
-        """Normal matrix (D + 1, D + 8) of the coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
-        and what their log likelihood has besides."""
-        if rough not in self.grams:
+    def normal(self, rough: int) -> tuple[Array, Array, float]:
+        """Normal matrix (D + 1, D + 8) of all coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
+        what is left of it without the homography; and what log likelihoods have besides."""
+        if rough not in self._normals:
             s, size = self.sheet, TILE + 2 * len(self.sheet.degree)
-            gram, fixed = np.empty((size + 1, size + TILE)), np.empty(1)
-            _normal(len(s.off), len(s.degree), s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, gram, fixed)
-            self.grams[rough] = gram, float(fixed[0])
-        return self.grams[rough]
+            gram, rest, fixed = np.empty((size + 1, size + TILE)), np.empty((size + 2 - TILE, size)), np.empty(1)
+            _normal(
+                len(s.off), len(s.degree), s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, FREE * self.scale,
+                gram, rest, fixed,
+            )  # fmt: skip
+            self._normals[rough] = gram, rest, float(fixed[0])
+        return self._normals[rough]
 
-    def root(self, spots: list[_Spot]) -> Array:
-        """Prior standard deviations (len(spots), D) of all coefficients, px."""
-        degree = self.sheet.degree
-        rows = _PRIORS[[s[1] for s in spots], [s[2] for s in spots]]
-        return self.scale * np.take(rows, np.concatenate([np.zeros(TILE, int), degree, degree]), axis=1)
+    def root(self, spot: _Spot) -> Array:
+        """Prior standard deviations (D,) of all coefficients, px."""
+        return np.concatenate([np.full(TILE, FREE * self.scale), self.roots[spot[1], spot[2]]])
 
     def ask(self, spots: list[_Spot]) -> list[float]:
         """Log marginal likelihoods of `spots`, but for a constant."""
-        new = sorted(set(spots) - self.known.keys())
+        new = sorted(set(spots) - self._known.keys())
         for rough, group in itertools.groupby(new, key=lambda s: s[0]):
             same = list(group)
-            gram, fixed = self.gram(rough)
-            root, out = self.root(same), np.empty(len(same))
-            _evidence(root.shape[1], gram, len(same), root, np.empty(2 * gram.size + 2 * gram.shape[1]), out)
-            self.known.update(zip(same, (out + fixed).tolist(), strict=True))
-        return [self.known[s] for s in spots]
+            _, rest, fixed = self.normal(rough)
+            self._work = self._work if len(self._work) else np.empty(rest.size + TILE)
+            root, out = self.roots[[s[1] for s in same], [s[2] for s in same]], np.empty(len(same))
+            _evidence(root.shape[1], rest, len(same), root, self._work, out)
+            self._known.update(zip(same, (out + fixed).tolist(), strict=True))
+        return [self._known[s] for s in spots]
 
 
 def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Array]:
@@ -139,13 +141,13 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
 def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, Array]:
     """Positions (N, 2) and their covariances (N, 2, 2); the data's distances (N, 2) px from the smooth board, and squared (N,) in standard deviations."""
     base, sheet = _sheet(ij, xy, cov)
-    full = _Evidence.of(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
+    full = _Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
     best = _likeliest(full)
-    count, terms, root = len(xy), len(sheet.degree), full.root([best])[0]
-    work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK))
+    count, terms, root = len(xy), len(sheet.degree), full.root(best)
+    work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
     moved, known, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
     _settle(
-        count, terms, sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.gram(best[0])[0],
+        count, terms, sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.normal(best[0])[0],
         root, work, moved, known, off, beyond,
     )  # fmt: skip
     return base + moved, known, off, beyond
@@ -182,16 +184,6 @@ def _pairs(columns: int, rows: int) -> tuple[Array, Array, Array]:
     return a, b, degree
 
 
-def _priors() -> Array:
-    """Standard deviations by decay, width and degree of a coefficient; those of the homography, of degree 0, are the same for all."""
-    out = np.full((len(DECAYS), len(WIDTHS), TOTAL + 1), FREE)
-    out[:, :, 1:] = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(1, TOTAL + 1) - 2.0)
-    return out
-
-
-_PRIORS = _priors()
-
-
 def _likeliest(full: _Evidence) -> _Spot:
     """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again.
 
@@ -199,7 +191,7 @@ def _likeliest(full: _Evidence) -> _Spot:
     """
     lengths = len(ROUGH), len(DECAYS), len(WIDTHS)
     grid = list(itertools.product(*(range(0, length, 2) for length in lengths)))
-    few = _Evidence.of(full.sheet.few(), full.scale)
+    few = _Evidence(full.sheet.few(), full.scale)
     order = np.argsort(-np.array(few.ask(grid)), kind="stable")[:CANDIDATES]
     near = [grid[k] for k in order]
     best = near[int(np.argmax(full.ask(near)))]
