@@ -150,8 +150,8 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
     return log_det;
 }
 
-/* Normal matrix `gram` of the coefficients with what the data say of them; `rest` (2 terms + 2, 2 terms + PANEL) what is left of it, but for scrap in
- * the last row, after elimination of the homography, whose parameters are of standard deviation `free`; fixed (1,): −½ log of the determinants of
+/* Normal matrix `gram` of the coefficients with what the data say of them; `rest` (2 terms + 2, 2 terms + PANEL) what is left of it, and scrap in the
+ * last row, after elimination of the homography, whose parameters are of standard deviation `free`; fixed (1,): −½ log of the determinants of
  * all errors and of that elimination.
  *
  * tangent (count, 2, FREE), bent (count, terms): what the coefficients move; off (count, 2): the data; cov (count, 2, 2) of their errors, to
@@ -215,16 +215,24 @@ INLINE void scaled(const double *gram, const double *root, index_t rows, index_t
     }
 }
 
-/* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, size), from the
- * normal matrix `rest` (size + 2, size + PANEL) of rcdn_smooth_normal. work: as much as that, and PANEL. */
-FAST EXPORT void rcdn_smooth_evidence(index_t size, const double *rest, index_t many, const double *root, double *work, double *out) {
-    const index_t stride = size + PANEL;
-    work = aligned(work);
-    memset(work + (size + 1) * stride, 0, stride * sizeof(double));
+/* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, 2 used), from the
+ * normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms` polynomials, a multiple of PANEL, take part.
+ * work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
+FAST EXPORT void rcdn_smooth_evidence(index_t terms, index_t used, const double *rest, index_t many, const double *root, double *work,
+                                      double *out) {
+    const index_t size = 2 * used, stride = size + PANEL, left = terms - used, wide = 2 * terms + PANEL;
+    double *m = aligned(work), *part = m + (size + 2) * stride;
+    for (index_t i = 0; i <= size; i++) {
+        const double *from = rest + (i + (i < used ? 0 : i < size ? left : 2 * left)) * wide;
+        memcpy(part + i * stride, from, used * sizeof(double));
+        memcpy(part + i * stride + used, from + terms, used * sizeof(double));
+        memcpy(part + i * stride + size, from + 2 * terms, PANEL * sizeof(double));
+    }
+    memset(m + (size + 1) * stride, 0, stride * sizeof(double));
     for (index_t k = 0; k < many; k++) {
-        scaled(rest, root + k * size, size + 1, size, work, stride);
-        const double log_det = eliminate(work, 0, size, size + 2, stride);
-        out[k] = -0.5 * (work[size * stride + size] + log_det);
+        scaled(part, root + k * size, size + 1, size, m, stride);
+        const double log_det = eliminate(m, 0, size, size + 2, stride);
+        out[k] = -0.5 * (m[size * stride + size] + log_det);
     }
 }
 

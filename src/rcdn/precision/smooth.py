@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -52,7 +52,7 @@ _PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.ara
 
 _tangent = bind("rcdn_smooth_tangent", "nddDD")
 _normal = bind("rcdn_smooth_normal", "nnddddrrDDD")
-_evidence = bind("rcdn_smooth_evidence", "ndndDD")
+_evidence = bind("rcdn_smooth_evidence", "nndndDD")
 _settle = bind("rcdn_smooth_posterior", "nnddddrddDDDDD")
 
 
@@ -69,20 +69,16 @@ class _Sheet:
     off: Array
     cov: Array
 
-    def few(self) -> _Sheet:
-        """With polynomials of low degrees only."""
-        return replace(self, bent=np.ascontiguousarray(self.bent[:, :FEW]), degree=self.degree[:FEW])
-
 
 class _Evidence:
     """How likely a sheet's data are under widths of the prior, `scale` px the unit. What was asked once is remembered."""
 
     def __init__(self, sheet: _Sheet, scale: float) -> None:
         self.sheet, self.scale = sheet, scale
-        self.roots = scale * np.take(_PRIORS, np.concatenate([sheet.degree, sheet.degree]), axis=2)
         self._known: dict[_Spot, float] = {}
         self._normals: dict[int, tuple[Array, Array, float]] = {}
-        self._work = np.empty(0)
+        terms = len(sheet.degree)
+        self._work = np.empty(2 * (2 * terms + 2) * (2 * terms + TILE) + TILE)
 
     def normal(self, rough: int) -> tuple[Array, Array, float]:
         """Normal matrix (D + 1, D + 8) of all coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
@@ -97,21 +93,32 @@ class _Evidence:
             self._normals[rough] = gram, rest, float(fixed[0])
         return self._normals[rough]
 
-    def root(self, spot: _Spot) -> Array:
-        """Prior standard deviations (D,) of all coefficients, px."""
-        return np.concatenate([np.full(TILE, FREE * self.scale), self.roots[spot[1], spot[2]]])
-
     def ask(self, spots: list[_Spot]) -> list[float]:
         """Log marginal likelihoods of `spots`, but for a constant."""
         new = sorted(set(spots) - self._known.keys())
-        for rough, group in itertools.groupby(new, key=lambda s: s[0]):
-            same = list(group)
-            _, rest, fixed = self.normal(rough)
-            self._work = self._work if len(self._work) else np.empty(rest.size + TILE)
-            root, out = self.roots[[s[1] for s in same], [s[2] for s in same]], np.empty(len(same))
-            _evidence(root.shape[1], rest, len(same), root, self._work, out)
-            self._known.update(zip(same, (out + fixed).tolist(), strict=True))
+        self._known.update(zip(new, self.judge(new, len(self.sheet.degree)), strict=True))
         return [self._known[s] for s in spots]
+
+    def judge(self, spots: list[_Spot], terms: int) -> list[float]:
+        """As `ask`, of `spots` in rising order, with the first `terms` polynomials only."""
+        known: list[float] = []
+        for rough, group in itertools.groupby(spots, key=lambda s: s[0]):
+            root = self._roots(list(group), terms)
+            _, rest, fixed = self.normal(rough)
+            out = np.empty(len(root))
+            _evidence(len(self.sheet.degree), terms, rest, len(root), root, self._work, out)
+            known += (out + fixed).tolist()
+        return known
+
+    def root(self, spot: _Spot) -> Array:
+        """Prior standard deviations (D,) of all coefficients, px."""
+        return np.concatenate([np.full(TILE, FREE * self.scale), self._roots([spot], len(self.sheet.degree))[0]])
+
+    def _roots(self, spots: list[_Spot], terms: int) -> Array:
+        """Prior standard deviations (len(spots), 2 terms) of the polynomials' coefficients along x, along y."""
+        degree = self.sheet.degree[:terms]
+        by_degree = self.scale * _PRIORS[[s[1] for s in spots], [s[2] for s in spots]]
+        return np.take(by_degree, np.concatenate([degree, degree]), axis=1)
 
 
 def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Array]:
@@ -123,7 +130,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
     """
     use, spread = trusted.copy(), cov.copy()
     for again in (True, False):
-        lines = [len(np.unique(ij[use, k])) for k in (0, 1)]
+        lines = [len(set(ij[use, k].tolist())) for k in (0, 1)]
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
         flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
@@ -191,8 +198,7 @@ def _likeliest(full: _Evidence) -> _Spot:
     """
     lengths = len(ROUGH), len(DECAYS), len(WIDTHS)
     grid = list(itertools.product(*(range(0, length, 2) for length in lengths)))
-    few = _Evidence(full.sheet.few(), full.scale)
-    order = np.argsort(-np.array(few.ask(grid)), kind="stable")[:CANDIDATES]
+    order = np.argsort(-np.array(full.judge(grid, min(FEW, len(full.sheet.degree)))), kind="stable")[:CANDIDATES]
     near = [grid[k] for k in order]
     best = near[int(np.argmax(full.ask(near)))]
     while True:
