@@ -1,7 +1,7 @@
 /* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
 #include "rcdn.h"
 
-enum { TERMS = 6 };
+enum { TERMS = 6, NEAR = 32 };
 
 /* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y; returns 1 / depth. */
 INLINE double rectify(const double *flat, double x, double y, double *out) {
@@ -60,38 +60,54 @@ INLINE void solve(double normal[TERMS][TERMS], double *pull) {
         }
 }
 
+/* Normal matrix, on and above its diagonal, and right sides pull (TERMS, 2), of weighted quadratics in s and t of i and j. */
+INLINE void moments(const double *weight, const double *s, const double *t, const double *i, const double *j, double normal[TERMS][TERMS],
+                    double *pull) {
+    double w = 0, ws = 0, wt = 0, ss = 0, st = 0, tt = 0, sss = 0, sst = 0, stt = 0, ttt = 0, s4 = 0, s3t = 0, sstt = 0, st3 = 0, t4 = 0;
+    double i0 = 0, is = 0, it = 0, iss = 0, ist = 0, itt = 0, j0 = 0, js = 0, jt = 0, jss = 0, jst = 0, jtt = 0;
+    for (index_t n = 0; n < NEAR; n++) {
+        const double a = weight[n], as = a * s[n], at = a * t[n], ass = as * s[n], ast = as * t[n], att = at * t[n];
+        const double s2 = s[n] * s[n], p = s[n] * t[n], t2 = t[n] * t[n];
+        w += a, ws += as, wt += at, ss += ass, st += ast, tt += att;
+        sss += ass * s[n], sst += ass * t[n], stt += att * s[n], ttt += att * t[n];
+        s4 += ass * s2, s3t += ass * p, sstt += ass * t2, st3 += ast * t2, t4 += att * t2;
+        i0 += a * i[n], is += as * i[n], it += at * i[n], iss += ass * i[n], ist += ast * i[n], itt += att * i[n];
+        j0 += a * j[n], js += as * j[n], jt += at * j[n], jss += ass * j[n], jst += ast * j[n], jtt += att * j[n];
+    }
+    const double all[TERMS][TERMS] = {
+        {w, ws, wt, ss, st, tt}, {ws, ss, st, sss, sst, stt}, {wt, st, tt, sst, stt, ttt},
+        {ss, sss, sst, s4, s3t, sstt}, {st, sst, stt, s3t, sstt, st3}, {tt, stt, ttt, sstt, st3, t4},
+    };
+    const double right[2 * TERMS] = {i0, j0, is, js, it, jt, iss, jss, ist, jst, itt, jtt};
+    memcpy(normal, all, sizeof all);
+    memcpy(pull, right, sizeof right);
+}
+
 /* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels ij (count, 2) around each corner,
- * by least squares over `near` (count, side²). own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
+ * by least squares over `near` (count, side²), at most NEAR. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
 FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy, const double *flat, index_t side, const int32_t *near,
                               double own, double far, const double *stiff, double *origin, double *terms) {
     for (index_t k = 0; k < count; k++)
         rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
-    const index_t many = side * side, reach = side / 2;
     for (index_t k = 0; k < count; k++) {
-        double normal[TERMS][TERMS] = {{0}}, *pull = terms + 2 * TERMS * k;
-        memset(pull, 0, 2 * TERMS * sizeof(double));
-        for (index_t n = 0; n < many; n++) {
-            const index_t at = near[k * many + n];
-            const index_t i = n / side - reach, j = n % side - reach;
-            if (at < 0) {
-                if (k == 0) /* the first corner stands for what isn't there */
-                    normal[0][0] += own;
+        double weight[NEAR] = {0}, s[NEAR] = {0}, t[NEAR] = {0}, i[NEAR] = {0}, j[NEAR] = {0}, normal[TERMS][TERMS];
+        for (index_t n = 0; n < side * side; n++) {
+            const index_t at = near[k * side * side + n];
+            i[n] = (double)(n / side - side / 2);
+            j[n] = (double)(n % side - side / 2);
+            if (at < 0)
                 continue;
-            }
-            const double weight = i == 0 && j == 0 ? own : i * i > 1 || j * j > 1 ? far : 1;
-            const double s = origin[2 * at] - origin[2 * k], t = origin[2 * at + 1] - origin[2 * k + 1];
-            const double basis[TERMS] = {1, s, t, s * s, s * t, t * t};
-            for (index_t a = 0; a < TERMS; a++) {
-                const double heavy = weight * basis[a];
-                for (index_t b = 0; b < TERMS; b++)
-                    normal[a][b] += heavy * basis[b];
-                pull[2 * a] += heavy * (double)i;
-                pull[2 * a + 1] += heavy * (double)j;
-            }
+            s[n] = origin[2 * at] - origin[2 * k];
+            t[n] = origin[2 * at + 1] - origin[2 * k + 1];
+            weight[n] = at == k ? own : fabs(i[n]) > 1 || fabs(j[n]) > 1 ? far : 1;
+            if (at == k && k == 0) /* the first corner stands for what isn't there, too */
+                for (index_t m = 0; m < side * side; m++)
+                    weight[n] += near[m] < 0 ? own : 0;
         }
+        moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
         for (index_t a = 0; a < TERMS; a++)
             normal[a][a] += stiff[a];
-        solve(normal, pull);
+        solve(normal, terms + 2 * TERMS * k);
     }
 }
 

@@ -120,7 +120,8 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     try:
         flat = np.linalg.inv(homography(ij, xy))
         depth = xy @ flat[2, :2] + flat[2, 2]
-        if (depth > HORIZON * np.abs(depth).max()).all() or (-depth > HORIZON * np.abs(depth).max()).all():
+        low, high = float(depth.min()), float(depth.max())
+        if max(low, -high) > HORIZON * max(-low, high):
             return flat
     except np.linalg.LinAlgError:
         pass

@@ -53,9 +53,7 @@ def board_prior(ij: Array, state: Array, variance: Array, before: Prior) -> Prio
     keeps its freedom.
     """
     near = neighbours(ij, 1)
-    mean, sd = np.zeros_like(state), np.full_like(state, np.inf)
-    mean[:, 6:9] = medians(state[:, 6:9].T)
-    mean[:, LIGHT] = _light(near, state)
+    mean, sd = _mean(near, state), np.full_like(state, np.inf)
     inner, stray, least = near.min(axis=1) >= 0, np.abs(state - mean), _least(state)[PAIRS]
     for mine in (np.flatnonzero(inner), np.flatnonzero(~inner)):
         at = mine[:, None, None], PAIRS
@@ -64,6 +62,18 @@ def board_prior(ij: Array, state: Array, variance: Array, before: Prior) -> Prio
             believed = np.minimum(_spread(stray[at], variance[at], least[:, 0]), believed)
         sd[at] = believed
     return Prior(mean, sd)
+
+
+def board_mean(ij: Array, state: Array) -> Array:
+    """What the corners at `ij` (N, 2) have in common: the means (N, COUNT) of `board_prior`."""
+    return _mean(neighbours(ij, 1), state)
+
+
+def _mean(near: Array, state: Array) -> Array:
+    mean = np.zeros_like(state)
+    mean[:, 6:9] = medians(state[:, 6:9].T)
+    mean[:, LIGHT] = _light(near, state)
+    return mean
 
 
 def _least(state: Array) -> Array:
