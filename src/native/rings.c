@@ -4,6 +4,7 @@
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
 
 #define PI 3.14159265358979323846
+#define FAR 1e9           /* px: no picture is as wide */
 #define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
 #define START_BLUR 1.8    /* first guess of s = sqrt 2 * blur, px */
 #define LEAST_BLUR 0.4    /* its limits */
@@ -15,6 +16,9 @@ enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRE
 #define MOST_TURN 0.5     /* furthest that the fit may turn an axis from its start, radians */
 #define DONE 0.002        /* radians; shorter steps end the fit */
 #define CLOSEST 0.05      /* smallest angle between the two axes, radians */
+
+/* Radii of the rings, shares of the radius that is asked for. Smaller ones see more blur than direction. */
+static const double SHARES[RINGS] = {0.8, 1.0, 1.2};
 
 /* Cosine and sine of the directions; all tables come from the caller. */
 typedef struct {
@@ -40,10 +44,16 @@ typedef struct {
         }                                                                                                                                  \
     } while (0)
 
+/* A coordinate; just outside the picture where it is no number. */
+INLINE double somewhere(double x) {
+    return x > -FAR ? (x < FAR ? x : FAR) : isnan(x) ? -1 : -FAR;
+}
+
 /* Bilinear grey levels on a ring; the border is repeated outside. Positions are counted from a box around it, so that float32 will do. */
 INLINE void sample_ring(const Picture *p, const double centre[2], double radius, Directions d, float out[TURN]) {
-    const index_t reach = (index_t)radius + 1, x = (index_t)floor(centre[0]) - reach, y = (index_t)floor(centre[1]) - reach;
-    const float cx = (float)(centre[0] - (double)x), cy = (float)(centre[1] - (double)y), r = (float)radius;
+    const double at_x = somewhere(centre[0]), at_y = somewhere(centre[1]);
+    const index_t reach = (index_t)radius + 1, x = (index_t)floor(at_x) - reach, y = (index_t)floor(at_y) - reach;
+    const float cx = (float)(at_x - (double)x), cy = (float)(at_y - (double)y), r = (float)radius;
     const int inside = x >= 0 && y >= 0 && x + 2 * reach + 1 < p->width && y + 2 * reach + 1 < p->height;
     float fx[TURN], fy[TURN], at[4][TURN];
     int32_t i[TURN], j[TURN];
@@ -142,10 +152,8 @@ typedef struct {
     double energy, normal[6], pull[3];
 } Equations;
 
-enum { COLUMNS = 5, PRODUCTS = COLUMNS * (COLUMNS + 1) / 2 };
-
-/* The model's shape, what a, b and log s change in it, and the data. */
-INLINE void model_columns(const Samples *s, Directions d, const double state[3], float column[COLUMNS][SAMPLES]) {
+/* The model's shape at every sample and, where `slopes`, what a, b and log s change in it. */
+INLINE void model(const Samples *s, Directions d, const double state[3], int slopes, float column[4][SAMPLES]) {
     const float shrink = (float)exp(-state[2]), ca = (float)cos(state[0]), sa = (float)sin(state[0]);
     const float cb = (float)cos(state[1]), sb = (float)sin(state[1]), bell = -1.12837917f; /* -2 / sqrt pi */
     for (int ring = 0; ring < RINGS; ring++)
@@ -153,52 +161,60 @@ INLINE void model_columns(const Samples *s, Directions d, const double state[3],
             const int n = ring * DIRECTIONS + k;
             const float r = s->radius[n] * shrink;
             const float p = r * (d.sine[k] * ca - d.cosine[k] * sa), q = r * (d.sine[k] * cb - d.cosine[k] * sb);
-            const float pp = p * p, qq = q * q, one = short_erf(p), other = short_erf(q);
-            const float by_p = bell * short_exp(pp < 40.0f ? -pp : -40.0f) * other, by_q = bell * short_exp(qq < 40.0f ? -qq : -40.0f) * one;
+            const float one = short_erf(p), other = short_erf(q);
             column[0][n] = one * other;
-            column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
-            column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
-            column[3][n] = by_p * p + by_q * q;
-            column[4][n] = s->level[n];
+            if (slopes) {
+                const float pp = p * p, qq = q * q;
+                const float by_p = bell * other * short_exp(pp < 40.0f ? -pp : -40.0f), by_q = bell * one * short_exp(qq < 40.0f ? -qq : -40.0f);
+                column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
+                column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
+                column[3][n] = by_p * p + by_q * q;
+            }
         }
 }
 
-/* Sums of products of all pairs of columns, their means taken out. */
-INLINE void table_of(float column[COLUMNS][SAMPLES], double table[COLUMNS][COLUMNS]) {
-    double mean[COLUMNS];
-    for (int i = 0; i < COLUMNS; i++) {
-        float sum = 0;
-        for (int n = 0; n < SAMPLES; n++)
-            sum += column[i][n];
-        mean[i] = sum / SAMPLES;
-        const float less = (float)mean[i];
-        for (int n = 0; n < SAMPLES; n++)
-            column[i][n] -= less;
+/* Squared residuals of the model: what level and contrast, the two numbers that are solved for, don't explain. */
+INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
+    float column[4][SAMPLES], sum = 0, own = 0, cross = 0, data = 0;
+    model(s, d, state, 0, column);
+    for (int n = 0; n < SAMPLES; n++) {
+        const float f = column[0][n], g = s->level[n];
+        sum += f;
+        own += f * f;
+        cross += f * g;
+        data += g * g;
     }
-    for (int i = 0; i < COLUMNS; i++)
-        for (int j = i; j < COLUMNS; j++) {
-            float sum = 0;
-            for (int n = 0; n < SAMPLES; n++)
-                sum += column[i][n] * column[j][n];
-            table[i][j] = table[j][i] = sum;
-        }
+    const double rest = own - (double)sum * sum / SAMPLES;
+    return data - (double)cross * cross / (rest > 1e-9 ? rest : 1e-9);
 }
 
 /* Level and contrast are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's approximation), by
- * elimination in the table of all products of shape, slopes, data and one. */
+ * elimination in the table of all products of shape f, slopes u, v, w, data g and one. */
 INLINE Equations equations_at(const Samples *s, Directions d, const double state[3]) {
-    float column[COLUMNS][SAMPLES];
-    double table[COLUMNS][COLUMNS];
+    float column[4][SAMPLES], f1 = 0, u1 = 0, v1 = 0, w1 = 0, ff = 0, fu = 0, fv = 0, fw = 0, fg = 0, uu = 0, uv = 0, uw = 0, ug = 0;
+    float vv = 0, vw = 0, vg = 0, ww = 0, wg = 0, gg = 0;
+    model(s, d, state, 1, column);
+    for (int n = 0; n < SAMPLES; n++) {
+        const float f = column[0][n], u = column[1][n], v = column[2][n], w = column[3][n], g = s->level[n];
+        f1 += f, u1 += u, v1 += v, w1 += w;
+        ff += f * f, fu += f * u, fv += f * v, fw += f * w, fg += f * g;
+        uu += u * u, uv += u * v, uw += u * w, ug += u * g;
+        vv += v * v, vw += v * w, vg += v * g;
+        ww += w * w, wg += w * g, gg += g * g;
+    }
+    const double sum[4] = {f1, u1, v1, w1}, data[4] = {fg, ug, vg, wg}; /* the data have no mean */
+    double table[4][4] = {{ff, fu, fv, fw}, {0, uu, uv, uw}, {0, 0, vv, vw}, {0, 0, 0, ww}};
+    for (int i = 0; i < 4; i++)
+        for (int j = i; j < 4; j++)
+            table[i][j] -= sum[i] * sum[j] / SAMPLES;
+    const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = data[0] / own;
     Equations e;
-    model_columns(s, d, state, column);
-    table_of(column, table);
-    const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = table[0][4] / own;
-    e.energy = table[4][4] - table[0][4] * table[0][4] / own;
-    for (int i = 0, at = 0; i < 3; i++) {
-        const double share = table[0][i + 1] / own;
-        e.pull[i] = (table[i + 1][4] - share * table[0][4]) * scale;
-        for (int j = i; j < 3; j++)
-            e.normal[at++] = (table[i + 1][j + 1] - share * table[0][j + 1]) * scale * scale;
+    e.energy = gg - data[0] * scale;
+    for (int i = 1, at = 0; i < 4; i++) {
+        const double share = table[0][i] / own;
+        e.pull[i - 1] = (data[i] - share * data[0]) * scale;
+        for (int j = i; j < 4; j++)
+            e.normal[at++] = (table[i][j] - share * table[0][j]) * scale * scale;
     }
     return e;
 }
@@ -230,7 +246,7 @@ INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
             break;
     }
     const double gap = state[1] - state[0];
-    if (equations_at(s, d, state).energy <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
+    if (energy_at(s, d, state) <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
         fabs(state[1] - axes[1]) < MOST_TURN)
         memcpy(axes, state, 2 * sizeof(double));
 }
@@ -268,12 +284,12 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
         float signal[TURN] = {0}, ring[TURN];
         double *own = axes + 2 * n;
         for (int r = 0; r < RINGS; r++) {
-            sample_ring(&p, xy + 2 * n, radius[n * RINGS + r], d, ring);
+            sample_ring(&p, xy + 2 * n, SHARES[r] * radius[n], d, ring);
             for (int k = 0; k < DIRECTIONS; k++) {
                 signal[k] += ring[k];
                 signal[k + DIRECTIONS] += ring[k + DIRECTIONS];
                 s.level[r * DIRECTIONS + k] = 0.5f * (ring[k] + ring[k + DIRECTIONS]);
-                s.radius[r * DIRECTIONS + k] = (float)radius[n * RINGS + r];
+                s.radius[r * DIRECTIONS + k] = (float)SHARES[r] * radius[n];
             }
         }
         for (int k = 0; k < TURN; k++)
