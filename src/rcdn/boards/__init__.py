@@ -29,25 +29,32 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
     field = as_field(grey, candidates)
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     free, parts = np.ones(len(field.xy), bool), []
+    settled: dict[Grid, int] = {}
     queue = [Grid(at, field.xy) for at in grids]
     while queue:
         grid = queue.pop(0)
         grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
         rest = prune(grid, field)
         if len(grid) >= CELL:
-            rest += _complete(field, grid, free)
+            more, as_it_was = _complete(field, grid, free, pruned=not rest)
+            rest += more
             parts.append(grid)
+            if as_it_was:
+                settled[grid] = field.unseen
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
     usual = float(np.median(candidates.all.response[candidates.sure])) if candidates.sure.any() else 0.0
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         if len(grid) * 2 < least or not plain(grid, field.response, usual):
             continue
-        if grid not in parts or not is_full(grid):  # a whole part by itself has had its turn
+        alone = (
+            grid in parts
+        )  # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
+        if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
             fill(field, grid, board_sign(field, grid), free)
-            if distinct(grid, grey):
+            if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
@@ -55,27 +62,31 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
 def has_cells(grey: Array, candidates: Candidates) -> bool:
     """Is there any cell among the corners, from which a board could start?"""
     field = as_field(grey, candidates)
-    return bool(cells(field, links(field)))
+    return len(cells(field, links(field))) > 0
 
 
 def _finish(field: Field, grid: Grid, free: Array) -> None:
     """Complete a merged grid once more, in place. What it held stays together, though no edge may join its parts."""
     held = dict(grid.at)
-    for part in _complete(field, grid, free):
+    for part in _complete(field, grid, free)[0]:
         again = {spot: corner for spot, corner in part.at.items() if held.get(spot) == corner}
         if len(again) >= CELL:
             grid.at |= again
             free[list(again.values())] = False
 
 
-def _complete(field: Field, grid: Grid, free: Array) -> list[Grid]:
-    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place; returns what fell off."""
-    available = free.copy()
+def _complete(field: Field, grid: Grid, free: Array, pruned: bool = False) -> tuple[list[Grid], bool]:
+    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place; returns what fell off.
+
+    `pruned`: nothing fell off when that was done last, so that there is nothing to prune unless a corner is added. Returns whether that is so, too.
+    """
+    available, before = free.copy(), len(grid)
     available[list(grid.at.values())] = False
     grow(field, grid, available)
-    rest = prune(grid, field)
+    as_it_was = pruned and len(grid) == before
+    rest = [] if as_it_was else prune(grid, field)
     free[list(grid.at.values())] = False
-    return rest
+    return rest, as_it_was
 
 
 def as_field(grey: Array, candidates: Candidates) -> Field:
@@ -84,7 +95,7 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
     more = 0 if peaks is None else len(peaks.xy)
     longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
-        grey,
+        np.ascontiguousarray(grey),
         found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
         longer(seen.axes, np.nan),
         longer(seen.polarity.astype(int), 0),
@@ -100,22 +111,22 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
 
 def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     """A right-handed grid of corners as a board labelled by the contract. Filled corners have no response: 0."""
-    ij = np.array(list(grid.at))
-    index = np.array(list(grid.at.values()))
+    ij, index = np.array(list(grid.at)), np.array(list(grid.at.values()))
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
     index, new = index[order], new[order]
-    cols, rows = new.max(axis=0) + 1
-    filled = index >= len(field.xy)
-    row = np.where(filled, 0, index)
-    status = np.where(field.refined, Status.COMPLETED, Status.SEED)  # of weak peaks
-    known = np.where(
-        ~candidates.sure & (candidates.all.status == Status.REFINED), Status.COMPLETED, candidates.all.status
-    )
-    status[: len(known)] = known
+    seen, known = (
+        index < len(field.xy),
+        index < len(candidates.all),
+    )  # filled corners were not seen; weak peaks are not known
+    response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
+    response[seen] = field.response[index[seen]]
+    status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)
+    own = candidates.all.status[index[known]]
+    status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
+    cols, rows = (new.max(axis=0) + 1).tolist()
     height, width = field.grey.shape
-    turn = orientation(int(cols), int(rows)) if sign else "ambiguous_180"  # without colours nothing is settled
-    status = np.where(filled, Status.COMPLETED, status[row])
-    return Board(grid.xy[index], new, (width, height), np.where(filled, 0, field.response[row]), status, turn)
+    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
+    return Board(grid.xy[index], new, (width, height), response, status, turn)

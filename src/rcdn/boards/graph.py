@@ -5,15 +5,20 @@ Purely local: no line, no homography, no size; so distorted, bent, cut and sever
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from rcdn.boards.edges import edge_contrast
 from rcdn.corners.peaks import SAME, Peaks
+from rcdn.geometry.near import nearest, pairs, within
+from rcdn.native import bind
 from rcdn.types import Array, Status
+
+_links = bind("rcdn_links", "pddldnnrrrrDLL")
+_mutual = bind("rcdn_mutual", "lldlnDLnnL")
+_cells = bind("rcdn_quads", "ldnLLLn", result=True)
+_label = bind("rcdn_label", "lnnBLLLLLnLL", result=True)
 
 NEIGHBOURS = 14
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
@@ -53,9 +58,8 @@ class Field:
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
-        found = np.concatenate(self.peaks.tree.query_ball_point(spots, reach)).astype(int)
-        row = np.unique(first + found)
-        row = row[self.waiting[row]]
+        row = np.flatnonzero(self.waiting & _inside(self.xy, spots, float(np.max(reach))))
+        row = row[np.unique(within(self.xy[row], spots, reach)[1])]
         if not len(row):
             return
         self.waiting[row] = False
@@ -63,12 +67,17 @@ class Field:
         xy, status, seen = self.peaks.look(row - first)
         known = ~self.waiting
         known[row] = False
-        fresh = _apart(xy, self.xy[known])
+        fresh = _apart(xy, self.xy[known & _inside(self.xy, xy, SAME)])
         self.xy[row[~fresh]] = GONE
         row = row[fresh]
         self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
         self.axes[row], self.polarity[row] = seen.axes[fresh], seen.polarity[fresh]
         self.contrast[row], self.fit[row] = seen.contrast[fresh], seen.fit[fresh]
+
+    @property
+    def unseen(self) -> int:
+        """How many peaks are waiting."""
+        return 0 if self.waiting is None else int(self.waiting.sum())
 
     @property
     def quality(self) -> Array:
@@ -83,12 +92,17 @@ class Field:
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
 
 
+def _inside(xy: Array, spots: Array, margin: float) -> Array:
+    """(N,) bool: which of `xy` (N, 2) lie within `margin` px of the box around `spots` (K, 2)."""
+    low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
+    x, y = xy.T
+    return np.asarray((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+
+
 def _apart(xy: Array, known: Array) -> Array:
     """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
-    fresh = np.ones(len(xy), bool)
-    if len(known):
-        fresh = cKDTree(known).query(xy)[0] >= SAME
-    for one, other in sorted(cKDTree(xy).query_pairs(SAME)):
+    fresh = nearest(known, xy)[0][:, 0] >= SAME
+    for one, other in pairs(xy, SAME).tolist():
         if fresh[one]:
             fresh[other] = False
     return np.asarray(fresh)
@@ -100,29 +114,29 @@ def links(field: Field) -> Array:
     A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: an X-corner's neighbours are its negatives), and
     the edge between them is seen in the picture over its whole length. Each slot takes its shortest link; both ends must choose each other.
     """
-    count = len(field.xy)
-    out = np.full((count, 4), -1)
+    out = np.full((len(field.xy), 4), -1)
     usable = np.flatnonzero(field.strong & field.refined & (field.polarity != 0))
     if len(usable) < 4:
         return out
-    i, j, length, angle = near_pairs(field.xy, usable, NEIGHBOURS)
-    (colour_i, turn_i), (colour_j, turn_j) = field.side_colour(i, angle), field.side_colour(j, angle)
-    limit = np.where(length < SMALL, TOLERANCE_SMALL, TOLERANCE)
-    fine = (turn_i < limit) & (turn_j < limit) & (colour_i == -colour_j)
-    i, j, length, angle, colour = i[fine], j[fine], length[fine], angle[fine], colour_i[fine]
-    shown = edge_contrast(field.grey, field.xy[i], field.xy[j]) * colour[:, None]
-    fine = shown.min(axis=1) > LEAST_CONTRAST * np.minimum(field.contrast[i], field.contrast[j])
-    i, j, length, angle = i[fine], j[fine], length[fine], angle[fine]
-    return mutual(out, i, j, length, slot_of(field.axes[i], angle))
+    xy, axes = field.xy[usable], field.axes[usable]
+    looks = np.empty((len(usable), 6))
+    looks[:, 0:4:2], looks[:, 1:4:2] = np.cos(axes), np.sin(axes)
+    looks[:, 4], looks[:, 5] = field.polarity[usable], field.contrast[usable]
+    distance, near = nearest(xy, xy, NEIGHBOURS + 1)
+    own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
+    limits = SMALL, np.sin(TOLERANCE), np.sin(TOLERANCE_SMALL), LEAST_CONTRAST
+    _links(field.grey, xy, looks, near, distance, *near.shape, *limits, np.empty(own.shape), room, own)
+    out[usable] = np.where(own >= 0, usable[own], -1)
+    return out
 
 
 def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Array, Array]:
     """Each corner of `usable` (K,), numbers of rows of `xy` (N, 2), and its `count` nearest among them: from, to, distance px, direction (M,) rad."""
-    own = xy[usable]
-    distance, near = cKDTree(own).query(own, k=min(count + 1, len(usable)))
-    i, j = np.repeat(usable, near.shape[1] - 1), usable[near[:, 1:].ravel()]
+    distance, near = nearest(xy[usable], xy[usable], count + 1)
+    row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
+    i, j = usable[row], usable[near[row, rank]]
     step = xy[j] - xy[i]
-    return i, j, distance[:, 1:].ravel(), np.arctan2(step[:, 1], step[:, 0])
+    return i, j, distance[row, rank], np.arctan2(step[:, 1], step[:, 0])
 
 
 def slot_of(axes: Array, angle: Array) -> Array:
@@ -134,105 +148,31 @@ def slot_of(axes: Array, angle: Array) -> Array:
 
 def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
     """`out` (N, S), all −1, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
-    order = np.lexsort((j, -length))  # the shortest is written last, and stays
-    out[i[order], slot[order]] = j[order]
-    back = np.zeros_like(out, bool)
-    for k in range(out.shape[1]):
-        has = np.flatnonzero(out[:, k] >= 0)
-        back[has, k] = (out[out[has, k]] == has[:, None]).any(axis=1)
-    return np.where(back, out, -1)
+    i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
+    _mutual(i, j, length, slot, len(i), np.empty(out.shape), np.empty_like(out), *out.shape, out)
+    return out
 
 
-def cells(field: Field, neighbour: Array) -> list[tuple[int, int, int, int]]:
-    """Quadrilaterals (a, b, c, d) of links, turning clockwise on the screen, each once, convex and not absurdly skewed."""
-    found: dict[frozenset[int], tuple[int, int, int, int]] = {}
-    linked = np.flatnonzero((neighbour >= 0).any(axis=1))
-    rows = dict(zip(linked.tolist(), neighbour[linked].tolist(), strict=True))
-    sets = {a: {n for n in row if n >= 0} for a, row in rows.items()}
-    tries = []
-    for a, row in rows.items():
-        for k in range(4):
-            b, d = row[k], row[(k + 1) % 4]
-            if b >= 0 and d >= 0:
-                tries += [(a, b, c, d) for c in (sets[b] & sets[d]) - {a}]
-    regular = _regular(field.xy[np.array(tries, int).reshape(-1, 4)])
-    for quad, fine in zip(tries, regular.tolist(), strict=True):
-        if fine:
-            found.setdefault(frozenset(quad), quad)
-    return list(found.values())
+def cells(field: Field, neighbour: Array) -> Array:
+    """Quadrilaterals (Q, 4) of links, corners a, b, c, d turning clockwise on the screen, each once, convex and not absurdly skewed."""
+    count = len(neighbour)
+    room = 12 * int((neighbour >= 0).any(axis=1).sum())
+    quads = np.empty((room, 4), np.int64)
+    held = np.empty(count, np.int64), np.empty(room, np.int64)
+    xy = np.ascontiguousarray(field.xy, np.float64)
+    return quads[: _cells(neighbour, xy, count, *held, quads, room)]
 
 
-def _regular(quads: Array) -> Array:
-    """(K,) bool of quads (K, 4, 2)."""
-    edge = np.roll(quads, -1, axis=1) - quads
-    after = np.roll(edge, -1, axis=1)
-    turn = edge[..., 0] * after[..., 1] - edge[..., 1] * after[..., 0]
-    length = np.hypot(edge[..., 0], edge[..., 1])
-    ratio = np.maximum(length[:, :2], length[:, 2:]) / np.maximum(np.minimum(length[:, :2], length[:, 2:]), 1e-9)
-    return np.asarray((turn > 0).all(axis=1) & (ratio < 2.5).all(axis=1))
-
-
-def label(field: Field, quads: list[tuple[int, int, int, int]]) -> list[dict[Label, int]]:
-    """Grids by flood fill over cells, each {(u, v): corner}; the surest cell first; a cell that contradicts its grid is left out."""
-    score = [float(field.response[list(q)].min()) for q in quads]
-    at_edge: dict[frozenset[int], list[int]] = {}
-    for index, quad in enumerate(quads):
-        for k in range(4):
-            at_edge.setdefault(frozenset((quad[k], quad[(k + 1) % 4])), []).append(index)
-    used, grids = [False] * len(quads), []
-    for seed in sorted(range(len(quads)), key=lambda q: (-score[q], q)):
-        if used[seed]:
-            continue
-        grid: dict[Label, int] = {}
-        where: dict[int, Label] = {}
-        heap: list[tuple[float, int]] = []
-        _place(grid, where, quads[seed], ((0, 0), (1, 0), (1, 1), (0, 1)))
-        used[seed] = True
-        _push(heap, at_edge, used, quads[seed], score)
-        while heap:
-            index = heapq.heappop(heap)[1]
-            if used[index]:
-                continue
-            used[index] = True
-            spots = _spots(where, quads[index])
-            if spots and _agrees(grid, where, quads[index], spots):
-                _place(grid, where, quads[index], spots)
-                _push(heap, at_edge, used, quads[index], score)
-        grids.append(grid)
-    return grids
-
-
-def _push(
-    heap: list[tuple[float, int]],
-    at_edge: dict[frozenset[int], list[int]],
-    used: list[bool],
-    quad: tuple[int, ...],
-    score: list[float],
-) -> None:
-    for k in range(4):
-        for other in at_edge[frozenset((quad[k], quad[(k + 1) % 4]))]:
-            if not used[other]:
-                heapq.heappush(heap, (-score[other], other))
-
-
-def _spots(where: dict[int, Label], quad: tuple[int, ...]) -> tuple[Label, ...] | None:
-    """Labels of a cell's corners from two of them that are known; all cells turn the same way, so that two are enough."""
-    for k in range(4):
-        a, b = quad[k], quad[(k + 1) % 4]
-        if a in where and b in where:
-            (u, v), (p, q) = where[a], where[b]
-            du, dv = p - u, q - v
-            if abs(du) + abs(dv) != 1:
-                return None
-            out = [(u, v), (p, q), (p - dv, q + du), (u - dv, v + du)]
-            return tuple(out[(n - k) % 4] for n in range(4))
-    return None
-
-
-def _agrees(grid: dict[Label, int], where: dict[int, Label], quad: tuple[int, ...], spots: tuple[Label, ...]) -> bool:
-    return all(grid.get(s, c) == c and where.get(c, s) == s for c, s in zip(quad, spots, strict=True))
-
-
-def _place(grid: dict[Label, int], where: dict[int, Label], quad: tuple[int, ...], spots: tuple[Label, ...]) -> None:
-    for corner, spot in zip(quad, spots, strict=True):
-        grid[spot], where[corner] = corner, spot
+def label(field: Field, quads: Array) -> list[dict[Label, int]]:
+    """Grids by flood fill over cells (Q, 4), each {(u, v): corner}; the surest cell first; a cell that contradicts its grid is left out."""
+    count, corners = len(quads), len(field.xy)
+    if not count:
+        return []
+    order = np.argsort(-field.response[quads].min(axis=1), kind="stable")
+    slots = 1 << (4 * count).bit_length()
+    used, first = np.empty(count, np.uint8), np.empty(corners + 2, np.int64)
+    heap, at_corner, where, held = (np.full(k, -1) for k in (count, 4 * count, 3 * corners, 4 * slots))
+    begin, out = np.empty(count + 1, np.int64), np.empty((4 * count, 3), np.int64)
+    found = _label(quads[order], count, corners, used, heap, first, at_corner, where, held, slots, begin, out)
+    ends = begin[: found + 1].tolist()
+    return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in pairwise(ends)]

@@ -34,34 +34,20 @@ def ordered(ij: Array, xy: Array, colour: int) -> Array:
     inside the origin is dark, so that the same printed corner has the same label from every side. Any other is labelled by how
     it lies: columns closest to +x, origin at the top left.
     """
-    options = [turned(ij, k) for k in range(4)]
-    cols, rows = options[0].max(axis=0) + 1
-    if orientation(int(cols), int(rows)) == "unique":
-        for k, option in enumerate(options):
-            size = option.max(axis=0) + 1
-            if size[0] > size[1] and _inside_colour(ij, k, colour) < 0:
-                return option
-    return max(options, key=lambda o: _rightward(o, xy))
+    low, high = ij.min(axis=0).tolist(), ij.max(axis=0).tolist()
+    cols, rows = high[0] - low[0] + 1, high[1] - low[1] + 1
+    quarters = range(4)
+    if orientation(cols, rows) == "unique":
+        along = quarters[int(cols < rows) :: 2]  # turns after which columns run along the longer side
+        squares = [(low[0], low[1]), (low[0], high[1] - 1), (high[0] - 1, high[1] - 1), (high[0] - 1, low[1])]
+        for k in along:  # the square inside the origin
+            if colour * (-1) ** sum(squares[k]) < 0:
+                return turned(ij, k)
+    rightward = _rightward(ij, xy)
+    return turned(ij, max(quarters, key=lambda k: rightward[k]))
 
 
-def _inside_colour(ij: Array, quarters: int, colour: int) -> int:
-    """Colour of the square between (0, 0) and (1, 1) after a turn."""
-    lattice = np.stack(
-        np.meshgrid(*(np.arange(lo, hi) for lo, hi in zip(ij.min(axis=0), ij.max(axis=0), strict=True))), -1
-    ).reshape(-1, 2)
-    middle = 2 * lattice + 1  # squares' centres, doubled
-    both = np.concatenate([2 * ij, middle])
-    u, v = both.T
-    for _ in range(quarters % 4):
-        u, v = -v, u
-    new = np.stack([u, v], axis=1)
-    new = new - new[: len(ij)].min(axis=0)
-    first = lattice[np.flatnonzero((new[len(ij) :] == 1).all(axis=1))[0]]
-    return colour * (-1) ** int(first.sum())
-
-
-def _rightward(ij: Array, xy: Array) -> float:
-    """cos of the angle between the column direction and +x."""
-    design = np.column_stack([ij, np.ones(len(ij))])
-    step = np.linalg.lstsq(design, xy, rcond=None)[0][0]
-    return float(step[0] / max(np.hypot(*step), 1e-12))
+def _rightward(ij: Array, xy: Array) -> list[float]:
+    """cos of the angle between the column direction and +x, after each number of quarter turns."""
+    u, v = np.linalg.lstsq(ij - ij.mean(axis=0), xy - xy.mean(axis=0), rcond=None)[0]
+    return [float(step[0] / max(np.hypot(*step), 1e-12)) for step in (u, -v, -u, v)]

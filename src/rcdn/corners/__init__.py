@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.config import DetectorConfig
-from rcdn.corners.cluster import cluster_mask
-from rcdn.corners.nms import nms
+from rcdn.corners.maxima import Maxima, find_maxima
 from rcdn.corners.orientation import Orientation, axes
 from rcdn.corners.patches import plain
 from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
 from rcdn.corners.refine import refine
-from rcdn.corners.threshold import threshold_value
 from rcdn.geometry.near import pairs
 from rcdn.types import Array, Corners, Status
 
@@ -41,42 +39,9 @@ class Candidates:
         return self.all.take(self.sure)
 
 
-@dataclass(frozen=True, eq=False)
-class Maxima:
-    """Peaks of a response map: `xy` (N, 2) px, integers; `score` (N,) falling; `level`: the threshold; `rescued`: was it lowered?"""
-
-    xy: Array
-    score: Array
-    level: float
-    rescued: bool
-
-    def take(self, index: Array) -> Maxima:
-        """Those at `index` (integers or a boolean mask)."""
-        return Maxima(self.xy[index], self.score[index], self.level, self.rescued)
-
-    def strong(self, config: DetectorConfig) -> Array:
-        """(N,) bool: which may start a board."""
-        return np.asarray(self.score >= self.level * config.seed)
-
-
 def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Candidates:
     """Threshold → NMS → clustering → refinement → orientation. `grey` and `response` (H, W)."""
     return candidates_at(grey, response, find_maxima(response, config), config)
-
-
-def find_maxima(response: Array, config: DetectorConfig) -> Maxima:
-    """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look."""
-    level = threshold_value(response, config.threshold)
-    rescued = config.rescue and not np.isfinite(level)
-    if rescued:
-        level = _rescue(response)
-    xy, score = nms(response, level * config.weak, config.nms)
-    inside = ((xy >= config.border) & (xy <= np.array(response.shape[::-1]) - 1 - config.border)).all(axis=1)
-    xy, score = xy[inside], score[inside]
-    if config.cluster is not None:
-        keep = cluster_mask(xy, config.cluster)
-        xy, score = xy[keep], score[keep]
-    return Maxima(xy, score, level, rescued)
 
 
 def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
@@ -92,14 +57,6 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     fine, score, status = fine[order], score[order], status[order]
     seen = axes(grey, fine, ring(pitch[order]))
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
-
-
-def _rescue(response: Array) -> float:
-    """Threshold of a map without any response above the usual level: 0.41 of its maximum where that stands out, else +inf."""
-    top = float(response.max(initial=0))
-    if top > 0.15 and top > 20 * float(np.percentile(response, 99)):
-        return 0.41 * top
-    return float("inf")
 
 
 def pitches(xy: Array, strong: Array) -> Array:

@@ -1,0 +1,169 @@
+/* Where the recovery of boards looks at pixels: see boards/edges.py. */
+#include "sampling.h"
+
+/* Grey levels (n,) at `xy` (n, 2), the border repeated. */
+FAST EXPORT void rcdn_sample(const void *data, index_t height, index_t width, int real, const double *xy, index_t n, double *out) {
+    const Picture p = {data, height, width, real};
+    const index_t right = width > 1, down = height > 1 ? width : 0;
+    for (index_t k = 0; k < n; k++) {
+        const double x = limited(xy[2 * k], 0, (double)(width - 1)), y = limited(xy[2 * k + 1], 0, (double)(height - 1));
+        const index_t i = (index_t)limited(x, 0, (double)(width - 1 - right)), j = (index_t)limited(y, 0, (double)(height - 1 - (down > 0)));
+        const double fx = x - (double)i, fy = y - (double)j;
+        const index_t at = j * width + i;
+        const double a = pixel(&p, at), b = pixel(&p, at + right), c = pixel(&p, at + down), d = pixel(&p, at + down + right);
+        const double top = a + fx * (b - a), low = c + fx * (d - c);
+        out[k] = top + fy * (low - top);
+    }
+}
+
+/* `out` (n, 3) of links `start` → `end` (n, 2). */
+FAST EXPORT void rcdn_edge_contrast(const void *data, index_t height, index_t width, int real, const double *start, const double *end, index_t n,
+                                    double *out) {
+    const Picture p = {data, height, width, real};
+    Places w;
+    for (index_t k = 0; k < n; k++)
+        sides_differ(&p, start + 2 * k, end + 2 * k, &w, out + 3 * k);
+}
+
+/* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either side. */
+FAST EXPORT void rcdn_edge_steps(const void *data, index_t height, index_t width, int real, const double *start, const double *end, index_t n,
+                                 double *out) {
+    const Picture p = {data, height, width, real};
+    static const double away[2] = {0.1, 0.3};
+    Places w;
+    float value[4 * ALONG];
+    for (index_t link = 0; link < n; link++) {
+        const double *from = start + 2 * link, dx = end[2 * link] - from[0], dy = end[2 * link + 1] - from[1];
+        const Spot s = spot_at(&p, from[0], from[1]);
+        for (index_t r = 0, k = 0; r < 2; r++)
+            for (index_t a = 0; a < ALONG; a++, k += 2) {
+                const double t = 0.25 + 0.5 / (ALONG - 1) * (double)a, x = from[0] - s.x + t * dx, y = from[1] - s.y + t * dy;
+                w.x[k] = (float)(x - away[r] * dy), w.y[k] = (float)(y + away[r] * dx);
+                w.x[k + 1] = (float)(x + away[r] * dy), w.y[k + 1] = (float)(y - away[r] * dx);
+            }
+        grey_levels(&s, &w, 4 * ALONG, value);
+        for (index_t r = 0; r < 2; r++) {
+            float sum = 0;
+            for (index_t k = 2 * ALONG * r; k < 2 * ALONG * (r + 1); k += 2)
+                sum += value[k] - value[k + 1];
+            out[2 * link + r] = (double)sum / ALONG;
+        }
+    }
+}
+
+/* Profiles across an edge: so many on each side of a crossing, of so many samples (made up to whole vectors: WIDE), and so many to either
+ * side that a smoothed slope looks at. */
+enum { ROWS = 8, STEPS = 35, WIDE = 48, TAPS = 15, PADDED = WIDE + 2 * TAPS };
+
+/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. */
+INLINE float logarithm(float x) {
+    int32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    const int32_t exponent = (bits - 0x3f3504f3) >> 23;
+    bits -= exponent * (1 << 23);
+    float m;
+    memcpy(&m, &bits, sizeof m);
+    const float s = (m - 1) / (m + 1), q = s * s;
+    const float series = 2 * s * (1 + q * (1.0f / 3 + q * (1.0f / 5 + q * (1.0f / 7 + q * (1.0f / 9)))));
+    return series + (float)exponent * 0.69314718f;
+}
+
+#define ORDER(A, B)                                                                                                                        \
+    do {                                                                                                                                   \
+        const float low_ = A < B ? A : B;                                                                                                  \
+        B = A < B ? B : A;                                                                                                                 \
+        A = low_;                                                                                                                          \
+    } while (0)
+
+/* Medians `out` (WIDE,) over 8 rows of `value`: two sorted halves, then the largest of the lower four and the smallest of the upper. */
+INLINE void medians(float value[ROWS][WIDE], float *out) {
+    for (int k = 0; k < WIDE; k++) {
+        float a = value[0][k], b = value[1][k], c = value[2][k], d = value[3][k];
+        float e = value[4][k], f = value[5][k], g = value[6][k], h = value[7][k];
+        ORDER(a, b);
+        ORDER(c, d);
+        ORDER(a, c);
+        ORDER(b, d);
+        ORDER(b, c);
+        ORDER(e, f);
+        ORDER(g, h);
+        ORDER(e, g);
+        ORDER(f, h);
+        ORDER(f, g);
+        ORDER(a, h);
+        ORDER(b, g);
+        ORDER(c, f);
+        ORDER(d, e);
+        ORDER(a, b);
+        ORDER(c, d);
+        ORDER(b, d);
+        ORDER(h, g);
+        ORDER(f, e);
+        ORDER(h, f);
+        out[k] = 0.5f * (d + h);
+    }
+}
+
+/* Smoothed slopes `out` (ROWS, WIDE) of the logarithm of profiles on one side of a spot: `along` the way to the rows, `across` along them. */
+INLINE void slopes(const Spot *s, const double *xy, const double *along, const double *across, const float *rows, const float *t, float dark,
+                   const float *taps, Places *w, float out[ROWS][WIDE]) {
+    float value[ROWS * STEPS], padded[PADDED];
+    const float ax = (float)across[0], ay = (float)across[1];
+    for (int r = 0; r < ROWS; r++) {
+        const float x = (float)(xy[0] - s->x + (double)rows[r] * along[0]), y = (float)(xy[1] - s->y + (double)rows[r] * along[1]);
+        for (int k = 0; k < STEPS; k++)
+            w->x[r * STEPS + k] = x + t[k] * ax, w->y[r * STEPS + k] = y + t[k] * ay;
+    }
+    grey_levels(s, w, ROWS * STEPS, value);
+    for (int k = 0; k < ROWS * STEPS; k++)
+        value[k] = logarithm(value[k] + dark);
+    memset(padded, 0, sizeof padded); /* beyond a profile there is nothing: its ends see less */
+    for (int r = 0; r < ROWS; r++) {
+        memcpy(padded + TAPS, value + r * STEPS, STEPS * sizeof(float));
+        for (int k = 0; k < WIDE; k++) {
+            float sum = 0;
+            for (int n = 1; n <= TAPS; n++)
+                sum += taps[n - 1] * (padded[TAPS + k + n] - padded[TAPS + k - n]);
+            out[r][k] = sum;
+        }
+    }
+}
+
+/* Offset along `across`, and strength, of the edge through `xy` that runs along `along` and whose colours are `colour`. */
+INLINE void edge_offset(const Picture *p, const double *xy, const double *across, const double *along, double colour, const float *rows,
+                        const float *t, float dark, const float *taps, Places *w, double *offset, double *strength) {
+    float slope[ROWS][WIDE], half[2][WIDE], both[STEPS];
+    const Spot s = spot_at(p, xy[0], xy[1]);
+    const double back[2] = {-along[0], -along[1]};
+    slopes(&s, xy, along, across, rows, t, dark, taps, w, slope);
+    medians(slope, half[0]);
+    slopes(&s, xy, back, across, rows, t, dark, taps, w, slope);
+    medians(slope, half[1]);
+    for (int k = 0; k < STEPS; k++) {
+        const float one = (float)colour * half[0][k], other = -(float)colour * half[1][k];
+        both[k] = one < other ? one : other;
+    }
+    int best = 1;
+    for (int k = 2; k < STEPS - 1; k++)
+        if (both[k] > both[best])
+            best = k;
+    const double before = both[best - 1], peak = both[best], after = both[best + 1], bend = before - 2 * peak + after;
+    const double shift = bend < 0 ? limited(0.5 * (before - after) / bend, -0.5, 0.5) : 0;
+    *offset = (double)t[best] + shift * (double)(t[1] - t[0]);
+    *strength = peak;
+}
+
+/* `offset`, `strength` (n, 2) at spots `xy`, `du`, `dv` (n, 2), `colour` (n,): see boards/edges.py, `crossings`. `rows` (ROWS,) and `t` (STEPS,)
+ * squares along and across an edge, `dark` grey levels, `taps` (TAPS,) of the smoothed slope: weights of the samples
+ * after one, less those before it. */
+FAST EXPORT void rcdn_crossings(const void *data, index_t height, index_t width, int real, const double *xy, const double *du, const double *dv,
+                                const double *colour, index_t n, const float *rows, const float *t, double dark, const float *taps,
+                                double *offset, double *strength) {
+    const Picture p = {data, height, width, real};
+    Places w;
+    for (index_t k = 0; k < n; k++) {
+        const double *at = xy + 2 * k, *u = du + 2 * k, *v = dv + 2 * k;
+        edge_offset(&p, at, u, v, colour[k], rows, t, (float)dark, taps, &w, offset + 2 * k, strength + 2 * k);
+        edge_offset(&p, at, v, u, colour[k], rows, t, (float)dark, taps, &w, offset + 2 * k + 1, strength + 2 * k + 1);
+    }
+}

@@ -1,0 +1,88 @@
+/* Which corner neighbours which: see boards/graph.py. */
+#include "sampling.h"
+
+/* Is the link of length `length` to corner `j` to be preferred to the one that is `taken` (−1: none)? The shorter one, of equals the later corner. */
+INLINE int preferred(double length, int64_t j, double shortest, int64_t taken) {
+    return taken < 0 || length < shortest || (length == shortest && j > taken);
+}
+
+/* Take from `out` (n, slots), where −1 is none, the links whose other end has no link back: in place by way of `chosen`, as large. */
+INLINE void keep_mutual(int64_t *out, int64_t *chosen, index_t n, index_t slots) {
+    memcpy(chosen, out, (size_t)(n * slots) * sizeof *out);
+    for (index_t i = 0; i < n; i++)
+        for (index_t k = 0; k < slots; k++) {
+            const int64_t j = chosen[i * slots + k];
+            int back = 0;
+            for (index_t m = 0; j >= 0 && m < slots; m++)
+                back |= chosen[j * slots + m] == i;
+            out[i * slots + k] = back ? j : -1;
+        }
+}
+
+/* `out` (n, slots), all −1, gets the shortest of the `count` links i → j of each slot, where both ends choose each other. `shortest`, `chosen`
+ * (n, slots) are room. */
+EXPORT void rcdn_mutual(const int64_t *i, const int64_t *j, const double *length, const int64_t *slot, index_t count, double *shortest,
+                        int64_t *chosen, index_t n, index_t slots, int64_t *out) {
+    for (index_t k = 0; k < count; k++) {
+        const index_t at = i[k] * slots + slot[k];
+        if (preferred(length[k], j[k], shortest[at], out[at])) {
+            shortest[at] = length[k];
+            out[at] = j[k];
+        }
+    }
+    keep_mutual(out, chosen, n, slots);
+}
+
+/* A corner's two axes as unit vectors, and its polarity and contrast. */
+typedef struct {
+    double axes[4], polarity, contrast;
+} Looks;
+
+/* The axis of a corner that is nearest to the direction (x, y); the sine of the turn from it, ≥ 0. */
+INLINE int nearest_axis(const Looks *corner, double x, double y, double *turn) {
+    const double *a = corner->axes, one = fabs(a[0] * y - a[1] * x), other = fabs(a[2] * y - a[3] * x);
+    *turn = other < one ? other : one;
+    return other < one;
+}
+
+/* `out` (n, 4): mutual links between corners `xy` (n, 2) px by `looks` (n, 6): cosine and sine of each axis, polarity ±1, contrast. `near`,
+ * `distance` (n, most): other corners, the nearest first; no corner is n. `small` px: under it a link may turn by `loose`, over it by
+ * `strict`, sines. `least`: share of the weaker contrast that each third of a link shows. `shortest`, `chosen` (n, 4) are room. */
+FAST EXPORT void rcdn_links(const void *data, index_t height, index_t width, int real, const double *xy, const double *looks, const int64_t *near,
+                            const double *distance, index_t n, index_t most, double small, double strict, double loose, double least,
+                            double *shortest, int64_t *chosen, int64_t *out) {
+    const Picture p = {data, height, width, real};
+    const Looks *corner = (const Looks *)looks;
+    Places w;
+    for (index_t i = 0; i < n; i++) {
+        for (index_t k = 0; k < 4; k++)
+            out[4 * i + k] = -1;
+        for (index_t m = 0; m < most; m++) {
+            const int64_t j = near[i * most + m];
+            const double length = distance[i * most + m];
+            if (j >= n || j == i || !(length > 0))
+                continue;
+            const double x = (xy[2 * j] - xy[2 * i]) / length, y = (xy[2 * j + 1] - xy[2 * i + 1]) / length;
+            const double limit = length < small ? loose : strict;
+            double turn, back, shown[3];
+            const int axis = nearest_axis(corner + i, x, y, &turn), other = nearest_axis(corner + j, x, y, &back);
+            if (!(turn < limit && back < limit))
+                continue;
+            /* colour of the side at rising angle from the link: opposite at its ends, since neighbours are each other's negatives */
+            const double colour = axis ? -corner[i].polarity : corner[i].polarity;
+            if (colour != (other ? corner[j].polarity : -corner[j].polarity))
+                continue;
+            const double *way = corner[i].axes + 2 * axis;
+            const index_t slot = 4 * i + axis + (way[0] * x + way[1] * y < 0 ? 2 : 0);
+            if (!preferred(length, j, shortest[slot], out[slot]))
+                continue;
+            sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);
+            const double weaker = corner[i].contrast < corner[j].contrast ? corner[i].contrast : corner[j].contrast;
+            if (colour * shown[0] > least * weaker && colour * shown[1] > least * weaker && colour * shown[2] > least * weaker) {
+                shortest[slot] = length;
+                out[slot] = j;
+            }
+        }
+    }
+    keep_mutual(out, chosen, n, 4);
+}
