@@ -1,10 +1,10 @@
 /* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
 #include "rings_maths.h"
+#include "sampling.h"
 
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
 
 #define PI 3.14159265358979323846
-#define FAR 1e9           /* px: no picture is as wide */
 #define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
 #define START_BLUR 1.8    /* first guess of s = sqrt 2 * blur, px */
 #define LEAST_BLUR 0.4    /* its limits */
@@ -17,65 +17,23 @@ enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRE
 #define DONE 0.002        /* radians; shorter steps end the fit */
 #define CLOSEST 0.05      /* smallest angle between the two axes, radians */
 
-/* Radii of the rings, shares of the radius that is asked for. Smaller ones see more blur than direction. */
-static const double SHARES[RINGS] = {0.8, 1.0, 1.2};
-
 /* Cosine and sine of the directions; all tables come from the caller. */
 typedef struct {
     const float *cosine, *sine;
 } Directions;
 
-/* The four pixels around each place (column i, row j) of a box at (x, y). */
-#define FETCH(TYPE)                                                                                                                        \
-    do {                                                                                                                                   \
-        const TYPE *from = (const TYPE *)p->data;                                                                                          \
-        for (index_t k = 0; k < TURN; k++) {                                                                                               \
-            const index_t left = clamped(x + i[k], p->width), right = clamped(x + i[k] + 1, p->width);                                     \
-            const TYPE *top = from + clamped(y + j[k], p->height) * p->width, *low = from + clamped(y + j[k] + 1, p->height) * p->width;   \
-            at[0][k] = (float)top[left], at[1][k] = (float)top[right], at[2][k] = (float)low[left], at[3][k] = (float)low[right];          \
-        }                                                                                                                                  \
-    } while (0)
-#define FETCH_INSIDE(TYPE)                                                                                                                 \
-    do {                                                                                                                                   \
-        const TYPE *from = (const TYPE *)p->data + y * p->width + x;                                                                       \
-        for (index_t k = 0; k < TURN; k++) {                                                                                               \
-            const TYPE *top = from + j[k] * p->width + i[k], *low = top + p->width;                                                        \
-            at[0][k] = (float)top[0], at[1][k] = (float)top[1], at[2][k] = (float)low[0], at[3][k] = (float)low[1];                        \
-        }                                                                                                                                  \
-    } while (0)
-
-/* A coordinate; just outside the picture where it is no number. */
-INLINE double somewhere(double x) {
-    return x > -FAR ? (x < FAR ? x : FAR) : isnan(x) ? -1 : -FAR;
-}
-
-/* Bilinear grey levels on a ring; the border is repeated outside. Positions are counted from a box around it, so that float32 will do. */
-INLINE void sample_ring(const Picture *p, const double centre[2], double radius, Directions d, float out[TURN]) {
-    const double at_x = somewhere(centre[0]), at_y = somewhere(centre[1]);
-    const index_t reach = (index_t)radius + 1, x = (index_t)floor(at_x) - reach, y = (index_t)floor(at_y) - reach;
-    const float cx = (float)(at_x - (double)x), cy = (float)(at_y - (double)y), r = (float)radius;
-    const int inside = x >= 0 && y >= 0 && x + 2 * reach + 1 < p->width && y + 2 * reach + 1 < p->height;
-    float fx[TURN], fy[TURN], at[4][TURN];
-    int32_t i[TURN], j[TURN];
-    for (index_t k = 0; k < TURN; k++) {
-        const float u = cx + r * d.cosine[k], v = cy + r * d.sine[k];
-        i[k] = (int32_t)u;
-        j[k] = (int32_t)v;
-        fx[k] = u - (float)i[k];
-        fy[k] = v - (float)j[k];
+/* Bilinear grey levels `out` (rings, TURN) on up to RINGS rings around `centre`; the border is repeated outside. */
+INLINE void ring_levels(const Picture *p, const double centre[2], const double *radius, int rings, Directions d, Places *w, float *out) {
+    const Spot s = spot_at(p, centre[0], centre[1]);
+    const float x = (float)(centre[0] - s.x), y = (float)(centre[1] - s.y);
+    for (int ring = 0; ring < rings; ring++) {
+        const float r = (float)radius[ring];
+        for (int k = 0; k < TURN; k++) {
+            w->x[ring * TURN + k] = x + r * d.cosine[k];
+            w->y[ring * TURN + k] = y + r * d.sine[k];
+        }
     }
-    if (inside && p->real)
-        FETCH_INSIDE(float);
-    else if (inside)
-        FETCH_INSIDE(uint8_t);
-    else if (p->real)
-        FETCH(float);
-    else
-        FETCH(uint8_t);
-    for (index_t k = 0; k < TURN; k++) {
-        const float top = at[0][k] + fx[k] * (at[1][k] - at[0][k]), low = at[2][k] + fx[k] * (at[3][k] - at[2][k]);
-        out[k] = top + fy[k] * (low - top);
-    }
+    grey_levels(&s, w, rings * TURN, out);
 }
 
 /* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
@@ -83,9 +41,9 @@ FAST EXPORT void rcdn_sample_rings(const void *data, index_t height, index_t wid
                                    index_t count, index_t rings, const float *directions, float *out) {
     const Picture p = {data, height, width, real};
     const Directions d = {directions, directions + TURN};
-    for (index_t n = 0; n < count; n++)
-        for (index_t k = n * rings; k < (n + 1) * rings; k++)
-            sample_ring(&p, xy + 2 * n, radius[k], d, out + k * TURN);
+    Places w;
+    for (index_t k = 0; k < count * rings; k++)
+        ring_levels(&p, xy + 2 * (k / rings), radius + k, 1, d, &w, out + k * TURN);
 }
 
 /* The two sectors that explain most of a ring's variance: from direction a to b, and the rest of the half turn. */
@@ -161,7 +119,8 @@ INLINE void model(const Samples *s, Directions d, const double state[3], int slo
             const int n = ring * DIRECTIONS + k;
             const float r = s->radius[n] * shrink;
             const float p = r * (d.sine[k] * ca - d.cosine[k] * sa), q = r * (d.sine[k] * cb - d.cosine[k] * sb);
-            const float one = short_erf(p), other = short_erf(q);
+            float one, other;
+            short_erfs(p, q, &one, &other);
             column[0][n] = one * other;
             if (slopes) {
                 const float pp = p * p, qq = q * q;
@@ -259,6 +218,18 @@ INLINE void take_out_mean(Samples *s) {
         s->level[n] -= sum / SAMPLES;
 }
 
+/* Means of opposite directions on the rings. */
+INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS]) {
+    Samples s;
+    for (int ring = 0; ring < RINGS; ring++)
+        for (int k = 0; k < DIRECTIONS; k++) {
+            s.level[ring * DIRECTIONS + k] = 0.5f * (level[ring * TURN + k] + level[ring * TURN + DIRECTIONS + k]);
+            s.radius[ring * DIRECTIONS + k] = (float)radius[ring];
+        }
+    take_out_mean(&s);
+    return s;
+}
+
 /* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
 FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, index_t count, const float *directions, double *axes) {
     const Directions d = {directions, directions + TURN};
@@ -279,21 +250,14 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
                            double *contrast, int8_t *polarity, double *fit) {
     const Picture p = {data, height, width, real};
     const Directions d = {directions, directions + TURN};
-    Samples s;
+    float level[RINGS * TURN], signal[TURN];
+    Places w;
     for (index_t n = 0; n < count; n++) {
-        float signal[TURN] = {0}, ring[TURN];
+        const double rings[RINGS] = {0.8 * radius[n], radius[n], 1.2 * radius[n]}; /* smaller ones see more blur than direction */
         double *own = axes + 2 * n;
-        for (int r = 0; r < RINGS; r++) {
-            sample_ring(&p, xy + 2 * n, SHARES[r] * radius[n], d, ring);
-            for (int k = 0; k < DIRECTIONS; k++) {
-                signal[k] += ring[k];
-                signal[k + DIRECTIONS] += ring[k + DIRECTIONS];
-                s.level[r * DIRECTIONS + k] = 0.5f * (ring[k] + ring[k + DIRECTIONS]);
-                s.radius[r * DIRECTIONS + k] = (float)SHARES[r] * radius[n];
-            }
-        }
+        ring_levels(&p, xy + 2 * n, rings, RINGS, d, &w, level);
         for (int k = 0; k < TURN; k++)
-            signal[k] /= RINGS;
+            signal[k] = (level[k] + level[TURN + k] + level[2 * TURN + k]) / RINGS;
         const Sectors seen = sectors(signal, gain);
         const int ok = seen.fit >= MIN_FIT && fabs(seen.contrast) >= least;
         contrast[n] = fabs(seen.contrast);
@@ -304,7 +268,7 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
             continue;
         double found[2] = {(seen.a - 0.5) * (PI / DIRECTIONS), (seen.b - 0.5) * (PI / DIRECTIONS)};
         if (careful[n]) {
-            take_out_mean(&s);
+            const Samples s = folded(level, rings);
             fit_axes(&s, d, found);
         }
         for (int i = 0; i < 2; i++)

@@ -66,8 +66,10 @@ def pitches(xy: Array, strong: Array) -> Array:
 
 def first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
-    keep = np.ones(len(xy), bool)
     close = pairs(xy, SAME)
+    if not len(close):
+        return np.arange(len(xy))
+    keep = np.ones(len(xy), bool)
     strong, weak = np.where((score[close[:, 0]] >= score[close[:, 1]])[:, None], close, close[:, ::-1]).T
     for i, j in sorted(zip(strong.tolist(), weak.tolist(), strict=True), key=lambda p: (-score[p[0]], p)):
         if keep[i]:
