@@ -48,7 +48,7 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     """Refinement → orientation of the strong peaks; the weak ones wait."""
     grey, strong = plain(grey), found.strong(config)
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
-    score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
+    score, pitch = found.score[strong], nearest_other(weak.strong, weak.strong)
     fine, status = refine(grey, response, weak.strong, config.refine, pitch)
     once = first_of_each(fine, score)
     if found.rescued:
@@ -57,11 +57,6 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     fine, score, status = fine[order], score[order], status[order]
     seen = axes(grey, fine, ring(pitch[order]))
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
-
-
-def pitches(xy: Array, strong: Array) -> Array:
-    """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
-    return nearest_other(xy[strong], xy)
 
 
 def first_of_each(xy: Array, score: Array) -> Array:
