@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
+Device = Literal["cpu", "cuda", "auto"]
 
 
 def _require(ok: bool, message: str) -> None:
@@ -154,6 +155,8 @@ class DetectorConfig:
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
+    `device`: where the network runs: `cpu`, `cuda` (a GPU, through onnxruntime-gpu), or `auto`: the GPU if there is one. The same corners within
+    rounding; on a GPU the whole response is computed, on the CPU only where corners can be.
     """
 
     model: str = "auto"
@@ -171,6 +174,7 @@ class DetectorConfig:
     min_corners: int = 9
     threads: int = 0
     pattern: Pattern = "checker"
+    device: Device = "cpu"
 
     def __post_init__(self) -> None:
         kinds = (
@@ -194,6 +198,8 @@ class DetectorConfig:
             self.pattern == "checker" or self.recovery == "graph",
             "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
         )
+        known = get_args(Device)
+        _require(self.device in known, f"DetectorConfig.device must be one of {known}, not {self.device!r}")
         _require(isinstance(self.pyramid, bool), f"DetectorConfig.pyramid must be true or false, not {self.pyramid!r}")
         _bounded(self, "border", 0)
         _bounded(self, "seed", 0.01, 1)

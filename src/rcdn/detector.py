@@ -11,7 +11,7 @@ from rcdn.boards import find_boards, has_cells
 from rcdn.boards.deltille import find_deltilles
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
-from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
+from rcdn.corners import Candidates, candidates_at, find_maxima
 from rcdn.corners.response import load_model
 from rcdn.corners.six_sector import six_candidates
 from rcdn.errors import ConfigError
@@ -49,7 +49,7 @@ class Detector:
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self.config = config or DetectorConfig()
         deltille = self.config.pattern == "deltille" and self.config.model == "auto"
-        self._model = load_model("rcdn_deltille" if deltille else self.config.model)
+        self._model = load_model("rcdn_deltille" if deltille else self.config.model, self.config.device)
 
     def response(self, image: Any) -> Array:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
@@ -83,10 +83,10 @@ class Detector:
     def _look(self, grey: Array, view: View, known: list[Board] | None = None) -> _Look:
         """What one view shows, in pixels of the picture. A reduced one that shows no more than `known` boards shows nothing."""
         part = view.of(grey)
-        response = self._model(part, self.config.threads)
-        peaks = find_maxima(response, self.config)
         if self.config.pattern == "deltille":
-            return self._look_for_triangles(part, response, peaks, view, grey.shape)
+            return self._look_for_triangles(part, view, grey.shape)
+        response, cells = self._model.at_saddles(part, self.config.threads)
+        peaks = find_maxima(response, self.config, cells)
         if known and view.scale < 1:
             strong = peaks.take(peaks.strong(self.config))
             left = unexplained(view, strong.xy, known)
@@ -99,9 +99,9 @@ class Detector:
             boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0))
         return _look_of(view, found, boards, grey.shape)
 
-    def _look_for_triangles(
-        self, part: Array, response: Array, peaks: Maxima, view: View, shape: tuple[int, ...]
-    ) -> _Look:
+    def _look_for_triangles(self, part: Array, view: View, shape: tuple[int, ...]) -> _Look:
+        response = self._model(part, self.config.threads)
+        peaks = find_maxima(response, self.config)
         found = six_candidates(part, response, peaks, self.config)
         boards = find_deltilles(part, found, self.config.min_corners, max(view.scale, 1.0))
         return _look_of(view, found, boards, shape)

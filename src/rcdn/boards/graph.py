@@ -17,7 +17,7 @@ from rcdn.types import Array, Status
 
 _links = bind("rcdn_links", "pddldnnrrrrDLL")
 _mutual = bind("rcdn_mutual", "lldlnDLnnL")
-_cells = bind("rcdn_cells", "ldnLLLn", result=True)
+_cells = bind("rcdn_quads", "ldnLLLn", result=True)
 _label = bind("rcdn_label", "lnnBLLLLLnLL", result=True)
 
 NEIGHBOURS = 14

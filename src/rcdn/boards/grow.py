@@ -5,19 +5,25 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid
-from rcdn.boards.validate import LEAST_QUALITY, STEPS
+from rcdn.boards.local import Grid, Predictions, checked
+from rcdn.boards.validate import LEAST_QUALITY
+from rcdn.native import bind
 from rcdn.types import Array
 
+_sign = bind("rcdn_grid_sign", "lddlnrL", result=True)
+_offered = bind("rcdn_grid_offers", "lnlddnddlbbnnrrrLDBLn", result=True)
 ROUNDS = 40
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
+LEAST_PITCH = 2.0
+"""px; smaller squares are none"""
 PLAIN = 5
 """corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
+ROOM = 16
+"""corners near an open spot that are usual"""
 SLACK = 3.0
 """px by which refinement may move a peak"""
 FAR_AXIS = np.deg2rad(30)
@@ -35,13 +41,14 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
     if sign == 0:
         return
     refused: set[tuple[Label, int]] = set()
-    level = LEAST_QUALITY * float(np.median(field.quality[list(grid.at.values())]))
+    corners = grid.corners
+    level = LEAST_QUALITY * float(np.median(field.response[corners] * field.fit[corners]))
     for _ in range(ROUNDS):
         offers = _offers(field, grid, sign, free, level, refused)
         if not offers:
             return
         taken: set[int] = set()
-        for _, spot, corner, _ in sorted(offers):
+        for _, spot, corner in sorted(offers):
             if spot not in grid.at and corner not in taken:
                 grid.at[spot] = corner
                 taken.add(corner)
@@ -50,16 +57,11 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
 
 def board_sign(field: Field, grid: Grid) -> int:
     """The board's colouring: side colour of the u axis times (−1)^(u+v), by majority; 0 if undecided."""
-    spots = np.array(list(grid.at), np.int64).reshape(-1, 2)
-    corner = np.array(list(grid.at.values()), np.int64)
-    near = grid.around(spots, 1)
-    ahead, behind = near[:, 5], near[:, 3]
-    step = np.where((ahead >= 0)[:, None], grid.xy[ahead] - grid.xy[corner], grid.xy[corner] - grid.xy[behind])
-    votes = ((ahead >= 0) | (behind >= 0)) & (corner < len(field.xy))  # filled corners have no colours
-    index = corner[votes]
-    colour, turn = field.side_colour(index, np.arctan2(step[votes, 1], step[votes, 0]))
-    parity = 1 - 2 * (spots[votes].sum(axis=1) % 2)
-    return int(np.sign((colour * parity)[turn < FAR_AXIS].sum()))
+    labels, corners, votes = grid.labels, grid.corners, np.zeros(1, np.int64)
+    own = np.minimum(corners, len(field.xy) - 1)
+    polarity = np.where(corners < len(field.xy), field.polarity[own], 0)  # filled corners have no colours
+    checked(_sign(labels, grid.xy[corners], field.axes[own], polarity, len(labels), FAR_AXIS, votes))
+    return int(np.sign(votes[0]))
 
 
 class Offer(NamedTuple):
@@ -68,76 +70,69 @@ class Offer(NamedTuple):
     gap: float
     spot: Label
     corner: int
-    axes_fit: bool
 
 
 def _offers(
     field: Field, grid: Grid, sign: int, free: Array, level: float, refused: set[tuple[Label, int]]
 ) -> list[Offer]:
     """Acceptable corners, of a quality over `level`, for the empty spots beside the grid."""
-    frontier = sorted({(u + d, v + e) for u, v in grid.at for d, e in STEPS} - set(grid.at))
-    guess = grid.predictions(frontier)
-    pitch = np.where(guess.support > 0, guess.pitch, 0)
-    rows = np.flatnonzero(pitch >= 2)
+    spots, guess = grid.beside()
+    rows = np.flatnonzero(guess.pitch >= LEAST_PITCH)
     if not len(rows):
         return []
+    spots, guess = spots[rows], guess.take(rows)
     if len(grid) >= PLAIN:
-        field.look(guess.xy[rows], NEAR * pitch[rows] + SLACK)
-    index = np.flatnonzero(free & (field.refined | field.strong) & (field.quality >= level))
-    if not len(index):
+        field.look(guess.xy, NEAR * guess.pitch + SLACK)
+    usable = free & (field.refined | field.strong) & (field.quality >= level)
+    offers, gap, fits, beside = _near(field, grid, sign, spots, guess, usable)
+    keys = list(zip(map(tuple, spots[offers[:, 0]].tolist()), offers[:, 1].tolist(), strict=True))
+    asked = [k for k, key in enumerate(keys) if key not in refused]
+    if not asked:
         return []
-    near = cKDTree(field.xy[index]).query_ball_point(guess.xy[rows], NEAR * pitch[rows])
-    tries = [(int(r), int(index[k])) for r, own in zip(rows, near, strict=True) for k in own]
-    tries = [(r, k) for r, k in tries if (frontier[r], k) not in refused]
-    row, corner = np.array(tries, int).reshape(-1, 2).T
-    gap = np.linalg.norm(field.xy[corner] - guess.xy[row], axis=1) / pitch[row]
-    colour = sign * np.array([(-1) ** sum(frontier[r]) for r in row.tolist()], int)
-    fits = _axes_fit(field, corner, guess.du[row], guess.dv[row], colour)
-    close = field.strong[corner] | (gap < NEAR_WEAK)
-    asked = [
-        Offer(float(gap[k]), frontier[row[k]], int(corner[k]), bool(fits[k])) for k in np.flatnonzero(close).tolist()
-    ]
-    seen = _edges_seen(field, grid, sign, asked)
-    refused.update((t.spot, t.corner) for ok, t in zip(seen, asked, strict=True) if not ok)
-    return [t for ok, t in zip(seen, asked, strict=True) if ok]
+    parity = sign * (1 - 2 * (spots[offers[asked, 0]].sum(axis=1) % 2))
+    seen = _edges_seen(field, grid, parity, offers[asked, 1], fits[asked], beside[asked])
+    refused.update(keys[k] for k, ok in zip(asked, seen.tolist(), strict=True) if not ok)
+    return [Offer(float(gap[k]), *keys[k]) for k, ok in zip(asked, seen.tolist(), strict=True) if ok]
 
 
-def _axes_fit(field: Field, corner: Array, du: Array, dv: Array, colour: Array) -> Array:
-    """(K,) bool: do the corners' own axes and colours fit the predicted steps (K, 2)?"""
-    fits = np.ones(len(corner), bool)
-    for step, expected in ((du, colour), (dv, -colour)):
-        own, turn = field.side_colour(corner, np.arctan2(step[:, 1], step[:, 0]))
-        fits &= (own == expected) & (turn < FAR_AXIS)
-    return fits
+def _near(
+    field: Field, grid: Grid, sign: int, spots: Array, guess: Predictions, usable: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Corners that are `usable` (N,) and near enough to `spots` (K, 2): rows of spots and corners (M, 2), their distance from the prediction (M,),
+    squares, whether their own axes and colours fit the predicted steps (M,), and rows of the labelled corners (M, 4) in the directions
+    `STEPS`, −1 for none.
+    """
+    labels, room = grid.labels, ROOM + 2 * len(spots)
+    maps, pitch = np.ascontiguousarray(guess.maps), np.ascontiguousarray(guess.pitch)
+    while True:
+        offers, gap, fits = np.empty((room, 2), np.int64), np.empty(room), np.empty(room, np.uint8)
+        beside = np.empty((room, 4), np.int64)
+        count = checked(
+            _offered(
+                labels, len(labels), spots, maps, pitch, len(spots),
+                field.xy, field.axes, field.polarity, usable.view(np.uint8), field.strong.view(np.uint8), len(usable),
+                sign, NEAR, NEAR_WEAK, FAR_AXIS, offers, gap, fits, beside, room,
+            )
+        )  # fmt: skip
+        if count <= room:
+            return offers[:count], gap[:count], fits[:count] > 0, beside[:count]
+        room = count
 
 
-def _edges_seen(field: Field, grid: Grid, sign: int, tries: list[Offer]) -> list[bool]:
-    """For each offer: are the edges to its labelled neighbours in the picture?
+def _edges_seen(field: Field, grid: Grid, parity: Array, corner: Array, fits: Array, beside: Array) -> Array:
+    """(K,) bool: are the edges from each `corner` (K,) to the corners `beside` (K, 4) its spot in the picture?
 
     One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
-    where the axes don't fit (motion blur bends them).
+    where the axes don't fit (motion blur bends them). `parity` (K,) ±1: colour of the spot's side along u.
     """
-    rows, starts, ends, signs, levels = [], [], [], [], []
-    for row, offer in enumerate(tries):
-        (u, v), corner = offer.spot, offer.corner
-        for d, e in STEPS:
-            other = grid.at.get((u + d, v + e))
-            if other is None:
-                continue
-            rows.append(row)
-            starts.append(field.xy[corner])
-            ends.append(field.xy[other])
-            signs.append(sign * (-1) ** (u + v) * (1 if d else -1))
-            levels.append(field.contrast[other])
-    if not rows:
-        return [False] * len(tries)
-    shown = edge_contrast(field.grey, np.array(starts), np.array(ends)) * np.array(signs)[:, None]
-    share, row_of = shown / np.maximum(np.array(levels), 1e-6)[:, None], np.array(rows)
-    out: list[bool] = []
-    for row, offer in enumerate(tries):
-        own = share[row_of == row]
-        if field.strong[offer.corner] and offer.axes_fit:
-            out.append(bool((own.min(axis=1) > SHOWN).any() and (own.mean(axis=1) > 0).all()))
-        else:
-            out.append(bool(len(own) >= (1 if offer.axes_fit else 2) and (own.min(axis=1) > SHOWN_WEAK).all()))
-    return out
+    there = beside >= 0
+    row, way = np.nonzero(there)
+    other = grid.corners[beside[row, way]]
+    colour = parity[row] * np.where(way % 2 == 0, 1, -1)
+    shown = edge_contrast(field.grey, field.xy[corner[row]], field.xy[other]) * colour[:, None]
+    share = shown / np.maximum(field.contrast[other], 1e-6)[:, None]
+    least, mean = np.zeros(beside.shape), np.zeros(beside.shape)
+    least[row, way], mean[row, way] = share.min(axis=1, initial=np.inf), share.mean(axis=1)
+    some = ((least > SHOWN) & there).any(axis=1) & ((mean > 0) | ~there).all(axis=1)
+    every = ((least > SHOWN_WEAK) | ~there).all(axis=1) & (there.sum(axis=1) >= np.where(fits, 1, 2))
+    return np.where(field.strong[corner] & fits, some, every)

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from rcdn.boards.graph import Label
+from rcdn.native import bind
 from rcdn.types import Array
 
-REACH = 2
-"""neighbours up to this many squares away"""
-ENOUGH, WIDEST = 6, REACH + 1
-"""with fewer of them, one ring more"""
-OFFSETS = np.array([(d, e) for e in range(-WIDEST, WIDEST + 1) for d in range(-WIDEST, WIDEST + 1)])
-INNER = np.flatnonzero(np.abs(OFFSETS).max(axis=1) <= REACH)
-OUTER = np.flatnonzero(np.abs(OFFSETS).max(axis=1) > REACH)
-MIDDLE = len(OFFSETS) // 2
-"""places in the window of labels around a spot"""
+_around = bind("rcdn_grid_around", "lnlnnL", result=True)
+_predict = bind("rcdn_grid_predict", "ldnlnDLD", result=True)
+_beside = bind("rcdn_grid_beside", "ldnLDLD", result=True)
+Labels = Array | Sequence[Label]
+"""of spots: (K, 2), or so many (u, v)"""
 
 
 class Grid:
@@ -31,92 +28,99 @@ class Grid:
     def __len__(self) -> int:
         return len(self.at)
 
-    def around(self, spots: Array | Sequence[Label], reach: int) -> Array:
+    @property
+    def labels(self) -> Array:
+        """Of its corners, (M, 2) int64, in the order of `at`."""
+        return as_labels(self.at)
+
+    @property
+    def corners(self) -> Array:
+        """Their numbers, (M,) int64, in the order of `at`."""
+        return np.fromiter(self.at.values(), np.int64, len(self.at))
+
+    def around(self, spots: Labels, reach: int) -> Array:
         """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
-        held, spots = (np.array(a, np.int64).reshape(-1, 2) for a in (list(self.at), spots))
-        both = np.concatenate([held, spots])
-        low = both.min(axis=0, initial=0) - reach
-        table = np.full(both.max(axis=0, initial=0) + reach + 1 - low, -1)
-        table[tuple((held - low).T)] = list(self.at.values())
-        span = np.arange(-reach, reach + 1)
-        u, v = (spots - low).T
-        return table[u[:, None, None] + span, v[:, None, None] + span[:, None]].reshape(len(spots), len(span) ** 2)
+        rows = windows(self.labels, spots, reach)
+        return np.where(rows >= 0, self.corners[rows], -1) if self.at else rows
 
     def predict(self, spot: Label) -> Prediction | None:
         """Where the corner of `spot` should be; None if its neighbours don't span the plane."""
         guess = self.predictions([spot])
         return Prediction(guess.xy[0], guess.du[0], guess.dv[0], int(guess.support[0])) if guess.support[0] else None
 
-    def predictions(self, spots: Sequence[Label], near: Array | None = None) -> Predictions:
+    def predictions(self, spots: Labels) -> Predictions:
         """`predict` of many spots (K); `support` is 0, and the rest NaN, where their neighbours don't span the plane.
 
-        `near`: the corners around them, if they are at hand: `around(spots, WIDEST)`.
+        Weighted least squares over the neighbours up to two squares away, with fewer than six of them up to three: bilinear with four
+        neighbours, quadratic along an axis on which they take three places; the smallest such map where there are many.
         """
-        near = self.around(spots, WIDEST) if near is None else near
-        there = near >= 0
-        there[:, MIDDLE] = False
-        few = there[:, INNER].sum(axis=1) < ENOUGH
-        there[:, OUTER] &= few[:, None]
-        if not there.any():
-            nowhere = np.full((len(near), 2), np.nan)
-            return Predictions(nowhere, nowhere, nowhere, np.zeros(len(near), int))
-        solvers = np.array([_solver(row.tobytes()) for row in there])
-        at, du, dv = (solvers @ self.xy.take(near, axis=0, mode="clip")).swapaxes(0, 1)
-        return Predictions(at, du, dv, np.where(np.isnan(at[:, 0]), 0, there.sum(axis=1)))
+        spots, labels = as_labels(spots), self.labels
+        guess = Predictions.room(len(spots))
+        checked(_predict(labels, self.xy[self.corners], len(labels), spots, len(spots), *guess))
+        return guess
+
+    def beside(self) -> tuple[Array, Predictions]:
+        """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions."""
+        labels, room = self.labels, 4 * len(self.at)
+        spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
+        count = checked(_beside(labels, self.xy[self.corners], len(labels), spots, *guess))
+        return spots[:count], guess.take(slice(count))
+
+
+def as_labels(spots: Iterable[Label] | Array) -> Array:
+    """(K, 2) int64 of the labels of spots."""
+    if isinstance(spots, np.ndarray):
+        return np.ascontiguousarray(spots, np.int64).reshape(-1, 2)
+    return np.fromiter(chain.from_iterable(spots), np.int64).reshape(-1, 2)
+
+
+def windows(labels: Array, spots: Labels, reach: int) -> Array:
+    """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
+    spots = as_labels(spots)
+    out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
+    checked(_around(labels, len(labels), spots, len(spots), reach, out))
+    return out
+
+
+def checked(result: int) -> int:
+    """What a kernel of grids returned."""
+    if result < 0:
+        raise MemoryError("grids: no memory for the table of labels")
+    return result
 
 
 class Predictions(NamedTuple):
-    """Predicted corners: `xy` (K, 2) px, the steps `du`, `dv` (K, 2) px to their neighbours, and on how many corners they stand, `support` (K,)."""
+    """Predicted corners and the steps to their neighbours: `maps` (K, 6) px, x, y and both steps; on how many corners they stand, `support` (K,);
+    lengths of the shorter steps, `pitch` (K,) px. NaN where `support` is 0.
+    """
 
-    xy: Array
-    du: Array
-    dv: Array
+    maps: Array
     support: Array
+    pitch: Array
+
+    @classmethod
+    def room(cls, count: int) -> Predictions:
+        """For so many, not filled in."""
+        return cls(np.empty((count, 6)), np.empty(count, np.int64), np.empty(count))
+
+    def take(self, index: Array | slice) -> Predictions:
+        """Those at `index`."""
+        return Predictions(self.maps[index], self.support[index], self.pitch[index])
 
     @property
-    def pitch(self) -> Array:
-        """Lengths (K,) of the shorter steps, px."""
-        return np.asarray(np.sqrt(np.minimum((self.du**2).sum(axis=1), (self.dv**2).sum(axis=1))))
+    def xy(self) -> Array:
+        """Positions (K, 2) px."""
+        return self.maps[:, :2]
 
+    @property
+    def du(self) -> Array:
+        """Steps (K, 2) px along u."""
+        return self.maps[:, 2:4]
 
-def _solver_of(near: tuple[Label, ...]) -> Array | None:
-    """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, by weighted least squares.
-
-    Bilinear with four neighbours, quadratic along an axis on which they take three places. None if they don't span the plane.
-    """
-    if len(near) < 3:
-        return None
-    u, v = np.array(near, float).T
-    columns, rows = len(np.unique(u)), len(np.unique(v))
-    if min(columns, rows) < 2:
-        return None
-    terms = [np.ones(len(u)), u, v]
-    if len(u) >= 4:
-        terms.append(u * v)
-    if len(u) >= 6 and columns >= 3:
-        terms.append(u * u)
-    if len(u) >= 7 and rows >= 3:
-        terms.append(v * v)
-    weight = 1 / (1 + u * u + v * v)
-    basis = np.stack(terms, axis=1) * weight[:, None]
-    left, size, right = np.linalg.svd(basis, full_matrices=False)
-    if (size > size[0] * max(basis.shape) * np.finfo(float).eps).sum() < 3:
-        return None
-    inverse = np.divide(1, size, out=np.zeros_like(size), where=size > 1e-6 * size[0])
-    return np.asarray(((right.T * inverse) @ left.T * weight)[:3])
-
-
-@lru_cache(maxsize=4096)
-def _solver(there: bytes) -> Array:
-    """(3, (2 WIDEST + 1)²): `_solver_of` over the whole window, for the neighbours that are `there`; NaN if they don't span the plane."""
-    window = np.frombuffer(there, bool)
-    out = np.zeros((3, len(window)))
-    solver = _solver_of(tuple(map(tuple, OFFSETS[window].tolist())))
-    if solver is None:
-        out[:] = np.nan
-    else:
-        out[:, window] = solver
-    return out
+    @property
+    def dv(self) -> Array:
+        """Steps (K, 2) px along v."""
+        return self.maps[:, 4:]
 
 
 class Prediction:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import Grid
+from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
 GAP = 3
@@ -30,7 +30,7 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
     other under one turn and shift, and the other way round too; if their steps are alike where they face each other; if colours agree, and no
     label is taken.
     """
-    left = sorted(grids, key=lambda g: (-len(g), min(g.at.values())))
+    left = [_Lattice(grid) for grid in sorted(grids, key=lambda g: (-len(g), min(g.at.values())))]
     out: list[Grid] = []
     while left:
         host = left.pop(0)
@@ -40,36 +40,49 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
             if joined is None:
                 k += 1
             else:
-                host = joined
+                host = _Lattice(joined)
                 left.pop(k)
                 k = 0
-        out.append(host)
+        out.append(host.grid)
     return out
 
 
-def _join(field: Field, host: Grid, guest: Grid) -> Grid | None:
-    if _apart(host, guest):
+class _Lattice:
+    """A grid with what its neighbours are told by: `labels` (M, 2), positions `xy` (M, 2), the steps there, `steps` (M, 2, 2), columns du, dv, NaN
+    if unknown, and their inverses, `squares` (M, 2, 2), which are unknown where the steps span nothing.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self.grid, self.labels = grid, grid.labels
+        self.xy = grid.xy[grid.corners]
+        maps = grid.predictions(self.labels).maps
+        self.steps = np.stack([maps[:, 2:4], maps[:, 4:]], axis=2)
+        (a, b), (c, d) = self.steps.transpose(1, 2, 0)
+        area = a * d - b * c
+        area = np.where(np.abs(area) >= 1e-6, area, np.nan)
+        self.squares = (np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1)
+        self._low, self._high = self.xy.min(axis=0).tolist(), self.xy.max(axis=0).tolist()
+        self._square = float(np.abs(np.nan_to_num(self.steps)).max(axis=(0, 2)).sum())
+
+    def apart(self, other: _Lattice) -> bool:
+        """Are two grids surely further apart than `GAP` squares of either?"""
+        ways = ((self._low, other._high), (other._low, self._high))
+        gap = max(a[k] - b[k] for a, b in ways for k in (0, 1))
+        return gap > (GAP + 1) * max(self._square, other._square) * 2
+
+
+def _join(field: Field, host: _Lattice, guest: _Lattice) -> Grid | None:
+    if host.apart(guest):
         return None
-    motion, back = _motion(host, guest), _motion(guest, host)
+    motion = _motion(host, guest)
+    back = None if motion is None else _motion(guest, host)
     if motion is None or back is None or not _inverse(motion, back):
         return None
-    moved = {_move(motion, spot): corner for spot, corner in guest.at.items()}
+    moved = {_move(motion, spot): corner for spot, corner in guest.grid.at.items()}
     parity = (-1) ** sum(motion)
-    if set(moved) & set(host.at) or board_sign(field, guest) != parity * board_sign(field, host):
+    if set(moved) & set(host.grid.at) or board_sign(field, guest.grid) != parity * board_sign(field, host.grid):
         return None
-    return Grid(host.at | moved, host.xy)
-
-
-def _apart(host: Grid, guest: Grid) -> bool:
-    """Are two grids surely further apart than `GAP` squares of either?"""
-    boxes, squares = [], []
-    for grid in (host, guest):
-        xy = grid.xy[list(grid.at.values())]
-        boxes.append((xy.min(axis=0), xy.max(axis=0)))
-        guess = grid.predictions(list(grid.at))
-        squares.append(np.nanmax(np.abs(np.stack([guess.du, guess.dv])), axis=(0, 1), initial=0).sum())
-    gap = np.maximum(boxes[0][0] - boxes[1][1], boxes[1][0] - boxes[0][1]).max()
-    return bool(gap > (GAP + 1) * max(squares) * 2)
+    return Grid(host.grid.at | moved, host.grid.xy)
 
 
 def _inverse(motion: Motion, back: Motion) -> bool:
@@ -83,50 +96,35 @@ def _move(motion: Motion, spot: Label) -> Label:
     return u + motion[1], v + motion[2]
 
 
-def _motion(host: Grid, guest: Grid) -> Motion | None:
+def _motion(host: _Lattice, guest: _Lattice) -> Motion | None:
     """The turn and shift that take the guest's labels to the host's, or None if there is no clear one."""
-    held, spots = np.array(list(host.at)), np.array(sorted(guest.at))
-    xy = guest.xy[[guest.at[s] for s in sorted(guest.at)]]
-    near = held[cKDTree(host.xy[list(host.at.values())]).query(xy)[1]]
-    offset, steps = _offset(host, near, xy)
+    near = nearest(host.xy, guest.xy)[1][:, 0]
+    offset = (host.squares[near] @ (guest.xy - host.xy[near])[..., None])[..., 0]
     whole = np.rint(offset)
     reach = np.abs(whole).max(axis=1)
     voters = (reach >= 1) & (reach <= GAP)
-    close = voters & (np.abs(offset - whole).max(axis=1) <= OFF * reach)
-    if not close.any():
-        return None
-    spots, near, whole, steps = (a[close] for a in (spots, near, whole, steps))
+    close = np.flatnonzero(voters & (np.abs(offset - whole).max(axis=1) <= OFF * reach))
+    if len(close) < max(LEAST_VOTES, SHARE * int(voters.sum())):
+        return None  # each has one vote for a motion at most
+    alike = _same_steps(host.squares[near[close]], guest.steps[close])
     votes: Counter[Motion] = Counter()
-    alike = _same_steps(guest, spots, steps)
-    for spot, base, turns in zip(spots.tolist(), (near + whole).astype(int).tolist(), alike, strict=True):
+    base = host.labels[near[close]] + whole[close].astype(int)
+    for spot, (u, v), turns in zip(guest.labels[close].tolist(), base.tolist(), alike, strict=True):
         for turn in np.flatnonzero(turns).tolist():
-            u, v = _move((turn, 0, 0), (spot[0], spot[1]))
-            votes[turn, base[0] - u, base[1] - v] += 1
+            d, e = _move((turn, 0, 0), (spot[0], spot[1]))
+            votes[turn, u - d, v - e] += 1
     if not votes:
         return None
     motion, count = min(votes.items(), key=lambda item: (-item[1], item[0]))
     return motion if count >= max(LEAST_VOTES, SHARE * int(voters.sum())) else None
 
 
-def _offset(host: Grid, near: Array, xy: Array) -> tuple[Array, Array]:
-    """Offsets (K, 2) in squares of positions from the host's corners at `near` (K, 2), and the host's steps there (K, 2, 2), columns du, dv.
-
-    inf where they are unknown.
-    """
-    here = host.predictions(list(map(tuple, near.tolist())))
-    steps = np.stack([here.du, here.dv], axis=2)
-    known = (here.support > 0) & (np.abs(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]) >= 1e-6)
-    steps = np.where(known[:, None, None], steps, np.eye(2))
-    away = xy - host.xy[[host.at[u, v] for u, v in near.tolist()]]
-    return np.where(known[:, None], np.linalg.solve(steps, away[..., None])[..., 0], np.inf), steps
-
-
-def _same_steps(guest: Grid, spots: Array, steps: Array) -> Array:
-    """(K, 4) bool: are the guest's steps at `spots` (K, 2), after so many turns, the host's `steps` (K, 2, 2) but for a quarter of a square?"""
-    here = guest.predictions(list(map(tuple, spots.tolist())))
-    du, dv, out = here.du, here.dv, []
+def _same_steps(squares: Array, steps: Array) -> Array:
+    """(K, 4) bool: are a guest's `steps` (K, 2, 2), after so many turns, the host's, by its `squares` (K, 2, 2), but for a quarter of a square?"""
+    out = []
     for _ in range(4):
-        difference = np.linalg.solve(steps, np.stack([du, dv], axis=2)) - np.eye(2)
+        difference = squares @ steps - np.eye(2)
         out.append(np.linalg.norm(difference, axis=1).max(axis=1, initial=0) < STRETCH)
-        du, dv = -dv, du  # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
+        # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
+        steps = np.stack([-steps[..., 1], steps[..., 0]], axis=2)
     return np.stack(out, axis=1)

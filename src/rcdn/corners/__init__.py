@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import DetectorConfig
-from rcdn.corners.cluster import cluster_mask
-from rcdn.corners.nms import nms
+from rcdn.corners.maxima import Maxima, find_maxima
 from rcdn.corners.orientation import Orientation, axes
+from rcdn.corners.patches import plain
 from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
 from rcdn.corners.refine import refine
-from rcdn.corners.threshold import threshold_value
+from rcdn.geometry.near import pairs
 from rcdn.types import Array, Corners, Status
 
 __all__ = ["Candidates", "Maxima", "candidates_at", "find_candidates", "find_maxima"]
@@ -40,47 +39,14 @@ class Candidates:
         return self.all.take(self.sure)
 
 
-@dataclass(frozen=True, eq=False)
-class Maxima:
-    """Peaks of a response map: `xy` (N, 2) px, integers; `score` (N,) falling; `level`: the threshold; `rescued`: was it lowered?"""
-
-    xy: Array
-    score: Array
-    level: float
-    rescued: bool
-
-    def take(self, index: Array) -> Maxima:
-        """Those at `index` (integers or a boolean mask)."""
-        return Maxima(self.xy[index], self.score[index], self.level, self.rescued)
-
-    def strong(self, config: DetectorConfig) -> Array:
-        """(N,) bool: which may start a board."""
-        return np.asarray(self.score >= self.level * config.seed)
-
-
 def find_candidates(grey: Array, response: Array, config: DetectorConfig) -> Candidates:
     """Threshold → NMS → clustering → refinement → orientation. `grey` and `response` (H, W)."""
     return candidates_at(grey, response, find_maxima(response, config), config)
 
 
-def find_maxima(response: Array, config: DetectorConfig) -> Maxima:
-    """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look."""
-    level = threshold_value(response, config.threshold)
-    rescued = config.rescue and not np.isfinite(level)
-    if rescued:
-        level = _rescue(response)
-    xy, score = nms(response, level * config.weak, config.nms)
-    inside = ((xy >= config.border) & (xy <= np.array(response.shape[::-1]) - 1 - config.border)).all(axis=1)
-    xy, score = xy[inside], score[inside]
-    if config.cluster is not None:
-        keep = cluster_mask(xy, config.cluster)
-        xy, score = xy[keep], score[keep]
-    return Maxima(xy, score, level, rescued)
-
-
 def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
     """Refinement → orientation of the strong peaks; the weak ones wait."""
-    strong = found.strong(config)
+    grey, strong = plain(grey), found.strong(config)
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
     score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
     fine, status = refine(grey, response, weak.strong, config.refine, pitch)
@@ -93,24 +59,16 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
 
 
-def _rescue(response: Array) -> float:
-    """Threshold of a map without any response above the usual level: 0.41 of its maximum where that stands out, else +inf."""
-    top = float(response.max(initial=0))
-    if top > 0.15 and top > 20 * float(np.percentile(response, 99)):
-        return 0.41 * top
-    return float("inf")
-
-
 def pitches(xy: Array, strong: Array) -> Array:
     """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
-    return nearest_other(cKDTree(xy[strong]), int(strong.sum()), xy)
+    return nearest_other(xy[strong], xy)
 
 
 def first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
     keep = np.ones(len(xy), bool)
-    pairs = cKDTree(xy).query_pairs(SAME, output_type="ndarray") if len(xy) else np.zeros((0, 2), int)
-    strong, weak = np.where((score[pairs[:, 0]] >= score[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1]).T
+    close = pairs(xy, SAME)
+    strong, weak = np.where((score[close[:, 0]] >= score[close[:, 1]])[:, None], close, close[:, ::-1]).T
     for i, j in sorted(zip(strong.tolist(), weak.tolist(), strict=True), key=lambda p: (-score[p[0]], p)):
         if keep[i]:
             keep[j] = False

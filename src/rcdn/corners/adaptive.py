@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from rcdn.corners.saddle import rochade, smooth_fit, surface_fit
+from rcdn.corners.patches import plain
+from rcdn.corners.saddle import rochade, smooth_fit, surface_fit, surface_fits
 from rcdn.corners.symmetry import symmetry_centre
+from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
 LONE_PITCH = 20.0
 """Distance to the next corner that is assumed for a corner without one, px."""
-FIT_LEVELS = np.array([2, 3, 4, 6, 8])
+FIT_LEVELS = (2, 3, 4, 6, 8)
 FIT_SHARE = 0.4
 """Half window of the surface fit, share of the pitch."""
 DISC_SHARE = 0.45
@@ -23,7 +24,7 @@ def nearest_pitch(xy: Array) -> Array:
     """Distance (N,) px from each of `xy` (N, 2) to the nearest other one; `LONE_PITCH` for a single corner."""
     if len(xy) < 2:
         return np.full(len(xy), LONE_PITCH)
-    return cKDTree(xy).query(xy, k=2)[0][:, 1]
+    return nearest(xy, xy, 2)[0][:, 1]
 
 
 def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None, careful: Array | None = None) -> Array:
@@ -37,28 +38,19 @@ def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None, careful:
     seeds = np.asarray(seeds, np.int64).reshape(-1, 2)
     pitch = nearest_pitch(seeds) if pitch is None else np.asarray(pitch, np.float64)
     pitch = np.where(np.isfinite(pitch), pitch, LONE_PITCH)
+    grey = plain(grey)
     level = np.maximum(np.searchsorted(FIT_LEVELS, FIT_SHARE * pitch, side="right") - 1, 0)
-    xy = _fit_levels(grey, seeds, level)
-    lost = np.isnan(xy).any(axis=1)  # neighbours in the window, at a steep tilt, or too few pixels in it
-    xy[lost] = surface_fit(grey, seeds[lost], rochade(2))
-    careful = np.ones(len(xy), bool) if careful is None else careful
-    radius = np.clip(np.rint(DISC_SHARE * pitch), *DISC_RANGE).astype(int)
-    xy[careful] = _polish(grey, xy[careful], radius[careful])
+    xy = surface_fits(grey, seeds, tuple(smooth_fit(half) for half in FIT_LEVELS), level)
+    lost = np.isnan(xy[:, 0])  # neighbours in the window, at a steep tilt, or too few pixels in it
+    if lost.any():
+        xy[lost] = surface_fit(grey, seeds[lost], rochade(2))
+    polish = ~np.isnan(xy[:, 0]) if careful is None else careful & ~np.isnan(xy[:, 0])
+    if polish.any():
+        xy[polish] = _polished(grey, xy[polish], pitch[polish])
     return xy
 
 
-def _fit_levels(grey: Array, seeds: Array, level: Array) -> Array:
-    xy = np.full(seeds.shape, np.nan)
-    for index in np.unique(level):
-        mine = level == index
-        xy[mine] = surface_fit(grey, seeds[mine], smooth_fit(int(FIT_LEVELS[index])))
-    return xy
-
-
-def _polish(grey: Array, xy: Array, radius: Array) -> Array:
-    found = np.isfinite(xy).all(axis=1)
-    for half in np.unique(radius[found]):
-        mine = found & (radius == half)
-        better = symmetry_centre(grey, xy[mine], int(half))
-        xy[mine] = np.where(np.isfinite(better), better, xy[mine])
-    return xy
+def _polished(grey: Array, xy: Array, pitch: Array) -> Array:
+    radius = np.clip(np.rint(DISC_SHARE * pitch), *DISC_RANGE).astype(np.int64)
+    better = symmetry_centre(grey, xy, radius)
+    return np.where(np.isnan(better), xy, better)

@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from rcdn.config import Nms
+from rcdn.corners.sieve import every_cell
+from rcdn.native import bind
 from rcdn.types import Array
 
+ROOM = 4096
+"""candidates that are usual"""
+_candidates = bind("rcdn_candidates", "fnnbrnLn", result=True)
+_suppress = bind("rcdn_suppress", "lnnnbnB", result=True)
 
-def candidates(response: Array, threshold: float, peaks: bool = False) -> Array:
+
+def candidates(response: Array, threshold: float, peaks: bool = False, cells: Array | None = None) -> Array:
     """Pixels of `response` (H, W) that are at least `threshold`, as (N, 2) integer (x, y), row by row.
 
-    `peaks`: only those that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf leaves none.
+    `peaks`: only those that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf leaves none. `cells`: as in
+    `find_maxima`; where nothing can be as high, nothing is looked at.
     """
     if not np.isfinite(threshold):
         return np.zeros((0, 2), np.int64)
-    high = response >= threshold
-    if peaks and response.size:
-        high &= response >= cv2.dilate(response, np.ones((3, 3), np.uint8))
-    y, x = np.nonzero(high)
-    return np.stack((x, y), axis=1)
+    response = np.ascontiguousarray(response, np.float32)
+    cells = every_cell(response) if cells is None or threshold <= 0 else cells
+    room = ROOM
+    while True:
+        xy = np.empty((room, 2), np.int64)
+        count = _candidates(response, *response.shape, cells.view(np.uint8), threshold, peaks, xy, room)
+        if count <= room:
+            return xy[:count]
+        room = count
 
 
-def nms(response: Array, threshold: float, rule: Nms, limit: int = 20000) -> tuple[Array, Array]:
+def nms(
+    response: Array, threshold: float, rule: Nms, limit: int = 20000, cells: Array | None = None
+) -> tuple[Array, Array]:
     """Candidates that survive greedy suppression by falling response, ties by (y, x).
 
     Paper section 3.3: boxes of one size (side `rule.box`, px) around the candidates; one that overlaps a stronger
@@ -31,7 +44,7 @@ def nms(response: Array, threshold: float, rule: Nms, limit: int = 20000) -> tup
     Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete, so
     that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy.
     """
-    xy = candidates(response, threshold, rule.peaks)
+    xy = candidates(response, threshold, rule.peaks, cells)
     score = response[xy[:, 1], xy[:, 0]]
     strong = _strongest(score, limit)
     order = strong[np.argsort(-score[strong], kind="stable")]
@@ -59,29 +72,8 @@ def _strongest(score: Array, limit: int) -> Array:
 
 
 def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
-    """Indices of the survivors among `xy`, which come strongest first."""
-    keep = np.ones(len(xy), bool)
-    near = _near_others(xy, shape, mask)
-    keep[near] = False
-    keep[near[_greedy_among(xy[near], shape, mask)]] = True
+    """Indices of the survivors among `xy` (N, 2), which come strongest first."""
+    keep = np.zeros(len(xy), np.uint8)
+    if _suppress(np.ascontiguousarray(xy, np.int64), len(xy), *shape, mask.astype(np.uint8), len(mask), keep) < 0:
+        raise MemoryError("nms: no memory")
     return np.flatnonzero(keep)
-
-
-def _near_others(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
-    """Indices of those within the mask of another one; most peaks stand alone."""
-    reach = len(mask) // 2
-    there = np.zeros((shape[0] + 2 * reach, shape[1] + 2 * reach), bool)
-    x, y = xy.T + reach
-    there[y, x] = True
-    return np.flatnonzero(sum(there[y + dy, x + dx] for dy, dx in np.argwhere(mask) - reach) > 1)
-
-
-def _greedy_among(xy: Array, shape: tuple[int, ...], mask: Array) -> list[int]:
-    size, reach = len(mask), len(mask) // 2
-    gone = np.zeros((shape[0] + 2 * reach, shape[1] + 2 * reach), bool)
-    flags, keep = gone[reach:, reach:], []
-    for index, (x, y) in enumerate(xy.tolist()):
-        if not flags[y, x]:
-            keep.append(index)
-            gone[y : y + size, x : x + size] |= mask
-    return keep

@@ -12,6 +12,11 @@ CHUNK = 1 << 20
 """Pixels held at once by the functions that gather windows: bounds the memory whatever the number of corners."""
 
 
+def plain(grey: Array) -> Array:
+    """`grey` (H, W) as kernels take it: uint8 stays, all else becomes float32; contiguous. No copy where that's possible."""
+    return np.ascontiguousarray(grey, np.uint8 if grey.dtype == np.uint8 else np.float32)
+
+
 def gather(image: Array, centres: Array, half: int) -> Array:
     """Windows of `image` (H, W) around `centres` (N, 2) integer (x, y), with the border pixels repeated outside.
 

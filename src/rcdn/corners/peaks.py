@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import Refine
 from rcdn.corners.orientation import Orientation, axes
 from rcdn.corners.refine import refine
+from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
 DEFAULT_PITCH = 20.0
@@ -36,18 +37,16 @@ class Peaks:
     rule: Refine
 
     @cached_property
-    def tree(self) -> cKDTree:
+    def tree(self) -> Any:
         """Of their positions."""
-        return cKDTree(self.xy)
+        from scipy.spatial import cKDTree
 
-    @cached_property
-    def _strong_tree(self) -> cKDTree:
-        return cKDTree(self.strong)
+        return cKDTree(self.xy)
 
     def look(self, index: Array) -> tuple[Array, Array, Orientation]:
         """Refined positions (K, 2), whether that worked (K,), and edge directions of some of the peaks."""
         xy = self.xy[index]
-        pitch = nearest_other(self._strong_tree, len(self.strong), xy)
+        pitch = nearest_other(self.strong, xy)
         careful = np.zeros(len(xy), bool)
         fine, status = refine(self.grey, self.response, xy, self.rule, pitch, careful)
         return fine, status, axes(self.grey, fine, ring(pitch), careful)
@@ -58,10 +57,10 @@ def ring(pitch: Array) -> Array:
     return np.asarray(np.clip(RING_SHARE * pitch, *RING))
 
 
-def nearest_other(tree: cKDTree, count: int, xy: Array) -> Array:
-    """Distance (N,) from each of `xy` to the nearest of `count` corners in a tree that is another one, px."""
-    if count < 2 or not len(xy):
+def nearest_other(points: Array, xy: Array) -> Array:
+    """Distance (N,) px from each of `xy` (N, 2) to the nearest of `points` (M, 2) that is another corner."""
+    if len(points) < 2 or not len(xy):
         return np.full(len(xy), DEFAULT_PITCH)
-    distance = tree.query(xy, k=min(4, count))[0]
+    distance = nearest(points, xy, 4)[0]
     distance = np.where(distance > SAME, distance, np.inf).min(axis=1)
     return np.where(np.isfinite(distance), distance, DEFAULT_PITCH)

@@ -1,11 +1,10 @@
-"""Response maps by ONNX Runtime, for pictures of any size, in tiles."""
+"""Response maps of pictures of any size: cell networks by a compiled kernel, all others, and all on a GPU, by ONNX Runtime, in tiles."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +15,18 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rcdn.corners.cells import CellNetwork
 from rcdn.corners.normalise import normaliser
+from rcdn.corners.onnx_file import read_graph
+from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.types import Array
 
 TILE = 512
 """px of output a tile: memory stays bounded, and the tiles, not the threads, decide what is computed together"""
+PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
+BATCH = 16
+"""tiles that a GPU computes together"""
 NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
 
 
@@ -30,7 +35,7 @@ class ResponseModel:
     """A network ready to run.
 
     `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
-    `cell`: tiles start at multiples of it.
+    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`.
     """
 
     data: bytes
@@ -38,6 +43,7 @@ class ResponseModel:
     margins: tuple[int, int]
     cell: int
     facts: dict[str, Any]
+    device: str = "cpu"
 
     @cached_property
     def session(self) -> Any:
@@ -47,7 +53,21 @@ class ResponseModel:
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        return ort.InferenceSession(self.data, options, providers=["CPUExecutionProvider"])
+        return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]])
+
+    @cached_property
+    def cells(self) -> CellNetwork | None:
+        """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
+        if self.device != "cpu" or self.normalisation != "local":
+            return None
+        return CellNetwork.of(read_graph(self.data))
+
+    def at_saddles(self, grey: Array, threads: int = 0) -> tuple[Array, Array | None]:
+        """Response as by a call, but 0 where no X-corner can be, and the cells (`sieve.cells_with_saddles`) where one can; None: all of them."""
+        if self.cells is None:
+            return self(grey, threads), None
+        cells = cells_with_saddles(grey)
+        return self.cells(grey, cells, threads), cells
 
     def __call__(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
         """Response (H, W) float32, ≥ 0, of `grey` (H, W) uint8 or float32 in 0..255.
@@ -57,29 +77,41 @@ class ResponseModel:
         """
         if tile < 1 or tile % self.cell:
             raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
+        if self.cells is not None:
+            return self.cells(grey, every_cell(grey), threads)
+        return self._in_tiles(grey, threads, tile)
+
+    def _in_tiles(self, grey: Array, threads: int, tile: int) -> Array:
+        """By ONNX Runtime; on a GPU, tiles of one shape go together."""
         height, width = grey.shape
         normal = normaliser(grey, self.normalisation)
         padded = self._padded(grey, normal.reach)
         out = np.empty((height, width), np.float32)
         session, reach, context = self.session, normal.reach, sum(self.margins) + 2 * normal.reach
 
-        def run(spot: tuple[int, int]) -> None:
+        def part(spot: tuple[int, int]) -> Array:
             y, x = spot
-            h, w = min(tile, height - y), min(tile, width - x)
-            h_cells, w_cells = -(-h // self.cell) * self.cell, -(-w // self.cell) * self.cell
-            part = normal(padded[y : y + h_cells + context, x : x + w_cells + context])
-            part = part[reach : part.shape[0] - reach, reach : part.shape[1] - reach]
-            result = session.run(None, {"image": np.ascontiguousarray(part)[None, None]})[0]
-            out[y : y + h, x : x + w] = result[0, 0, :h, :w]
+            h_cells, w_cells = (
+                -(-min(tile, n - at) // self.cell) * self.cell for n, at in zip(grey.shape, spot, strict=True)
+            )
+            seen = normal(padded[y : y + h_cells + context, x : x + w_cells + context])
+            return np.ascontiguousarray(seen[reach : seen.shape[0] - reach, reach : seen.shape[1] - reach])
 
-        spots = list(_spots(height, width, tile))
-        count = min(threads or os.cpu_count() or 1, len(spots))
+        def run(spots: list[tuple[int, int]]) -> None:
+            result = session.run(None, {"image": np.stack([part(spot) for spot in spots])[:, None]})[0]
+            for (y, x), found in zip(spots, result[:, 0], strict=True):
+                h, w = min(tile, height - y), min(tile, width - x)
+                out[y : y + h, x : x + w] = found[:h, :w]
+
+        alone = session.get_inputs()[0].shape[0] == 1  # exported before tiles went together
+        together = _batches(height, width, tile, 1 if self.device == "cpu" or alone else BATCH)
+        count = min(threads or os.cpu_count() or 1, len(together)) if self.device == "cpu" else 1
         if count > 1:
             with ThreadPoolExecutor(count) as pool:
-                list(pool.map(run, spots))
+                list(pool.map(run, together))
         else:
-            for spot in spots:
-                run(spot)
+            for spots in together:
+                run(spots)
         return out
 
     def _padded(self, grey: Array, reach: int) -> Array:
@@ -92,16 +124,35 @@ class ResponseModel:
         return np.pad(grey, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload]
 
 
-def _spots(height: int, width: int, tile: int) -> Iterator[tuple[int, int]]:
+def _batches(height: int, width: int, tile: int, most: int) -> list[list[tuple[int, int]]]:
+    """Where tiles begin (y, x), at most so many of one shape together."""
+    alike: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for y in range(0, height, tile):
         for x in range(0, width, tile):
-            yield y, x
+            alike.setdefault((min(tile, height - y), min(tile, width - x)), []).append((y, x))
+    return [spots[k : k + most] for spots in alike.values() for k in range(0, len(spots), most)]
 
 
-def load_model(name: str) -> ResponseModel:
+def device_of(wanted: str) -> str:
+    """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can. Raises ConfigError if it can't do what is wanted."""
+    if wanted == "cpu":
+        return wanted
+    import onnxruntime as ort
+
+    if PROVIDERS["cuda"] in ort.get_available_providers():
+        return "cuda"
+    if wanted == "auto":
+        return "cpu"
+    raise ConfigError(
+        "device 'cuda': the installed ONNX Runtime has no CUDA; pip uninstall onnxruntime, then pip install onnxruntime-gpu, or take device 'cpu'"
+    )
+
+
+def load_model(name: str, device: str = "cpu") -> ResponseModel:
     """Weights by name (`auto`, `paper`, or a file in rcdn/weights without its ending) or by the path of an .onnx file.
 
-    Raises RcdnError if there are none, or if the file isn't the one its .json speaks of.
+    `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX Runtime has one. Raises RcdnError if there are none, or if the file isn't the one its .json
+    speaks of; ConfigError for a device that isn't there.
     """
     folder = files("rcdn") / "weights"
     target: Any = Path(name) if name.endswith(".onnx") else folder / (NAMES.get(name, name) + ".onnx")
@@ -117,4 +168,6 @@ def load_model(name: str) -> ResponseModel:
     if hashlib.sha256(data).hexdigest() != facts.get("sha256"):
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
-    return ResponseModel(data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts)
+    return ResponseModel(
+        data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts, device_of(device)
+    )

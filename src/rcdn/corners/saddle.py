@@ -10,20 +10,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import convolve2d
 
-from rcdn.corners.patches import chunks, gather
+from rcdn.corners.patches import plain
+from rcdn.native import bind
 from rcdn.types import Array
 
-FLATNESS = 0.004
-"""Smallest ratio of the two curvatures of a saddle; a corner whose edges cross at θ has tan²(θ/2): 7° here."""
-FAINT = 0.01
-"""Smallest rise of the fitted saddle from the middle to the side of its window, grey levels."""
+_kernel = bind("rcdn_surface_fit", "pllndlldFD")
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A surface fit: `half` window, px; `matrix` (6, n) from the raw pixels within `reach` px to the coefficients."""
+    """A surface fit: `half` window, px; `matrix` (5, n): raw pixels within `reach` px → a1..a5 of a1 x² + a2 xy + a3 y² + a4 x + a5 y + a6."""
 
     half: int
     reach: int
@@ -54,7 +51,7 @@ def smooth_fit(half: int) -> Fit:
     sigma = max(0.7, 0.35 * half)
     grow = int(np.ceil(3 * sigma))
     kernel = _gaussian(grow, sigma)
-    matrix = _matrix(_gaussian(half, 0.5 * half), kernel / kernel.sum()).astype(np.float32)
+    matrix = _matrix(_gaussian(half, 0.5 * half), kernel / kernel.sum())
     return Fit(half, half + grow, matrix, 0.5, 6)
 
 
@@ -64,51 +61,49 @@ def _gaussian(half: int, sigma: float) -> Array:
 
 
 def _matrix(weights: Array, kernel: Array) -> Array:
-    """(6, n): raw window → a1..a6 of a1 x² + a2 xy + a3 y² + a4 x + a5 y + a6, fitted after smoothing by `kernel`."""
+    """(5, n): raw window → a1..a5 (`Fit`), fitted after smoothing by `kernel`."""
     half = len(weights) // 2
     y, x = (v.ravel().astype(float) for v in np.mgrid[-half : half + 1, -half : half + 1])
     root = np.sqrt(weights).ravel()
     basis = np.stack((x * x, x * y, y * y, x, y, np.ones_like(x)), axis=1)
-    solver = (np.linalg.pinv(basis * root[:, None]) * root).reshape(6, *weights.shape)
-    return np.stack([convolve2d(s, kernel) for s in solver]).reshape(6, -1)
-
-
-def fit_step(grey: Array, centres: Array, fit: Fit) -> Array:
-    """Offsets (N, 2), px, from integer `centres` (N, 2) to the saddle of the surface fitted to `grey` (H, W) there.
-
-    NaN where there is no saddle: the determinant D = 4 a1 a3 − a2² isn't negative, one curvature is nearly zero (an
-    edge), the window is flat, or the point lies outside the window. The border pixels are repeated outside the image.
-    """
-    out = np.full((len(centres), 2), np.nan)
-    for part in chunks(len(centres), (2 * fit.reach + 1) ** 2):
-        window = gather(grey, centres[part], fit.reach).astype(fit.matrix.dtype).reshape(-1, fit.matrix.shape[1])
-        if window.dtype == np.float32:  # the level tells nothing of the saddle, and costs digits
-            window -= window.mean(axis=1, keepdims=True)
-        a1, a2, a3, a4, a5, _ = (fit.matrix @ window.T).astype(np.float64)
-        det = 4 * a1 * a3 - a2 * a2
-        total = (np.abs(a1 + a3) + np.hypot(a1 - a3, a2)) ** 2  # the square of twice the larger curvature
-        ok = (-det > FLATNESS * total) & (total * fit.half**4 > 4 * FAINT**2)
-        det = np.where(ok, det, np.nan)
-        step = np.stack((a2 * a5 - 2 * a3 * a4, a2 * a4 - 2 * a1 * a5), axis=1) / det[:, None]
-        out[part] = np.where((np.abs(step) <= fit.half).all(axis=1, keepdims=True), step, np.nan)
-    return out
+    solver = (np.linalg.pinv(basis * root[:, None]) * root).reshape(6, *weights.shape)[:5]
+    side, more = len(weights), len(kernel)
+    out = np.zeros((5, side + more - 1, side + more - 1))
+    for j, i in np.ndindex(kernel.shape):
+        out[:, j : j + side, i : i + side] += kernel[j, i] * solver
+    return out.reshape(5, -1)
 
 
 def surface_fit(grey: Array, seeds: Array, fit: Fit) -> Array:
     """Saddles (N, 2) px of `grey` (H, W; uint8 or float) near integer `seeds` (N, 2); NaN where the fit fails.
 
     SPEC 5.1 after ROCHADE. Where the saddle is more than `fit.slack` from the window's centre, the window moves to
-    the nearest pixel and the fit is repeated, at most `fit.repeats` times. Failures: those of `fit_step`, no rest
-    after the last repeat, or more than 2 `fit.half` from the seed, which is another corner's saddle.
+    the nearest pixel and the fit is repeated, at most `fit.repeats` times. The border pixels are repeated outside the image.
+    Failures: the determinant D = 4 a1 a3 − a2² isn't negative, one curvature is nearly zero (an edge), the window is flat, or the
+    saddle lies outside the window; no rest after the last repeat; or more than 2 `fit.half` from the seed, which is another corner's saddle.
     """
-    centres = np.array(seeds, dtype=np.int64).reshape(-1, 2)
-    step = fit_step(grey, centres, fit)
-    for _ in range(fit.repeats):
-        far = np.nonzero((np.abs(step) > fit.slack).any(axis=1))[0]
-        if not len(far):
-            break
-        centres[far] += np.rint(step[far]).astype(np.int64)
-        step[far] = fit_step(grey, centres[far], fit)
-    xy = centres + step
-    xy[(np.abs(step) > max(1.0, fit.slack)).any(axis=1) | (np.abs(xy - seeds) > 2 * fit.half).any(axis=1)] = np.nan
+    seeds = np.asarray(seeds).reshape(-1, 2)
+    return surface_fits(grey, seeds, (fit,), np.zeros(len(seeds), np.int64))
+
+
+def surface_fits(grey: Array, seeds: Array, fits: tuple[Fit, ...], which: Array) -> Array:
+    """As `surface_fit`, each corner by its own of `fits`: `which` (N,)."""
+    seeds = np.ascontiguousarray(seeds, np.int64).reshape(-1, 2)
+    xy = np.empty(seeds.shape)
+    matrices, first, sizes, slack, room = _tables(fits)
+    window = np.empty(room, np.float32)
+    _kernel(plain(grey), seeds, np.asarray(which, np.int64), len(seeds), matrices, first, sizes, slack, window, xy)
     return xy
+
+
+@lru_cache(maxsize=32)
+def _tables(fits: tuple[Fit, ...]) -> tuple[Array, Array, Array, Array, int]:
+    """What the kernel wants to know of `fits`: matrices in a row, where each begins, their sizes, their slack, and room for a window."""
+    ends = np.cumsum([fit.matrix.size for fit in fits])
+    return (
+        np.concatenate([fit.matrix.ravel() for fit in fits]),
+        np.array([end - fit.matrix.size for end, fit in zip(ends, fits, strict=True)], np.int64),
+        np.array([(fit.half, fit.reach, fit.repeats) for fit in fits], np.int64),
+        np.array([fit.slack for fit in fits]),
+        max(fit.matrix.shape[1] for fit in fits),
+    )

@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, Maxima, first_of_each
-from rcdn.corners.orientation import BATCH, MIN_CONTRAST, Orientation, sample_rings
+from rcdn.corners.orientation import MIN_CONTRAST, Orientation, sample_rings
 from rcdn.corners.peaks import nearest_other
 from rcdn.corners.refine import peak_offset
 from rcdn.corners.symmetry import symmetry_centre
@@ -32,6 +31,8 @@ RANGE = (3, 12)
 RING, RING_RANGE = 0.3, (3.0, 16.0)
 """radius of the rings, share of that distance, and its limits, px"""
 RINGS = (0.8, 1.0, 1.2)
+BATCH = 512
+"""corners at a time: what they need at once fits into a core's cache"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class SixSectors(Orientation):
 def six_candidates(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
     """Refinement → orientation of all peaks, weak ones too: there are few. `orientation.axes` is (N, 3)."""
     strong = found.strong(config)
-    pitch = nearest_other(cKDTree(found.xy[strong]), int(strong.sum()), found.xy)
+    pitch = nearest_other(found.xy[strong], found.xy)
     fine, status = refine_six(grey, response, found.xy, pitch)
     once = first_of_each(fine, found.score)
     if found.rescued:

@@ -4,29 +4,40 @@ from __future__ import annotations
 
 import math
 
-from rcdn.config import Adaptive, Fixed, MaxFraction, Std, Threshold
+import numpy as np
+
+from rcdn.config import Adaptive, Fixed, MaxFraction, Threshold
+from rcdn.corners.sieve import every_cell
+from rcdn.native import bind
 from rcdn.types import Array
 
+_above = bind("rcdn_above", "fnnbrD", result=True)
 
-def threshold_value(response: Array, rule: Threshold) -> float:
+
+def threshold_value(response: Array, rule: Threshold, cells: Array | None = None) -> float:
     """The threshold of `rule` on a response map (H, W), in response units; pixels at or above it are candidates.
 
     Paper section 3.3 and Table 2: `Fixed` is a constant (MATE's 0.5), `Std` is Eq. (3) over all pixels, `MaxFraction`
     is linear in the largest response, `Adaptive` is the mean of the responses above its level. The paper is silent
     about a map without any such response: there is no corner then, and the threshold is +inf. The same holds for a
-    map without any positive response under the rules that follow the map.
+    map without any positive response under the rules that follow the map. `cells`: as in `find_maxima`.
     """
     if isinstance(rule, Fixed):
         return float(rule.value)
+    if isinstance(rule, Adaptive):
+        return _adaptive(response, rule, cells)
     if response.size == 0 or not (peak := float(response.max())) > 0:
         return math.inf
     if isinstance(rule, MaxFraction):
         return rule.fraction * peak
-    if isinstance(rule, Std):
-        return float(response.mean(dtype="f8") + rule.factor * response.std(dtype="f8"))
-    return _adaptive(response, rule)
+    return float(response.mean(dtype="f8") + rule.factor * response.std(dtype="f8"))
 
 
-def _adaptive(response: Array, rule: Adaptive) -> float:
-    above = response[response > rule.level]
-    return float(above.mean(dtype="f8")) if above.size else math.inf
+def _adaptive(response: Array, rule: Adaptive, cells: Array | None) -> float:
+    if not response.size or (rule.level < 0 and not response.max() > 0):
+        return math.inf
+    total = np.zeros(1)
+    response = np.ascontiguousarray(response, np.float32)
+    cells = every_cell(response) if cells is None or rule.level < 0 else cells
+    count = _above(response, *response.shape, cells.view(np.uint8), rule.level, total)
+    return float(total[0]) / count if count else math.inf

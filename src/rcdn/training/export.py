@@ -32,7 +32,7 @@ PARITY = 1e-4
 
 
 def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
-    """ONNX graph: `image` (1, 1, H, W) normalised and padded → `response` (1, 1, h, w), final activation included."""
+    """ONNX graph: `image` (N, 1, H, W) normalised and padded → `response` (N, 1, h, w), final activation included."""
     nodes, constants, last = [], [], "image"
     arch = net.architecture
     for index, (block, (_, _, stride)) in enumerate(zip(net.blocks, arch.layers, strict=True)):
@@ -52,8 +52,8 @@ def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
         nodes.append(helper.make_node("Identity", ["a"], ["response"]))
     graph = helper.make_graph(
         nodes, "rcdn",
-        [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 1, "H", "W"])],
-        [helper.make_tensor_value_info("response", TensorProto.FLOAT, [1, 1, "h", "w"])],
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, ["N", 1, "H", "W"])],
+        [helper.make_tensor_value_info("response", TensorProto.FLOAT, ["N", 1, "h", "w"])],
         constants,
     )  # fmt: skip
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="rcdn")

@@ -1,0 +1,77 @@
+/* Labelled grids: what is around labels, and where corners should be. */
+#include "grid.h"
+
+/* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. 0, or -1 without memory. */
+EXPORT index_t rcdn_grid_around(const int64_t *labels, index_t n, const int64_t *spots, index_t count, index_t reach, int64_t *out) {
+    Table t;
+    if (!open_table(&t, labels, n))
+        return -1;
+    for (index_t k = 0; k < count; k++, spots += 2)
+        for (index_t e = -reach; e <= reach; e++)
+            for (index_t d = -reach; d <= reach; d++)
+                *out++ = corner_at(&t, spots[0] + d, spots[1] + e);
+    free(t.row);
+    return 0;
+}
+
+/* Predictions at `spots` (count, 2): `out` (count, 6) as `predicted` has them, on how many corners they stand, `support` (count), and their
+ * shorter steps, `pitch` (count); NaN where `support` is 0. */
+INLINE void predict(const Table *t, const double *xy, const int64_t *spots, index_t count, double *out, int64_t *support, double *pitch) {
+    for (index_t k = 0; k < count; k++, spots += 2, out += 6) {
+        support[k] = predicted(t, xy, spots[0], spots[1], out);
+        for (int i = 0; !support[k] && i < 6; i++)
+            out[i] = NAN;
+        pitch[k] = pitch_of(out);
+    }
+}
+
+/* `predict` from corners `labels`, `xy` (n, 2). 0, or -1 without memory. */
+EXPORT FAST index_t rcdn_grid_predict(const int64_t *labels, const double *xy, index_t n, const int64_t *spots, index_t count, double *out, int64_t *support, double *pitch) {
+    Table t;
+    if (!open_table(&t, labels, n))
+        return -1;
+    predict(&t, xy, spots, count, out, support, pitch);
+    free(t.row);
+    return 0;
+}
+
+/* The empty labels beside a grid's corners, in order, (at most 4 n, 2), and what `predict` says of them. Returns how many, or -1 without memory. */
+EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, index_t n, int64_t *spots, double *out, int64_t *support, double *pitch) {
+    Table t;
+    if (!open_table(&t, labels, n))
+        return -1;
+    index_t count = 0;
+    for (index_t i = MARGIN - 1; n > 0 && i <= t.width - MARGIN; i++)
+        for (index_t j = MARGIN - 1; j <= t.height - MARGIN; j++) {
+            const int32_t *row = t.row + i * t.height + j;
+            if (*row >= 0 || (row[1] < 0 && row[-1] < 0 && row[t.height] < 0 && row[-t.height] < 0))
+                continue;
+            spots[2 * count] = t.low_u + i;
+            spots[2 * count++ + 1] = t.low_v + j;
+        }
+    predict(&t, xy, spots, count, out, support, pitch);
+    free(t.row);
+    return count;
+}
+
+/* `excess_of` the corners number `which` (count). */
+EXPORT FAST index_t rcdn_grid_excess(const int64_t *labels, const double *xy, index_t n, const int64_t *which, index_t count, double tight, double loose, double *out) {
+    Table t;
+    if (!open_table(&t, labels, n))
+        return -1;
+    for (index_t k = 0; k < count; k++)
+        out[k] = excess_of(&t, xy, labels + 2 * which[k], xy + 2 * which[k], tight, loose);
+    free(t.row);
+    return 0;
+}
+
+/* `usual_near` `spots` (count, 2) of the two `values` (n, 2) of each corner. */
+EXPORT index_t rcdn_grid_usual(const int64_t *labels, const double *values, index_t n, const int64_t *spots, index_t count, double *out) {
+    Table t;
+    if (!open_table(&t, labels, n))
+        return -1;
+    for (index_t k = 0; k < count; k++, spots += 2, out += 2)
+        usual_near(&t, spots[0], spots[1], values, 2, out);
+    free(t.row);
+    return 0;
+}

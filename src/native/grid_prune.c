@@ -1,0 +1,196 @@
+/* Drop-only validation of a labelled grid. */
+#include "grid.h"
+
+typedef struct {
+    Table table;
+    const int64_t *labels;
+    const double *xy, *quality, *contrast;
+    index_t n, left; /* corners, and how many of them are still there */
+    double *excess, *ranked;
+    int32_t *stack;
+    uint8_t *there, *stale; /* is a corner there; have its neighbours changed since its excess was computed? */
+} Grid;
+
+typedef struct {
+    double residual, residual_loose, least_quality, least_share;
+} Limits;
+
+INLINE void drop(Grid *g, index_t k) {
+    int32_t *row = g->table.row + cell_of(&g->table, g->labels + 2 * k);
+    *row = -1;
+    g->there[k] = 0;
+    g->left--;
+    for (index_t d = -WIDEST; d <= WIDEST; d++)
+        for (index_t e = -WIDEST; e <= WIDEST; e++)
+            if (row[d * g->table.height + e] >= 0)
+                g->stale[row[d * g->table.height + e]] = 1;
+}
+
+/* Corners off their neighbours' prediction, worst first, of equals that with the smallest label. */
+INLINE void drop_misfits(Grid *g, const Limits *limits) {
+    for (;;) {
+        index_t worst = -1;
+        for (index_t k = 0; k < g->n; k++) {
+            if (!g->there[k])
+                continue;
+            const int64_t *label = g->labels + 2 * k;
+            if (g->stale[k]) {
+                g->stale[k] = 0;
+                g->excess[k] = excess_of(&g->table, g->xy, label, g->xy + 2 * k, limits->residual, limits->residual_loose);
+            }
+            const int64_t *other = g->labels + 2 * (worst < 0 ? k : worst);
+            const int before = label[0] < other[0] || (label[0] == other[0] && label[1] < other[1]);
+            if (g->excess[k] > 1 && (worst < 0 || g->excess[k] > g->excess[worst] || (g->excess[k] == g->excess[worst] && before)))
+                worst = k;
+        }
+        if (worst < 0)
+            return;
+        drop(g, worst);
+    }
+}
+
+/* Is there a direction in which nothing follows within WIDEST squares (holes don't count)? */
+INLINE int outermost(const Table *t, const int64_t *label) {
+    const int32_t *row = t->row + cell_of(t, label);
+    int left = 0, right = 0, up = 0, down = 0;
+    for (index_t k = 1; k <= WIDEST; k++) {
+        left |= row[-k * t->height] >= 0;
+        right |= row[k * t->height] >= 0;
+        up |= row[-k] >= 0;
+        down |= row[k] >= 0;
+    }
+    return !(left && right && up && down);
+}
+
+static int by_size(const void *a, const void *b) {
+    const double one = *(const double *)a, other = *(const double *)b;
+    return (one > other) - (one < other);
+}
+
+/* A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks: quality against the grid's
+ * median, times its contrast against that of its neighbours. */
+INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
+    while (g->left) {
+        index_t count = 0, poor = 0;
+        for (index_t k = 0; k < g->n; k++)
+            if (g->there[k])
+                g->ranked[count++] = g->quality[k];
+        qsort(g->ranked, (size_t)count, sizeof *g->ranked, by_size);
+        const double median = fmax((g->ranked[(count - 1) / 2] + g->ranked[count / 2]) / 2, 1e-9);
+        for (index_t k = 0; k < g->n; k++) {
+            const int64_t *label = g->labels + 2 * k;
+            /* nothing lifts a corner's worth above its quality */
+            if (!g->there[k] || !(g->quality[k] / median * limits->least_share < limits->least_quality) || !outermost(&g->table, label))
+                continue;
+            double usual, share = 1;
+            usual_near(&g->table, label[0], label[1], g->contrast, 1, &usual);
+            if (!isnan(usual))
+                share = fmin(fmax(g->contrast[k] / fmax(usual, 1e-9), limits->least_share), 1);
+            if (g->quality[k] / median * share < limits->least_quality)
+                g->stack[poor++] = (int32_t)k;
+        }
+        for (index_t k = 0; k < poor; k++)
+            drop(g, g->stack[k]);
+        if (!poor)
+            return;
+    }
+}
+
+/* Every corner belongs to a whole cell. */
+INLINE void drop_loose(Grid *g) {
+    const index_t down = 1, right = g->table.height;
+    index_t loose = 1;
+    while (loose) {
+        loose = 0;
+        for (index_t k = 0; k < g->n; k++) {
+            if (!g->there[k])
+                continue;
+            const int32_t *row = g->table.row + cell_of(&g->table, g->labels + 2 * k);
+            int whole = 0;
+            for (int way = 0; way < 4 && !whole; way++) {
+                const index_t d = way & 1 ? right : -right, e = way & 2 ? down : -down;
+                whole = row[d] >= 0 && row[e] >= 0 && row[d + e] >= 0;
+            }
+            if (!whole) {
+                drop(g, k);
+                loose++;
+            }
+        }
+    }
+}
+
+/* Number of the part that edges join, for each corner (n), -1 for dropped ones: the largest part is 0, of equals that with the smallest label
+ * comes first. Returns how many. */
+static index_t split(Grid *g, int64_t *part) {
+    const index_t ways[4] = {1, -1, g->table.height, -g->table.height};
+    index_t count = 0;
+    for (index_t k = 0; k < g->n; k++)
+        part[k] = -1;
+    for (index_t cell = 0; cell < g->table.width * g->table.height; cell++) { /* in the order of labels */
+        const int32_t first = g->table.row[cell];
+        if (first < 0 || part[first] >= 0)
+            continue;
+        index_t depth = 1, size = 0;
+        g->stack[0] = first;
+        part[first] = count;
+        while (depth) {
+            const int32_t k = g->stack[--depth];
+            const int32_t *row = g->table.row + cell_of(&g->table, g->labels + 2 * k);
+            size++;
+            for (int way = 0; way < 4; way++) {
+                const int32_t next = row[ways[way]];
+                if (next >= 0 && part[next] < 0) {
+                    part[next] = count;
+                    g->stack[depth++] = next;
+                }
+            }
+        }
+        g->ranked[count++] = (double)size;
+    }
+    if (count < 2)
+        return count;
+    int32_t *place = g->stack; /* no more than one part a corner */
+    for (index_t a = 0; a < count; a++) {
+        place[a] = 0;
+        for (index_t b = 0; b < count; b++)
+            place[a] += g->ranked[b] > g->ranked[a] || (g->ranked[b] == g->ranked[a] && b < a);
+    }
+    for (index_t k = 0; k < g->n; k++)
+        part[k] = part[k] < 0 ? -1 : place[part[k]];
+    return count;
+}
+
+static int with_room(Grid *g) {
+    const size_t n = (size_t)g->n + 1;
+    char *room = malloc(n * (2 * sizeof(double) + sizeof(int32_t) + 2));
+    g->excess = (double *)room;
+    g->ranked = g->excess + n;
+    g->stack = (int32_t *)(g->ranked + n);
+    g->there = (uint8_t *)(g->stack + n);
+    g->stale = g->there + n;
+    return room != NULL;
+}
+
+/* What is left of a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits go, worst first, then rim corners that are
+ * hardly X-corners, then what is in no whole cell, until nothing changes. `part` (n): as `split` says. Returns the number of parts, or -1
+ * without memory. */
+EXPORT FAST index_t rcdn_grid_prune(const int64_t *labels, const double *xy, const double *quality, const double *contrast, index_t n, double residual, double residual_loose, double least_quality, double least_share, int64_t *part) {
+    Grid g = {.labels = labels, .xy = xy, .quality = quality, .contrast = contrast, .n = n, .left = n};
+    const Limits limits = {residual, residual_loose, least_quality, least_share};
+    if (!with_room(&g) || !open_table(&g.table, labels, n)) {
+        free(g.excess);
+        return -1;
+    }
+    memset(g.there, 1, (size_t)n);
+    memset(g.stale, 1, (size_t)n);
+    for (index_t before = -1; before != g.left;) {
+        before = g.left;
+        drop_misfits(&g, &limits);
+        drop_poor_rim(&g, &limits);
+        drop_loose(&g);
+    }
+    const index_t count = split(&g, part);
+    free(g.table.row);
+    free(g.excess);
+    return count;
+}

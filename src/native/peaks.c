@@ -1,0 +1,83 @@
+/* Peaks of a response map: the level they must reach, the candidates, and which of them stand after suppression. */
+#include "rcdn.h"
+
+#define CELL 4
+
+/* Sum and number of the responses (height, width) above `level`, in the `cells` (⌈height / 4⌉, ⌈width / 4⌉) that are marked. */
+FAST EXPORT index_t rcdn_above(const float *response, index_t height, index_t width, const uint8_t *cells, double level, double *sum) {
+    const index_t across = (width + CELL - 1) / CELL;
+    const float least = (float)level;
+    double total = 0;
+    index_t count = 0;
+    for (index_t y = 0; y < height; y++) {
+        const uint8_t *mask = cells + y / CELL * across;
+        const float *row = response + y * width;
+        for (index_t i = 0; i < across; i++) {
+            if (!mask[i])
+                continue;
+            const index_t end = CELL * (i + 1) < width ? CELL * (i + 1) : width;
+            for (index_t x = CELL * i; x < end; x++)
+                if (row[x] > least) {
+                    total += row[x];
+                    count++;
+                }
+        }
+    }
+    *sum = total;
+    return count;
+}
+
+/* Is none of the eight neighbours of (x, y) greater? */
+static int is_peak(const float *response, index_t height, index_t width, index_t x, index_t y) {
+    const float own = response[y * width + x];
+    for (index_t j = y > 0 ? y - 1 : 0; j <= y + 1 && j < height; j++)
+        for (index_t i = x > 0 ? x - 1 : 0; i <= x + 1 && i < width; i++)
+            if (response[j * width + i] > own)
+                return 0;
+    return 1;
+}
+
+/* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by row, as far as `room` lets.
+ * Returns how many there are. NaN is none. */
+EXPORT index_t rcdn_candidates(const float *response, index_t height, index_t width, const uint8_t *cells, double threshold, index_t peaks, int64_t *xy, index_t room) {
+    const index_t across = (width + CELL - 1) / CELL;
+    const float least = (float)threshold;
+    index_t count = 0;
+    for (index_t y = 0; y < height; y++) {
+        const uint8_t *mask = cells + y / CELL * across;
+        for (index_t i = 0; i < across; i++) {
+            if (!mask[i])
+                continue;
+            const index_t end = CELL * (i + 1) < width ? CELL * (i + 1) : width;
+            for (index_t x = CELL * i; x < end; x++)
+                if (response[y * width + x] >= least && (!peaks || is_peak(response, height, width, x, y))) {
+                    if (count < room) {
+                        xy[2 * count] = x;
+                        xy[2 * count + 1] = y;
+                    }
+                    count++;
+                }
+        }
+    }
+    return count;
+}
+
+/* Greedy suppression: of `count` pixels xy, the strongest first, `keep` tells which stand. A survivor suppresses all at offsets where the
+ * `stencil` (side, side), its own pixel in the middle, is set. 0, or −1 without memory. */
+EXPORT index_t rcdn_suppress(const int64_t *xy, index_t count, index_t height, index_t width, const uint8_t *stencil, index_t side, uint8_t *keep) {
+    const index_t stride = width + side;
+    uint8_t *gone = calloc((size_t)(height + side) * (size_t)stride, 1);
+    if (!gone)
+        return -1;
+    for (index_t k = 0; k < count; k++) {
+        uint8_t *window = gone + xy[2 * k + 1] * stride + xy[2 * k];
+        keep[k] = !window[side / 2 * stride + side / 2];
+        if (!keep[k])
+            continue;
+        for (index_t j = 0; j < side; j++)
+            for (index_t i = 0; i < side; i++)
+                window[j * stride + i] |= stencil[j * side + i];
+    }
+    free(gone);
+    return 0;
+}

@@ -1,0 +1,301 @@
+/* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
+#include "rings_maths.h"
+
+enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
+
+#define PI 3.14159265358979323846
+#define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
+#define START_BLUR 1.8    /* first guess of s = sqrt 2 * blur, px */
+#define LEAST_BLUR 0.4    /* its limits */
+#define MOST_BLUR 20.0
+#define BELIEF 100.0      /* weight of the guess of log s against the samples, in samples: it decides where noise hides the blur */
+#define DAMPING 1e-3      /* share of the trace of the normal matrix */
+#define ITERATIONS 5
+#define LONGEST_STEP 0.2  /* of an axis, radians, and of log s */
+#define MOST_TURN 0.5     /* furthest that the fit may turn an axis from its start, radians */
+#define DONE 0.002        /* radians; shorter steps end the fit */
+#define CLOSEST 0.05      /* smallest angle between the two axes, radians */
+
+/* Cosine and sine of the directions; all tables come from the caller. */
+typedef struct {
+    const float *cosine, *sine;
+} Directions;
+
+/* The four pixels around each place (column i, row j) of a box at (x, y). */
+#define FETCH(TYPE)                                                                                                                        \
+    do {                                                                                                                                   \
+        const TYPE *from = (const TYPE *)p->data;                                                                                          \
+        for (index_t k = 0; k < TURN; k++) {                                                                                               \
+            const index_t left = clamped(x + i[k], p->width), right = clamped(x + i[k] + 1, p->width);                                     \
+            const TYPE *top = from + clamped(y + j[k], p->height) * p->width, *low = from + clamped(y + j[k] + 1, p->height) * p->width;   \
+            at[0][k] = (float)top[left], at[1][k] = (float)top[right], at[2][k] = (float)low[left], at[3][k] = (float)low[right];          \
+        }                                                                                                                                  \
+    } while (0)
+#define FETCH_INSIDE(TYPE)                                                                                                                 \
+    do {                                                                                                                                   \
+        const TYPE *from = (const TYPE *)p->data + y * p->width + x;                                                                       \
+        for (index_t k = 0; k < TURN; k++) {                                                                                               \
+            const TYPE *top = from + j[k] * p->width + i[k], *low = top + p->width;                                                        \
+            at[0][k] = (float)top[0], at[1][k] = (float)top[1], at[2][k] = (float)low[0], at[3][k] = (float)low[1];                        \
+        }                                                                                                                                  \
+    } while (0)
+
+/* Bilinear grey levels on a ring; the border is repeated outside. Positions are counted from a box around it, so that float32 will do. */
+INLINE void sample_ring(const Picture *p, const double centre[2], double radius, Directions d, float out[TURN]) {
+    const index_t reach = (index_t)radius + 1, x = (index_t)floor(centre[0]) - reach, y = (index_t)floor(centre[1]) - reach;
+    const float cx = (float)(centre[0] - (double)x), cy = (float)(centre[1] - (double)y), r = (float)radius;
+    const int inside = x >= 0 && y >= 0 && x + 2 * reach + 1 < p->width && y + 2 * reach + 1 < p->height;
+    float fx[TURN], fy[TURN], at[4][TURN];
+    int32_t i[TURN], j[TURN];
+    for (index_t k = 0; k < TURN; k++) {
+        const float u = cx + r * d.cosine[k], v = cy + r * d.sine[k];
+        i[k] = (int32_t)u;
+        j[k] = (int32_t)v;
+        fx[k] = u - (float)i[k];
+        fy[k] = v - (float)j[k];
+    }
+    if (inside && p->real)
+        FETCH_INSIDE(float);
+    else if (inside)
+        FETCH_INSIDE(uint8_t);
+    else if (p->real)
+        FETCH(float);
+    else
+        FETCH(uint8_t);
+    for (index_t k = 0; k < TURN; k++) {
+        const float top = at[0][k] + fx[k] * (at[1][k] - at[0][k]), low = at[2][k] + fx[k] * (at[3][k] - at[2][k]);
+        out[k] = top + fy[k] * (low - top);
+    }
+}
+
+/* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
+FAST EXPORT void rcdn_sample_rings(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
+                                   index_t count, index_t rings, const float *directions, float *out) {
+    const Picture p = {data, height, width, real};
+    const Directions d = {directions, directions + TURN};
+    for (index_t n = 0; n < count; n++)
+        for (index_t k = n * rings; k < (n + 1) * rings; k++)
+            sample_ring(&p, xy + 2 * n, radius[k], d, out + k * TURN);
+}
+
+/* The two sectors that explain most of a ring's variance: from direction a to b, and the rest of the half turn. */
+typedef struct {
+    int a, b;
+    double contrast, fit;
+} Sectors;
+
+/* The boundaries a < b, the first of equals, with the largest variance between the two sectors: sums from a to b are differences of running
+ * sums of the centred `signal`. `gain` (2 DIRECTIONS): at DIRECTIONS + g what turns the square of a sum of g into that variance; 0 up to
+ * DIRECTIONS. */
+INLINE int best_pair(const float *running, const float *gain) {
+    float best[LANES] = {0}, top = 0;
+    int32_t at[LANES] = {0}, found = 1;
+    for (int32_t a = 0; a < DIRECTIONS - 1; a++)
+        for (int32_t from = a / LANES * LANES; from < DIRECTIONS; from += LANES)
+            for (int32_t lane = 0; lane < LANES; lane++) {
+                const float sum = running[from + lane] - running[a];
+                const float value = sum * sum * gain[DIRECTIONS + from + lane - a];
+                const int more = value > best[lane];
+                best[lane] = more ? value : best[lane];
+                at[lane] = more ? a * DIRECTIONS + from + lane : at[lane];
+            }
+    for (int lane = 0; lane < LANES; lane++)
+        if (best[lane] > top || (best[lane] == top && top > 0 && at[lane] < found)) {
+            top = best[lane];
+            found = at[lane];
+        }
+    return found;
+}
+
+INLINE Sectors sectors(const float signal[TURN], const float *gain) {
+    float folded[DIRECTIONS], running[DIRECTIONS], mean = 0, same = 0, odd = 0, sum = 0;
+    for (int k = 0; k < DIRECTIONS; k++) {
+        folded[k] = 0.5f * (signal[k] + signal[k + DIRECTIONS]);
+        mean += folded[k];
+    }
+    mean /= DIRECTIONS;
+    for (int k = 0; k < DIRECTIONS; k++) {
+        const float gap = signal[k] - signal[k + DIRECTIONS];
+        folded[k] -= mean;
+        same += folded[k] * folded[k];
+        odd += gap * gap;
+    }
+    for (int k = 0; k < DIRECTIONS; k++) {
+        running[k] = sum;
+        sum += folded[k];
+    }
+    const int pair = best_pair(running, gain);
+    Sectors s = {pair / DIRECTIONS, pair % DIRECTIONS, 0, 0};
+    const double total = running[s.b] - running[s.a], energy = same + 0.25 * odd, wide = s.b - s.a, rest = DIRECTIONS - wide;
+    s.contrast = total * DIRECTIONS / (wide * rest);
+    s.fit = energy > 0 ? total * total * DIRECTIONS / (wide * rest * energy) : 0;
+    return s;
+}
+
+/* Samples of a corner, their mean taken out, and the radius of each. */
+typedef struct {
+    float level[SAMPLES], radius[SAMPLES];
+} Samples;
+
+/* Squared residuals, normal matrix (upper half, row by row) and right side of the model at a state: a, b, log s. */
+typedef struct {
+    double energy, normal[6], pull[3];
+} Equations;
+
+enum { COLUMNS = 5, PRODUCTS = COLUMNS * (COLUMNS + 1) / 2 };
+
+/* The model's shape, what a, b and log s change in it, and the data. */
+INLINE void model_columns(const Samples *s, Directions d, const double state[3], float column[COLUMNS][SAMPLES]) {
+    const float shrink = (float)exp(-state[2]), ca = (float)cos(state[0]), sa = (float)sin(state[0]);
+    const float cb = (float)cos(state[1]), sb = (float)sin(state[1]), bell = -1.12837917f; /* -2 / sqrt pi */
+    for (int ring = 0; ring < RINGS; ring++)
+        for (int k = 0; k < DIRECTIONS; k++) {
+            const int n = ring * DIRECTIONS + k;
+            const float r = s->radius[n] * shrink;
+            const float p = r * (d.sine[k] * ca - d.cosine[k] * sa), q = r * (d.sine[k] * cb - d.cosine[k] * sb);
+            const float pp = p * p, qq = q * q, one = short_erf(p), other = short_erf(q);
+            const float by_p = bell * short_exp(pp < 40.0f ? -pp : -40.0f) * other, by_q = bell * short_exp(qq < 40.0f ? -qq : -40.0f) * one;
+            column[0][n] = one * other;
+            column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
+            column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
+            column[3][n] = by_p * p + by_q * q;
+            column[4][n] = s->level[n];
+        }
+}
+
+/* Sums of products of all pairs of columns, their means taken out. */
+INLINE void table_of(float column[COLUMNS][SAMPLES], double table[COLUMNS][COLUMNS]) {
+    double mean[COLUMNS];
+    for (int i = 0; i < COLUMNS; i++) {
+        float sum = 0;
+        for (int n = 0; n < SAMPLES; n++)
+            sum += column[i][n];
+        mean[i] = sum / SAMPLES;
+        const float less = (float)mean[i];
+        for (int n = 0; n < SAMPLES; n++)
+            column[i][n] -= less;
+    }
+    for (int i = 0; i < COLUMNS; i++)
+        for (int j = i; j < COLUMNS; j++) {
+            float sum = 0;
+            for (int n = 0; n < SAMPLES; n++)
+                sum += column[i][n] * column[j][n];
+            table[i][j] = table[j][i] = sum;
+        }
+}
+
+/* Level and contrast are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's approximation), by
+ * elimination in the table of all products of shape, slopes, data and one. */
+INLINE Equations equations_at(const Samples *s, Directions d, const double state[3]) {
+    float column[COLUMNS][SAMPLES];
+    double table[COLUMNS][COLUMNS];
+    Equations e;
+    model_columns(s, d, state, column);
+    table_of(column, table);
+    const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = table[0][4] / own;
+    e.energy = table[4][4] - table[0][4] * table[0][4] / own;
+    for (int i = 0, at = 0; i < 3; i++) {
+        const double share = table[0][i + 1] / own;
+        e.pull[i] = (table[i + 1][4] - share * table[0][4]) * scale;
+        for (int j = i; j < 3; j++)
+            e.normal[at++] = (table[i + 1][j + 1] - share * table[0][j + 1]) * scale * scale;
+    }
+    return e;
+}
+
+/* The change of a, b and log s: damped, with the belief in the first guess of the blur. */
+INLINE void model_step(const Equations *e, const double state[3], double change[3]) {
+    const double *m = e->normal, belief = BELIEF * e->energy / SAMPLES, damp = DAMPING * (m[0] + m[3] + m[5]) + 1e-9;
+    const double a = m[0] + damp, b = m[1], c = m[2], d = m[3] + damp, f = m[4], g = m[5] + damp + belief;
+    const double u = e->pull[0], v = e->pull[1], w = e->pull[2] - belief * (state[2] - log(START_BLUR));
+    const double aa = d * g - f * f, bb = c * f - b * g, cc = b * f - c * d, det = a * aa + b * bb + c * cc;
+    change[0] = (aa * u + bb * v + cc * w) / det;
+    change[1] = (bb * u + (a * g - c * c) * v + (b * c - a * f) * w) / det;
+    change[2] = (cc * u + (b * c - a * f) * v + (a * d - b * b) * w) / det;
+    for (int i = 0; i < 3; i++)
+        change[i] = change[i] < -LONGEST_STEP ? -LONGEST_STEP : change[i] > LONGEST_STEP ? LONGEST_STEP : change[i];
+}
+
+/* Turns `axes` to where the model fits the samples best; they stay where the fit gets worse or runs away. */
+INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
+    double state[3] = {axes[0], axes[1], log(START_BLUR)}, change[3], first = 0;
+    for (int k = 0; k < ITERATIONS; k++) {
+        const Equations e = equations_at(s, d, state);
+        first = k ? first : e.energy;
+        model_step(&e, state, change);
+        for (int i = 0; i < 3; i++)
+            state[i] += change[i];
+        state[2] = state[2] < log(LEAST_BLUR) ? log(LEAST_BLUR) : state[2] > log(MOST_BLUR) ? log(MOST_BLUR) : state[2];
+        if (!(fabs(change[0]) > DONE || fabs(change[1]) > DONE))
+            break;
+    }
+    const double gap = state[1] - state[0];
+    if (equations_at(s, d, state).energy <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
+        fabs(state[1] - axes[1]) < MOST_TURN)
+        memcpy(axes, state, 2 * sizeof(double));
+}
+
+INLINE void take_out_mean(Samples *s) {
+    float sum = 0;
+    for (int n = 0; n < SAMPLES; n++)
+        sum += s->level[n];
+    for (int n = 0; n < SAMPLES; n++)
+        s->level[n] -= sum / SAMPLES;
+}
+
+/* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
+FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, index_t count, const float *directions, double *axes) {
+    const Directions d = {directions, directions + TURN};
+    Samples s;
+    for (index_t k = 0; k < count; k++) {
+        for (int n = 0; n < SAMPLES; n++) {
+            s.level[n] = rings[k * SAMPLES + n];
+            s.radius[n] = (float)radius[k * RINGS + n / DIRECTIONS];
+        }
+        take_out_mean(&s);
+        fit_axes(&s, d, axes + 2 * k);
+    }
+}
+
+/* Axes in [0, pi), rising, and what the rings say; see `rcdn.corners.orientation.axes`. */
+FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
+                           const uint8_t *careful, index_t count, double least, const float *directions, const float *gain, double *axes,
+                           double *contrast, int8_t *polarity, double *fit) {
+    const Picture p = {data, height, width, real};
+    const Directions d = {directions, directions + TURN};
+    Samples s;
+    for (index_t n = 0; n < count; n++) {
+        float signal[TURN] = {0}, ring[TURN];
+        double *own = axes + 2 * n;
+        for (int r = 0; r < RINGS; r++) {
+            sample_ring(&p, xy + 2 * n, radius[n * RINGS + r], d, ring);
+            for (int k = 0; k < DIRECTIONS; k++) {
+                signal[k] += ring[k];
+                signal[k + DIRECTIONS] += ring[k + DIRECTIONS];
+                s.level[r * DIRECTIONS + k] = 0.5f * (ring[k] + ring[k + DIRECTIONS]);
+                s.radius[r * DIRECTIONS + k] = (float)radius[n * RINGS + r];
+            }
+        }
+        for (int k = 0; k < TURN; k++)
+            signal[k] /= RINGS;
+        const Sectors seen = sectors(signal, gain);
+        const int ok = seen.fit >= MIN_FIT && fabs(seen.contrast) >= least;
+        contrast[n] = fabs(seen.contrast);
+        fit[n] = seen.fit < 1 ? seen.fit : 1;
+        polarity[n] = 0;
+        own[0] = own[1] = NAN;
+        if (!ok)
+            continue;
+        double found[2] = {(seen.a - 0.5) * (PI / DIRECTIONS), (seen.b - 0.5) * (PI / DIRECTIONS)};
+        if (careful[n]) {
+            take_out_mean(&s);
+            fit_axes(&s, d, found);
+        }
+        for (int i = 0; i < 2; i++)
+            found[i] -= PI * floor(found[i] / PI);
+        const int swapped = found[0] > found[1];
+        own[0] = found[swapped];
+        own[1] = found[!swapped];
+        polarity[n] = (int8_t)((seen.contrast > 0) != swapped ? 1 : -1);
+    }
+}

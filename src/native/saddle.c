@@ -1,0 +1,68 @@
+/* Saddles of the grey surface by least-squares quadratic fits; see rcdn.corners.saddle. */
+#include "rcdn.h"
+
+#define FLATNESS 0.004 /* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at t has tan²(t/2): 7° here */
+#define FAINT 0.01     /* smallest rise of the fitted saddle from the middle to the side of its window, grey levels */
+
+/* A fit: `matrix` (5, (2 reach + 1)²) from raw pixels to the coefficients of x², xy, y², x and y within `half` px. */
+typedef struct {
+    const double *matrix;
+    index_t half, reach, repeats;
+    double slack;
+} Fit;
+
+/* From (x, y) to the saddle of the surface there, px; 0 where there is none in the window. */
+INLINE int fit_step(const Picture *p, const Fit *fit, index_t x, index_t y, float *window, double step[2]) {
+    const index_t side = 2 * fit->reach + 1, size = side * side;
+    const double *m = fit->matrix;
+    double a1 = 0, a2 = 0, a3 = 0, a4 = 0, a5 = 0;
+    gather(p, x, y, fit->reach, window);
+    for (index_t k = 0; k < size; k++) {
+        const double w = window[k];
+        a1 += m[k] * w;
+        a2 += m[size + k] * w;
+        a3 += m[2 * size + k] * w;
+        a4 += m[3 * size + k] * w;
+        a5 += m[4 * size + k] * w;
+    }
+    const double det = 4 * a1 * a3 - a2 * a2, half = (double)fit->half;
+    const double curve = fabs(a1 + a3) + sqrt((a1 - a3) * (a1 - a3) + a2 * a2); /* twice the larger curvature */
+    const double total = curve * curve;
+    if (!(-det > FLATNESS * total && total * half * half * half * half > 4 * FAINT * FAINT))
+        return 0;
+    step[0] = (a2 * a5 - 2 * a3 * a4) / det;
+    step[1] = (a2 * a4 - 2 * a1 * a5) / det;
+    return fabs(step[0]) <= half && fabs(step[1]) <= half;
+}
+
+/* The saddle near a pixel: the window moves to the nearest pixel as long as the saddle isn't in its middle. */
+INLINE int surface_fit(const Picture *p, const Fit *fit, const int64_t seed[2], float *window, double out[2]) {
+    index_t x = (index_t)seed[0], y = (index_t)seed[1];
+    double step[2];
+    if (!fit_step(p, fit, x, y, window, step))
+        return 0;
+    for (index_t k = 0; k < fit->repeats && (fabs(step[0]) > fit->slack || fabs(step[1]) > fit->slack); k++) {
+        x += (index_t)rint(step[0]);
+        y += (index_t)rint(step[1]);
+        if (!fit_step(p, fit, x, y, window, step))
+            return 0;
+    }
+    const double rest = fit->slack > 1 ? fit->slack : 1, far = 2.0 * (double)fit->half;
+    out[0] = (double)x + step[0];
+    out[1] = (double)y + step[1];
+    return fabs(step[0]) <= rest && fabs(step[1]) <= rest && fabs(out[0] - (double)seed[0]) <= far && fabs(out[1] - (double)seed[1]) <= far;
+}
+
+/* Saddles `xy` (count, 2) near `seeds` (count, 2), each by the fit `which` (count,); NaN where there is none. Of fit f: half window, reach
+ * and repeats in `sizes` (., 3), the matrix from `first[f]` on. `window`: room for the largest window. */
+FAST EXPORT void rcdn_surface_fit(const void *data, index_t height, index_t width, int real, const int64_t *seeds, const int64_t *which,
+                                  index_t count, const double *matrices, const int64_t *first, const int64_t *sizes, const double *slack,
+                                  float *window, double *xy) {
+    const Picture p = {data, height, width, real};
+    for (index_t n = 0; n < count; n++) {
+        const int64_t f = which[n], *size = sizes + 3 * f;
+        const Fit fit = {matrices + first[f], (index_t)size[0], (index_t)size[1], (index_t)size[2], slack[f]};
+        if (!surface_fit(&p, &fit, seeds + 2 * n, window, xy + 2 * n))
+            xy[2 * n] = xy[2 * n + 1] = NAN;
+    }
+}

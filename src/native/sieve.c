@@ -1,0 +1,188 @@
+/* Where X-corners can be at all: saddles of the grey levels, at half resolution, that stand out from the contrast around them. */
+#include "rcdn.h"
+
+#define BLOCK 4  /* px of half resolution a block, over which contrast is summed; a window is 3×3 of them */
+#define TAPS 3   /* reach of the longest filter */
+#define STEP 64  /* columns that are tested together */
+#define PAD 8    /* columns continued on either side of a row */
+#define CELL 4   /* px of the picture a cell */
+#define REACH 6  /* px around a saddle in which the response may peak */
+
+typedef struct {
+    index_t height, width; /* of the half-resolution picture */
+    index_t stride;        /* of its rows, with PAD columns on either side */
+    float *grey;           /* (height, stride) */
+    float *limit;          /* (blocks down, blocks across): least −det of the Hessian */
+    float *rows[3];        /* −det of three rows */
+    float *down[3];        /* a row filtered along y: smooth, slope, bend */
+} Half;
+
+INLINE index_t mirrored(index_t k, index_t n) {
+    if (n == 1)
+        return 0;
+    while (k < 0 || k >= n)
+        k = k < 0 ? -k : 2 * n - 2 - k;
+    return k;
+}
+
+/* Means of 2×2 px; an odd last row or column is left out. */
+INLINE void halved(const Picture *p, Half *h) {
+    for (index_t y = 0; y < h->height; y++) {
+        float *row = h->grey + y * h->stride + PAD;
+        if (p->real) {
+            const float *a = (const float *)p->data + 2 * y * p->width, *b = a + p->width;
+            for (index_t x = 0; x < h->width; x++)
+                row[x] = 0.25f * (a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
+        } else {
+            const uint8_t *a = (const uint8_t *)p->data + 2 * y * p->width, *b = a + p->width;
+            for (index_t x = 0; x < h->width; x++)
+                row[x] = 0.25f * (float)(a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1]);
+        }
+        for (index_t k = 1; k <= PAD; k++) {
+            row[-k] = row[mirrored(-k, h->width)];
+            row[h->width - 1 + k] = row[mirrored(h->width - 1 + k, h->width)];
+        }
+    }
+}
+
+/* The limits of all blocks: (share × (standard deviation over 3×3 blocks + floor))². `sums` (3, blocks down, blocks across) is room. */
+INLINE void limits(Half *h, float share, float floor_, double *sums) {
+    const index_t down = (h->height + BLOCK - 1) / BLOCK, across = (h->width + BLOCK - 1) / BLOCK;
+    double *one = sums, *square = sums + down * across, *count = square + down * across;
+    float *restrict column = h->down[0], *restrict columns = h->down[1]; /* sums over a block's rows */
+    for (index_t j = 0; j < down; j++) {
+        const index_t end = (j + 1) * BLOCK < h->height ? (j + 1) * BLOCK : h->height;
+        for (index_t y = j * BLOCK; y < end; y++) {
+            const float *row = h->grey + y * h->stride + PAD;
+            for (index_t x = 0; x < h->width; x++) {
+                column[x] = (y > j * BLOCK ? column[x] : 0) + row[x];
+                columns[x] = (y > j * BLOCK ? columns[x] : 0) + row[x] * row[x];
+            }
+        }
+        for (index_t x = h->width; x < across * BLOCK; x++)
+            column[x] = columns[x] = 0;
+        for (index_t i = 0; i < across; i++) {
+            one[j * across + i] = column[4 * i] + column[4 * i + 1] + column[4 * i + 2] + column[4 * i + 3];
+            square[j * across + i] = columns[4 * i] + columns[4 * i + 1] + columns[4 * i + 2] + columns[4 * i + 3];
+            count[j * across + i] = (double)((end - j * BLOCK) * (i + 1 < across ? BLOCK : h->width - i * BLOCK));
+        }
+    }
+    for (index_t j = 0; j < down; j++)
+        for (index_t i = 0; i < across; i++) {
+            double s = 0, q = 0, n = 0;
+            for (index_t y = j > 0 ? j - 1 : 0; y <= j + 1 && y < down; y++)
+                for (index_t x = i > 0 ? i - 1 : 0; x <= i + 1 && x < across; x++) {
+                    s += one[y * across + x];
+                    q += square[y * across + x];
+                    n += count[y * across + x];
+                }
+            const double variance = q / n - s / n * (s / n);
+            const float limit = share * ((float)sqrt(variance > 0 ? variance : 0) + floor_);
+            h->limit[j * across + i] = limit * limit;
+        }
+}
+
+/* Seven rows filtered along y. */
+INLINE void down_row(const float *restrict a, const float *restrict b, const float *restrict c, const float *restrict d, const float *restrict e, const float *restrict f, const float *restrict g, index_t count, float *restrict smooth, float *restrict slope, float *restrict bend) {
+    for (index_t x = 0; x < count; x++) {
+        smooth[x] = (b[x] + f[x] + 4 * (c[x] + e[x]) + 6 * d[x]) * (1 / 16.f);
+        slope[x] = (f[x] - b[x] + 2 * (e[x] - c[x])) * (1 / 8.f);
+        bend[x] = (a[x] + g[x] + 2 * (b[x] + f[x]) - c[x] - e[x] - 4 * d[x]) * (1 / 16.f);
+    }
+}
+
+/* And these along x, to −det. */
+INLINE void along_row(const float *restrict smooth, const float *restrict slope, const float *restrict bend, index_t count, float *restrict out) {
+    for (index_t x = 0; x < count; x++) {
+        const float yy = (bend[x - 2] + bend[x + 2] + 4 * (bend[x - 1] + bend[x + 1]) + 6 * bend[x]) * (1 / 16.f);
+        const float xy = (slope[x + 2] - slope[x - 2] + 2 * (slope[x + 1] - slope[x - 1])) * (1 / 8.f);
+        const float xx = (smooth[x - 3] + smooth[x + 3] + 2 * (smooth[x - 2] + smooth[x + 2]) - smooth[x - 1] - smooth[x + 1] - 4 * smooth[x]) * (1 / 16.f);
+        out[x] = xy * xy - xx * yy;
+    }
+}
+
+/* −det of the Hessian along one row, after a binomial smoothing. */
+INLINE void saddle_row(Half *h, index_t y, float *out) {
+    const float *r[2 * TAPS + 1];
+    for (int k = -TAPS; k <= TAPS; k++)
+        r[k + TAPS] = h->grey + mirrored(y + k, h->height) * h->stride;
+    down_row(r[0], r[1], r[2], r[3], r[4], r[5], r[6], h->stride, h->down[0], h->down[1], h->down[2]);
+    along_row(h->down[0] + PAD, h->down[1] + PAD, h->down[2] + PAD, h->width, out);
+}
+static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_t y) {
+    const index_t left = 2 * x - REACH + 1, top = 2 * y - REACH + 1, right = 2 * x + REACH, low = 2 * y + REACH;
+    const index_t i1 = right / CELL < across - 1 ? right / CELL : across - 1, j1 = low / CELL < down - 1 ? low / CELL : down - 1;
+    for (index_t j = top > 0 ? top / CELL : 0; j <= j1; j++)
+        for (index_t i = left > 0 ? left / CELL : 0; i <= i1; i++)
+            cells[j * across + i] = 1;
+}
+
+/* Mark the cells around the peaks among the three rows, of which the middle one is `y`. Returns how many peaks there are. */
+INLINE index_t marked(const Half *h, index_t y, const float *limit, uint8_t *cells, index_t down, index_t across) {
+    const float *a = h->rows[0], *b = h->rows[1], *c = h->rows[2];
+    index_t count = 0;
+    for (index_t i = 0; i < h->width; i += STEP) { /* most of a row is far below */
+        const index_t stop = i + STEP < h->width ? i + STEP : h->width;
+        int any = 0;
+        for (index_t x = i; x < stop; x++)
+            any |= b[x] > limit[x];
+        if (!any)
+            continue;
+        for (index_t x = i; x < stop; x++) {
+            if (!(b[x] > limit[x]))
+                continue;
+            const index_t w = x > 0 ? x - 1 : x, e = x + 1 < h->width ? x + 1 : x;
+            if (b[x] >= b[w] && b[x] >= b[e] && b[x] >= a[w] && b[x] >= a[x] && b[x] >= a[e] && b[x] >= c[w] && b[x] >= c[x] && b[x] >= c[e]) {
+                mark(cells, down, across, x, y);
+                count++;
+            }
+        }
+    }
+    return count;
+}
+
+/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak. Returns the number of saddles, or -1 without memory. */
+FAST EXPORT index_t rcdn_sieve(const void *data, index_t height, index_t width, int real, double share, double floor_, uint8_t *cells, index_t down, index_t across) {
+    const Picture p = {data, height, width, real};
+    Half h = {height / 2, width / 2, 0, NULL, NULL, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
+    if (h.height < 1 || h.width < 1)
+        return 0;
+    h.stride = h.width + 2 * PAD;
+    const index_t across_blocks = (h.width + BLOCK - 1) / BLOCK, blocks = (h.height + BLOCK - 1) / BLOCK * across_blocks;
+    float *room = malloc(((size_t)((h.height + 7) * h.stride) + (size_t)blocks) * sizeof *room);
+    double *sums = malloc(3 * (size_t)blocks * sizeof *sums);
+    if (!room || !sums) {
+        free(room);
+        free(sums);
+        return -1;
+    }
+    h.grey = room;
+    for (int k = 0; k < 3; k++) {
+        h.rows[k] = room + (h.height + k) * h.stride;
+        h.down[k] = room + (h.height + 3 + k) * h.stride;
+    }
+    h.limit = room + (h.height + 7) * h.stride;
+    float *limit = room + (h.height + 6) * h.stride;
+    halved(&p, &h);
+    limits(&h, (float)share, (float)floor_, sums);
+    index_t count = 0;
+    saddle_row(&h, 0, h.rows[1]);
+    memcpy(h.rows[0], h.rows[1], (size_t)h.stride * sizeof(float));
+    for (index_t y = 0; y < h.height; y++) {
+        if (y + 1 < h.height)
+            saddle_row(&h, y + 1, h.rows[2]);
+        else
+            memcpy(h.rows[2], h.rows[1], (size_t)h.stride * sizeof(float));
+        if (y % BLOCK == 0)
+            for (index_t x = 0; x < h.width; x++)
+                limit[x] = h.limit[y / BLOCK * across_blocks + x / BLOCK];
+        count += marked(&h, y, limit, cells, down, across);
+        float *first = h.rows[0];
+        h.rows[0] = h.rows[1];
+        h.rows[1] = h.rows[2];
+        h.rows[2] = first;
+    }
+    free(room);
+    free(sums);
+    return count;
+}

@@ -1,0 +1,182 @@
+/* Centres of point symmetry or antisymmetry; see rcdn.corners.symmetry. */
+#include "rcdn.h"
+
+#define MARGIN 4   /* reach of the smoothing, px: a Gaussian of 1 px */
+#define LANES 16   /* rows are worked on in blocks of this many pixels; what is too much is never used */
+#define THIN 0.004 /* smallest ratio of the two eigenvalues of the normal matrix; below it the window shows an edge */
+#define FAR 1e9    /* px: no picture is as wide */
+
+static const float KERNEL[MARGIN + 1] = {0.39894346f, 0.24197145f, 0.05399112f, 0.00443186f, 0.00013383f};
+
+/* One corner's surroundings. All arrays have rows of `stride`; `disc`, the weights, (2 half + 1) rows. */
+typedef struct {
+    index_t half, stride;
+    float *raw, *across, *smooth, *level, *disc;
+} Room;
+
+INLINE index_t blocks(index_t columns) {
+    return (columns + LANES - 1) / LANES;
+}
+
+/* The workspace's layout for discs of up to `half` px; how many floats it takes. */
+INLINE index_t lay_out(Room *room, float *work, index_t half) {
+    const index_t stride = blocks(2 * half + 4 + 2 * MARGIN) * LANES, size = (2 * half + 6 + 2 * MARGIN) * stride + 2 * LANES;
+    room->half = half;
+    room->stride = stride;
+    room->raw = work;
+    room->across = work + size;
+    room->smooth = work + 2 * size;
+    room->level = work + 3 * size;
+    room->disc = work + 4 * size;
+    return 5 * size;
+}
+
+EXPORT index_t rcdn_symmetry_room(index_t half) {
+    Room room;
+    return lay_out(&room, NULL, half);
+}
+
+INLINE void draw_disc(Room *room) {
+    const index_t half = room->half;
+    for (index_t j = 0; j < 2 * half + 1; j++)
+        for (index_t i = 0; i < room->stride; i++)
+            room->disc[j * room->stride + i] = i <= 2 * half && (i - half) * (i - half) + (j - half) * (j - half) <= half * (half + 1);
+}
+
+/* Smooth (2 half + 4)² pixels, the first of them at (x - half - 1, y - half - 1). */
+INLINE void smooth(const Picture *p, const Room *room, index_t x, index_t y) {
+    const index_t size = 2 * room->half + 4, side = size + 2 * MARGIN, stride = room->stride;
+    const index_t wide = side + 1; /* `gather` has a middle pixel: its first row and column are too much */
+    gather(p, x, y, room->half + 2 + MARGIN, room->raw);
+    for (index_t j = 0; j < size; j++)
+        for (index_t b = 0; b < blocks(side) * LANES; b += LANES) {
+            const float *from = room->raw + (j + MARGIN + 1) * wide + b + 1;
+            float *to = room->across + j * stride + b;
+            for (index_t i = 0; i < LANES; i++) {
+                float sum = KERNEL[0] * from[i];
+                for (index_t k = 1; k <= MARGIN; k++)
+                    sum += KERNEL[k] * (from[i - k * wide] + from[i + k * wide]);
+                to[i] = sum;
+            }
+        }
+    for (index_t j = 0; j < size; j++)
+        for (index_t b = 0; b < blocks(size) * LANES; b += LANES) {
+            const float *from = room->across + j * stride + b + MARGIN;
+            float *to = room->smooth + j * stride + b;
+            for (index_t i = 0; i < LANES; i++) {
+                float sum = KERNEL[0] * from[i];
+                for (index_t k = 1; k <= MARGIN; k++)
+                    sum += KERNEL[k] * (from[i - k] + from[i + k]);
+                to[i] = sum;
+            }
+        }
+}
+
+/* Smoothed grey levels between the pixels: (2 half + 3)², the middle one (fx, fy) right of and below the middle pixel. */
+INLINE void shift(const Room *room, float fx, float fy) {
+    const index_t size = 2 * room->half + 3, stride = room->stride;
+    for (index_t j = 0; j < size; j++)
+        for (index_t b = 0; b < blocks(size) * LANES; b += LANES) {
+            const float *top = room->smooth + j * stride + b, *low = top + stride;
+            float *to = room->level + j * stride + b;
+            for (index_t i = 0; i < LANES; i++) {
+                const float up = top[i] * (1 - fx) + top[i + 1] * fx, down = low[i] * (1 - fx) + low[i + 1] * fx;
+                to[i] = up * (1 - fy) + down * fy;
+            }
+        }
+}
+
+/* A pixel and what half a turn brings there: their difference, or (anti) their sum, of level and slopes (twice). */
+INLINE void turned(const float *level, index_t stride, const float *other, int anti, float out[3]) {
+    const float sign = anti ? 1.0f : -1.0f;
+    out[0] = level[0] + sign * other[0];
+    out[1] = level[1] - level[-1] + sign * (other[1] - other[-1]);
+    out[2] = level[stride] - level[-stride] + sign * (other[stride] - other[-stride]);
+}
+
+/* Means of the even parts over the disc, which are no business of the estimate; `own`: the middle pixel's, without them. */
+INLINE void level_out(const Room *room, index_t first, index_t last, index_t middle, float mean[3], float own[3]) {
+    float r = 0, gx = 0, gy = 0, weight = 0;
+    for (index_t k = 0; k < middle; k++) {
+        float t[3];
+        turned(room->level + first + k, room->stride, room->level + last - k, 1, t);
+        r += room->disc[k] * t[0];
+        gx += room->disc[k] * t[1];
+        gy += room->disc[k] * t[2];
+        weight += room->disc[k];
+    }
+    turned(room->level + first + middle, room->stride, room->level + last - middle, 1, own);
+    const float sums[3] = {r, gx, gy};
+    for (int i = 0; i < 3; i++) {
+        mean[i] = (2 * sums[i] + own[i]) / (2 * weight + 1);
+        own[i] -= mean[i];
+    }
+}
+
+/* The Gauss-Newton step from the middle of the window to the centre of symmetry; 0 where the window has no edges, or of one direction only.
+ * Half a turn exchanges the pixels before the middle with those after it: half of them tell all. */
+INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
+    const index_t first = room->stride + 1, middle = room->half * (room->stride + 1), last = first + 2 * middle;
+    float xx = 0, xy = 0, yy = 0, xr = 0, yr = 0, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
+    if (anti)
+        level_out(room, first, last, middle, mean, own);
+    for (index_t k = 0; k < middle; k++) {
+        float t[3];
+        turned(room->level + first + k, room->stride, room->level + last - k, anti, t);
+        const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]), gy = weight * (t[2] - mean[2]);
+        xx += gx * gx;
+        xy += gx * gy;
+        yy += gy * gy;
+        xr += gx * r;
+        yr += gy * r;
+    }
+    const double a = 2.0 * xx + own[1] * own[1], b = 2.0 * xy + own[1] * own[2], c = 2.0 * yy + own[2] * own[2];
+    const double u = 2.0 * xr + own[1] * own[0], v = 2.0 * yr + own[2] * own[0], det = a * c - b * b;
+    if (!(det > THIN * (a + c) * (a + c)))
+        return 0;
+    step[0] = 2 * (b * v - c * u) / det; /* twice: the slopes are differences over two pixels */
+    step[1] = 2 * (b * u - a * v) / det;
+    return 1;
+}
+
+/* The centre of symmetry near (x, y); 0 where there is none. The picture is smoothed anew only where the middle comes to another pixel. */
+INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], index_t repeats, double done, int anti) {
+    double step[2];
+    index_t x = 0, y = 0;
+    for (index_t k = 0; k < repeats; k++) {
+        const index_t i = (index_t)floor(at[0]), j = (index_t)floor(at[1]);
+        if (k == 0 || i != x || j != y)
+            smooth(p, room, x = i, y = j);
+        shift(room, (float)(at[0] - (double)i), (float)(at[1] - (double)j));
+        if (!symmetry_step(room, anti, step))
+            return 0;
+        for (int axis = 0; axis < 2; axis++) {
+            step[axis] = step[axis] < -1 ? -1 : step[axis] > 1 ? 1 : step[axis];
+            at[axis] += step[axis];
+        }
+        if (fabs(step[0]) <= done && fabs(step[1]) <= done)
+            return 1;
+    }
+    return 0;
+}
+
+/* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,) px; NaN where there is
+ * none. `work`: zeros, as many as `rcdn_symmetry_room` says for the largest disc. */
+FAST EXPORT void rcdn_symmetry_centre(const void *data, index_t height, index_t width, int real, const double *start, const int64_t *half,
+                                      index_t count, index_t repeats, double done, index_t anti, float *work, double *out) {
+    const Picture p = {data, height, width, real};
+    Room room = {-1, 0, NULL, NULL, NULL, NULL, NULL};
+    for (index_t n = 0; n < count; n++) {
+        const double *from = start + 2 * n, reach = half[n] > 2 ? 0.5 * (double)half[n] : 1;
+        double *at = out + 2 * n;
+        if (room.half != (index_t)half[n]) {
+            lay_out(&room, work, (index_t)half[n]);
+            draw_disc(&room);
+        }
+        memcpy(at, from, 2 * sizeof(double));
+        const int known = fabs(at[0]) < FAR && fabs(at[1]) < FAR;
+        const int found = known && (anti ? symmetry_centre(&p, &room, at, repeats, done, 1) : symmetry_centre(&p, &room, at, repeats, done, 0));
+        if (!found || fabs(at[0] - from[0]) > reach || fabs(at[1] - from[1]) > reach)
+            at[0] = at[1] = NAN;
+    }
+}
