@@ -35,8 +35,9 @@ EXPORT FAST index_t rcdn_grid_predict(const int64_t *labels, const double *xy, i
     return 0;
 }
 
-/* The empty labels beside a grid's corners, in order, (at most 4 n, 2), and what `predict` says of them. Returns how many, or -1 without memory. */
-EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, index_t n, int64_t *spots, double *out, int64_t *support, double *pitch) {
+/* The empty labels beside a grid's corners, in order, (at most 4 n, 2), at which steps are `least` long, and what `predict` says of them. Returns
+ * how many, or -1 without memory. */
+EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, index_t n, double least, int64_t *spots, double *out, int64_t *support, double *pitch) {
     Table t;
     if (!open_table(&t, labels, n))
         return -1;
@@ -47,9 +48,10 @@ EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, in
             if (*row >= 0 || (row[1] < 0 && row[-1] < 0 && row[t.height] < 0 && row[-t.height] < 0))
                 continue;
             spots[2 * count] = t.low_u + i;
-            spots[2 * count++ + 1] = t.low_v + j;
+            spots[2 * count + 1] = t.low_v + j;
+            predict(&t, xy, spots + 2 * count, 1, out + 6 * count, support + count, pitch + count);
+            count += pitch[count] >= least;
         }
-    predict(&t, xy, spots, count, out, support, pitch);
     free(t.row);
     return count;
 }

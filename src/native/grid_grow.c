@@ -38,50 +38,116 @@ EXPORT index_t rcdn_grid_sign(const int64_t *labels, const double *xy, const dou
     return 0;
 }
 
-/* Corners (total, 2) that might take the empty `spots` (count, 2) with predictions `guess` (count, 6) and steps `pitch`, as far as `room` lets: `offers`, the spot's
- * row and the corner; `gap`, from the prediction, in squares, up to `near` (`near_weak` of a corner that isn't `strong`); `fits`: do the corner's
- * axes and colours fit the predicted steps? `beside` (total, 4): rows of the labelled corners at (1, 0), (0, 1), (-1, 0), (0, -1) from the spot.
- * `usable` (total): which corners there are. Returns how many, or -1 without memory. */
-EXPORT index_t rcdn_grid_offers(const int64_t *labels, index_t n, const int64_t *spots, const double *guess, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const uint8_t *usable, const uint8_t *strong, index_t corners, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, index_t room) {
+/* A grid that may go on: its labels and the numbers of its corners, (n, 2) and (n); the open spots (count, 2), their predictions (count, 6) and
+ * steps (count). */
+typedef struct {
+    const int64_t *labels, *members;
+    index_t n;
+    const int64_t *spots;
+    const double *maps, *pitch;
+    index_t count;
+} Rim;
+
+/* The corners of a picture (n), where they are known: `fit` and the like as `boards.graph.Field` says. */
+typedef struct {
+    const double *xy, *axes;
+    const int64_t *polarity;
+    const double *contrast;
+    const uint8_t *strong;
+} Corners;
+
+/* Corners that the spots were offered before and that were refused: (count, 3), u, v, corner. */
+static int was_refused(const int64_t *refused, index_t count, const int64_t *spot, int64_t corner) {
+    for (index_t k = 0; k < count; k++, refused += 3)
+        if (refused[0] == spot[0] && refused[1] == spot[1] && refused[2] == corner)
+            return 1;
+    return 0;
+}
+
+/* Do a corner's axes and colours fit the predicted steps? */
+static int fits_steps(const Corners *all, index_t corner, const double *map, int colour, double far) {
+    double turn_u, turn_v;
+    const int u = side_colour(all->axes + 2 * corner, all->polarity[corner], map[2], map[3], &turn_u);
+    const int v = side_colour(all->axes + 2 * corner, all->polarity[corner], map[4], map[5], &turn_v);
+    return u == colour && v == -colour && turn_u < far && turn_v < far;
+}
+
+/* The edges from a corner to the labelled neighbours of its spot: where they begin and end, and the neighbours' contrast, negative where the
+ * side at rising angle is the dark one. Returns how many there are now. */
+static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, index_t corner, const int64_t *spot, int colour, index_t edges, double *start, double *end, double *level, int64_t *beside) {
+    const int64_t ways[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+    for (int way = 0; way < 4; way++) {
+        const int32_t row = corner_at(t, spot[0] + ways[way][0], spot[1] + ways[way][1]);
+        beside[way] = row < 0 ? -1 : edges;
+        if (row < 0)
+            continue;
+        const int64_t other = rim->members[row];
+        memcpy(start + 2 * edges, all->xy + 2 * corner, 2 * sizeof *start);
+        memcpy(end + 2 * edges, all->xy + 2 * other, 2 * sizeof *end);
+        level[edges++] = (way & 1 ? -colour : colour) * fmax(all->contrast[other], 1e-6);
+    }
+    return edges;
+}
+
+/* Corners that might take one of the open spots, as far as `room` lets: which are `usable` (corners), not refused, and no further than `near`
+ * squares from the prediction, `near_weak` if they aren't strong. `offers` (total, 2): number of the spot and of the corner; `gap`, squares;
+ * `fits`: 1 if axes and colours fit the board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
+ * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`. Returns how many, or -1 without memory. */
+EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, index_t n, const int64_t *spots, const double *maps, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const double *contrast, const uint8_t *strong, const uint8_t *usable, index_t corners, const int64_t *refused, index_t refusals, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, double *start, double *end, double *level, index_t room) {
+    const Rim rim = {labels, members, n, spots, maps, pitch, count};
+    const Corners all = {xy, axes, polarity, contrast, strong};
     Table t;
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     if (!open_table(&t, labels, n))
         return -1;
-    for (index_t k = 0; k < count; k++) {
-        const double *g = guess + 6 * k;
+    for (index_t k = 0; k < count; k++)
         for (int i = 0; i < 2; i++) {
-            low[i] = fmin(low[i], g[i] - near * pitch[k]);
-            high[i] = fmax(high[i], g[i] + near * pitch[k]);
+            low[i] = fmin(low[i], maps[6 * k + i] - near * pitch[k]);
+            high[i] = fmax(high[i], maps[6 * k + i] + near * pitch[k]);
         }
-    }
-    index_t total = 0;
+    index_t total = 0, edges = 0;
     for (index_t c = 0; c < corners; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
         if (!usable[c] || !(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]))
             continue;
         for (index_t k = 0; k < count; k++) {
-            const double *g = guess + 6 * k, dx = x - g[0], dy = y - g[1];
-            const double distance = sqrt(dx * dx + dy * dy);
-            if (!(distance <= near * pitch[k]) || !(strong[c] || distance / pitch[k] < near_weak))
+            const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
+            if (!(square <= reach * reach))
+                continue;
+            const double distance = sqrt(square) / pitch[k];
+            const int64_t *spot = spots + 2 * k;
+            if ((!strong[c] && !(distance < near_weak)) || was_refused(refused, refusals, spot, c))
                 continue;
             if (total < room) {
-                const int64_t u = spots[2 * k], v = spots[2 * k + 1];
-                const int colour = (u + v) & 1 ? (int)-sign : (int)sign;
-                double turn_u, turn_v;
-                const int own_u = side_colour(axes + 2 * c, polarity[c], g[2], g[3], &turn_u);
-                const int own_v = side_colour(axes + 2 * c, polarity[c], g[4], g[5], &turn_v);
+                const int colour = (spot[0] + spot[1]) & 1 ? (int)-sign : (int)sign;
                 offers[2 * total] = k;
                 offers[2 * total + 1] = c;
-                gap[total] = distance / pitch[k];
-                fits[total] = own_u == colour && own_v == -colour && turn_u < far && turn_v < far;
-                beside[4 * total] = corner_at(&t, u + 1, v);
-                beside[4 * total + 1] = corner_at(&t, u, v + 1);
-                beside[4 * total + 2] = corner_at(&t, u - 1, v);
-                beside[4 * total + 3] = corner_at(&t, u, v - 1);
+                gap[total] = distance;
+                fits[total] = fits_steps(&all, c, maps + 6 * k, colour, far) ? (strong[c] ? 2 : 1) : 0;
+                edges = edges_of(&t, &rim, &all, c, spot, colour, edges, start, end, level, beside + 4 * total);
             }
             total++;
         }
     }
     free(t.row);
     return total;
+}
+
+/* Whose edges are seen (count), from the contrast that each third of an edge shows, (edges, 3), and what `rcdn_grid_offers` says: one is enough where
+ * `fits` is 2, if none speaks against it; otherwise all must be, and two at least where it is 0. */
+EXPORT void rcdn_grid_seen(const double *shown, const double *level, const int64_t *beside, const uint8_t *fits, index_t count, double least, double least_weak, uint8_t *seen) {
+    for (index_t k = 0; k < count; k++, beside += 4) {
+        int edges = 0, one = 0, plain = 1, all = 1;
+        for (int way = 0; way < 4; way++) {
+            if (beside[way] < 0)
+                continue;
+            const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]], b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
+            const double weakest = fmin(fmin(a, b), c);
+            edges++;
+            one |= weakest > least;
+            all &= weakest > least_weak;
+            plain &= a + b + c > 0;
+        }
+        seen[k] = fits[k] == 2 ? one && plain : all && edges >= (fits[k] ? 1 : 2);
+    }
 }

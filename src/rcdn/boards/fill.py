@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
-from rcdn.boards.local import Grid, Predictions, as_labels, checked, windows
+from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, windows
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
@@ -136,7 +136,9 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
     limit = np.clip(BESIDE_PX / spots.guess.pitch, *BESIDE)
     most, found = np.abs(own).max(axis=1), np.abs(offset).max(axis=1)
     beside = np.flatnonzero((np.abs(own - offset).max(axis=1) > limit) & (most > 1.5 * found) & (found <= OFF))
-    seen = known.shares(spots.at[beside], strength[beside]).min(axis=1, initial=np.inf) >= SEEN
+    if not len(beside):
+        return known
+    seen = known.shares(spots.at[beside], strength[beside]).min(axis=1) >= SEEN
     for k in beside[seen].tolist():
         u, v = spots.at[k].tolist()
         _put(grid, (u, v), spots.guess.xy[k] + steps[k] @ offset[k])
@@ -146,7 +148,7 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
 def _with_sense(guess: Predictions) -> Array:
     """Numbers of predictions that stand on neighbours enough, with steps that span something."""
     area = np.abs(guess.du[:, 0] * guess.dv[:, 1] - guess.du[:, 1] * guess.dv[:, 0])
-    return np.flatnonzero((guess.support >= LEAST_SUPPORT) & (guess.pitch >= 2) & (area > 1))
+    return np.flatnonzero((guess.support >= LEAST_SUPPORT) & (guess.pitch >= LEAST_PITCH) & (area > 1))
 
 
 def _accepted(

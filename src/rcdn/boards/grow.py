@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from rcdn.boards.edges import edge_contrast
@@ -14,12 +12,11 @@ from rcdn.native import bind
 from rcdn.types import Array
 
 _sign = bind("rcdn_grid_sign", "lddlnrL", result=True)
-_offered = bind("rcdn_grid_offers", "lnlddnddlbbnnrrrLDBLn", result=True)
+_offers = bind("rcdn_grid_offers", "llnlddnddldbbnlnnrrrLDBLDDDn", result=True)
+_seen = bind("rcdn_grid_seen", "ddlbnrrB")
 ROUNDS = 40
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
-LEAST_PITCH = 2.0
-"""px; smaller squares are none"""
 PLAIN = 5
 """corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
 ROOM = 16
@@ -40,11 +37,9 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
     sign = board_sign(field, grid)
     if sign == 0:
         return
-    refused: set[tuple[Label, int]] = set()
-    corners = grid.corners
-    level = LEAST_QUALITY * float(np.median(field.response[corners] * field.fit[corners]))
+    growth = _Growth(field, grid, sign, free)
     for _ in range(ROUNDS):
-        offers = _offers(field, grid, sign, free, level, refused)
+        offers = growth.offers()
         if not offers:
             return
         taken: set[int] = set()
@@ -64,75 +59,68 @@ def board_sign(field: Field, grid: Grid) -> int:
     return int(np.sign(votes[0]))
 
 
-class Offer(NamedTuple):
-    """A corner that might take a spot: `gap` its distance from the prediction, in squares."""
-
-    gap: float
-    spot: Label
-    corner: int
+Offer = tuple[float, Label, int]
+"""a corner that might take a spot: its distance from the prediction, in squares; the spot; the corner"""
 
 
-def _offers(
-    field: Field, grid: Grid, sign: int, free: Array, level: float, refused: set[tuple[Label, int]]
-) -> list[Offer]:
-    """Acceptable corners, of a quality over `level`, for the empty spots beside the grid."""
-    spots, guess = grid.beside()
-    rows = np.flatnonzero(guess.pitch >= LEAST_PITCH)
-    if not len(rows):
-        return []
-    spots, guess = spots[rows], guess.take(rows)
-    if len(grid) >= PLAIN:
-        field.look(guess.xy, NEAR * guess.pitch + SLACK)
-    usable = free & (field.refined | field.strong) & (field.quality >= level)
-    offers, gap, fits, beside = _near(field, grid, sign, spots, guess, usable)
-    keys = list(zip(map(tuple, spots[offers[:, 0]].tolist()), offers[:, 1].tolist(), strict=True))
-    asked = [k for k, key in enumerate(keys) if key not in refused]
-    if not asked:
-        return []
-    parity = sign * (1 - 2 * (spots[offers[asked, 0]].sum(axis=1) % 2))
-    seen = _edges_seen(field, grid, parity, offers[asked, 1], fits[asked], beside[asked])
-    refused.update(keys[k] for k, ok in zip(asked, seen.tolist(), strict=True) if not ok)
-    return [Offer(float(gap[k]), *keys[k]) for k, ok in zip(asked, seen.tolist(), strict=True) if ok]
+class _Growth:
+    """A grid that goes on. `level`: least quality of a new corner; `refused` (R, 3): u, v and corner of what was offered and isn't asked again."""
 
+    def __init__(self, field: Field, grid: Grid, sign: int, free: Array) -> None:
+        self.field, self.grid, self.sign, self.free = field, grid, sign, free
+        corners = grid.corners
+        self.level = LEAST_QUALITY * float(np.median(field.response[corners] * field.fit[corners]))
+        self.refused = np.zeros((0, 3), np.int64)
 
-def _near(
-    field: Field, grid: Grid, sign: int, spots: Array, guess: Predictions, usable: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Corners that are `usable` (N,) and near enough to `spots` (K, 2): rows of spots and corners (M, 2), their distance from the prediction (M,),
-    squares, whether their own axes and colours fit the predicted steps (M,), and rows of the labelled corners (M, 4) in the directions
-    `STEPS`, −1 for none.
-    """
-    labels, room = grid.labels, ROOM + 2 * len(spots)
-    maps, pitch = np.ascontiguousarray(guess.maps), np.ascontiguousarray(guess.pitch)
-    while True:
-        offers, gap, fits = np.empty((room, 2), np.int64), np.empty(room), np.empty(room, np.uint8)
-        beside = np.empty((room, 4), np.int64)
-        count = checked(
-            _offered(
-                labels, len(labels), spots, maps, pitch, len(spots),
-                field.xy, field.axes, field.polarity, usable.view(np.uint8), field.strong.view(np.uint8), len(usable),
-                sign, NEAR, NEAR_WEAK, FAR_AXIS, offers, gap, fits, beside, room,
-            )
-        )  # fmt: skip
-        if count <= room:
-            return offers[:count], gap[:count], fits[:count] > 0, beside[:count]
-        room = count
+    def offers(self) -> list[Offer]:
+        """Acceptable corners for the empty spots beside the grid: their edges to its corners are in the picture.
 
+        One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
+        where the axes don't fit (motion blur bends them).
+        """
+        spots, guess = self.grid.beside()
+        if not len(spots):
+            return []
+        if len(self.grid) >= PLAIN:
+            self.field.look(guess.xy, NEAR * guess.pitch + SLACK)
+        offers, gap, fits, beside, start, end, level = self._near(spots, guess)
+        if not len(offers):
+            return []
+        shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(offers), np.uint8)
+        _seen(shown, level, beside, fits, len(offers), SHOWN, SHOWN_WEAK, seen)
+        asked = np.concatenate([spots[offers[:, 0]], offers[:, 1:]], axis=1)
+        self.refused = np.concatenate([self.refused, asked[seen == 0]])
+        rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
+        return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
 
-def _edges_seen(field: Field, grid: Grid, parity: Array, corner: Array, fits: Array, beside: Array) -> Array:
-    """(K,) bool: are the edges from each `corner` (K,) to the corners `beside` (K, 4) its spot in the picture?
-
-    One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
-    where the axes don't fit (motion blur bends them). `parity` (K,) ±1: colour of the spot's side along u.
-    """
-    there = beside >= 0
-    row, way = np.nonzero(there)
-    other = grid.corners[beside[row, way]]
-    colour = parity[row] * np.where(way % 2 == 0, 1, -1)
-    shown = edge_contrast(field.grey, field.xy[corner[row]], field.xy[other]) * colour[:, None]
-    share = shown / np.maximum(field.contrast[other], 1e-6)[:, None]
-    least, mean = np.zeros(beside.shape), np.zeros(beside.shape)
-    least[row, way], mean[row, way] = share.min(axis=1, initial=np.inf), share.mean(axis=1)
-    some = ((least > SHOWN) & there).any(axis=1) & ((mean > 0) | ~there).all(axis=1)
-    every = ((least > SHOWN_WEAK) | ~there).all(axis=1) & (there.sum(axis=1) >= np.where(fits, 1, 2))
-    return np.where(field.strong[corner] & fits, some, every)
+    def _near(self, spots: Array, guess: Predictions) -> tuple[Array, ...]:
+        """What the open `spots` (K, 2) may be offered: numbers of spots and corners (M, 2); their distance from the prediction (M,), squares;
+        do their own axes and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for
+        none. Of these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.
+        """
+        field, labels, members, room = self.field, self.grid.labels, self.grid.corners, ROOM + len(spots)
+        usable = self.free & (field.refined | field.strong) & (field.response * field.fit >= self.level)
+        while True:
+            offers, gap, fits = np.empty((room, 2), np.int64), np.empty(room), np.empty(room, np.uint8)
+            beside, level = np.empty((room, 4), np.int64), np.empty(4 * room)
+            start, end = np.empty((4 * room, 2)), np.empty((4 * room, 2))
+            count = checked(
+                _offers(
+                    labels, members, len(labels), spots, guess.maps, guess.pitch, len(spots),
+                    field.xy, field.axes, field.polarity, field.contrast, field.strong.view(np.uint8), usable.view(np.uint8), len(usable),
+                    self.refused, len(self.refused), self.sign, NEAR, NEAR_WEAK, FAR_AXIS,
+                    offers, gap, fits, beside, start, end, level, room,
+                )
+            )  # fmt: skip
+            if count <= room:
+                edges = int(beside[:count].max(initial=-1)) + 1
+                return (
+                    offers[:count],
+                    gap[:count],
+                    fits[:count],
+                    beside[:count],
+                    start[:edges],
+                    end[:edges],
+                    level[:edges],
+                )
+            room = count

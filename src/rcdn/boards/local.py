@@ -14,16 +14,19 @@ from rcdn.types import Array
 
 _around = bind("rcdn_grid_around", "lnlnnL", result=True)
 _predict = bind("rcdn_grid_predict", "ldnlnDLD", result=True)
-_beside = bind("rcdn_grid_beside", "ldnLDLD", result=True)
+_beside = bind("rcdn_grid_beside", "ldnrLDLD", result=True)
+LEAST_PITCH = 2.0
+"""px; smaller squares are none"""
 Labels = Array | Sequence[Label]
 """of spots: (K, 2), or so many (u, v)"""
 
 
 class Grid:
-    """A labelled grid over corners: {(u, v): corner} with the positions at hand."""
+    """A labelled grid over corners: {(u, v): corner} with the positions at hand. `settled`: labels that `validate.prune` left as they are."""
 
     def __init__(self, at: dict[Label, int], xy: Array) -> None:
         self.at, self.xy = dict(at), xy
+        self.settled: dict[Label, int] | None = None
 
     def __len__(self) -> int:
         return len(self.at)
@@ -60,10 +63,10 @@ class Grid:
         return guess
 
     def beside(self) -> tuple[Array, Predictions]:
-        """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions."""
+        """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions, of steps of 2 px and more."""
         labels, room = self.labels, 4 * len(self.at)
         spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
-        count = checked(_beside(labels, self.xy[self.corners], len(labels), spots, *guess))
+        count = checked(_beside(labels, self.xy[self.corners], len(labels), LEAST_PITCH, spots, *guess))
         return spots[:count], guess.take(slice(count))
 
 

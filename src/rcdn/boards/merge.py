@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,8 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
     other under one turn and shift, and the other way round too; if their steps are alike where they face each other; if colours agree, and no
     label is taken.
     """
+    if len(grids) < 2:
+        return grids
     left = [_Lattice(grid) for grid in sorted(grids, key=lambda g: (-len(g), min(g.at.values())))]
     out: list[Grid] = []
     while left:
@@ -48,21 +51,24 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
 
 
 class _Lattice:
-    """A grid with what its neighbours are told by: `labels` (M, 2), positions `xy` (M, 2), the steps there, `steps` (M, 2, 2), columns du, dv, NaN
-    if unknown, and their inverses, `squares` (M, 2, 2), which are unknown where the steps span nothing.
+    """A grid with what its neighbours are told by: `labels` (M, 2), positions `xy` (M, 2), and the steps there, `steps` (M, 2, 2), columns du, dv,
+    NaN if unknown.
     """
 
     def __init__(self, grid: Grid) -> None:
         self.grid, self.labels = grid, grid.labels
         self.xy = grid.xy[grid.corners]
-        maps = grid.predictions(self.labels).maps
-        self.steps = np.stack([maps[:, 2:4], maps[:, 4:]], axis=2)
+        self.steps = grid.predictions(self.labels).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
+        self._low, self._high = self.xy.min(axis=0).tolist(), self.xy.max(axis=0).tolist()
+        self._square = float(np.abs(np.nan_to_num(self.steps)).max(axis=(0, 2)).sum())
+
+    @cached_property
+    def squares(self) -> Array:
+        """Inverses (M, 2, 2) of the steps, NaN where these span nothing."""
         (a, b), (c, d) = self.steps.transpose(1, 2, 0)
         area = a * d - b * c
         area = np.where(np.abs(area) >= 1e-6, area, np.nan)
-        self.squares = (np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1)
-        self._low, self._high = self.xy.min(axis=0).tolist(), self.xy.max(axis=0).tolist()
-        self._square = float(np.abs(np.nan_to_num(self.steps)).max(axis=(0, 2)).sum())
+        return (np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1)
 
     def apart(self, other: _Lattice) -> bool:
         """Are two grids surely further apart than `GAP` squares of either?"""

@@ -38,19 +38,16 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
     Of parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest first: whether they belong
     to the same board is for `merge` to say.
     """
+    if grid.at == grid.settled:
+        return []
     labels, corners = grid.labels, grid.corners
     part = np.empty(len(labels), np.int64)
-    quality, contrast = field.response[corners] * field.fit[corners], np.asarray(field.contrast[corners], np.float64)
-    count = checked(
-        _prune(
-            labels, grid.xy[corners], quality, contrast, len(labels),
-            RESIDUAL, RESIDUAL_LOOSE, LEAST_QUALITY, LEAST_SHARE, part,
-        )
-    )  # fmt: skip
-    if count == 1 and not part.any():
-        return []
+    quality, contrast = field.response[corners] * field.fit[corners], field.contrast[corners]
+    limits = RESIDUAL, RESIDUAL_LOOSE, LEAST_QUALITY, LEAST_SHARE
+    count = checked(_prune(labels, grid.xy[corners], quality, contrast, len(labels), *limits, part))
     members = list(zip(part.tolist(), grid.at.items(), strict=True))
     grid.at = {spot: corner for number, (spot, corner) in members if number == 0}
+    grid.settled = dict(grid.at) if count < 2 else None
     rest: list[dict[Label, int]] = [{} for _ in range(count - 1)]
     for number, (spot, corner) in members:
         if number > 0:
@@ -120,4 +117,5 @@ def is_full(grid: Grid) -> bool:
 
 def cell_count(grid: Grid) -> int:
     """Whole cells of a grid."""
-    return sum(all(s in grid.at for s in ((u + 1, v), (u, v + 1), (u + 1, v + 1))) for u, v in grid.at)
+    at = grid.at
+    return sum((u + 1, v) in at and (u, v + 1) in at and (u + 1, v + 1) in at for u, v in at)
