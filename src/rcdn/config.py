@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
+Device = Literal["cpu", "cuda", "auto"]
 
 
 def _require(ok: bool, message: str) -> None:
@@ -154,6 +155,7 @@ class DetectorConfig:
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
+    `device`: where the network runs; `auto`: on a graphics card if there is one that ONNX Runtime can use.
     """
 
     model: str = "auto"
@@ -171,6 +173,7 @@ class DetectorConfig:
     min_corners: int = 9
     threads: int = 0
     pattern: Pattern = "checker"
+    device: Device = "cpu"
 
     def __post_init__(self) -> None:
         kinds = (
@@ -186,6 +189,8 @@ class DetectorConfig:
             _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {value!r}")
         known = get_args(Recovery)
         _require(self.recovery in known, f"DetectorConfig.recovery must be one of {known}, not {self.recovery!r}")
+        known = get_args(Device)
+        _require(self.device in known, f"DetectorConfig.device must be one of {known}, not {self.device!r}")
         from rcdn.types import Pattern  # here, since the command line starts without NumPy
 
         known = get_args(Pattern)
