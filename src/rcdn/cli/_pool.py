@@ -100,7 +100,9 @@ class Worker(Protocol):
 
 
 class Crew(Protocol):
-    """Where workers come from, and where they are heard."""
+    """Where workers come from, and where they are heard. `instead`: the option to try if none can be started."""
+
+    instead: str
 
     def start(self) -> Worker:
         """A new worker; it isn't waited for."""
@@ -211,7 +213,7 @@ class _Pool:
         if not worker.ready:
             self._stillborn += 1
             if self._stillborn >= STILLBORN:
-                raise RcdnError(f"the processes that should compute end at once ({cause}); use --jobs 1")
+                raise RcdnError(f"the processes that should compute end at once ({cause}); use {self._crew.instead}")
         for place, item in enumerate(worker.items):
             again = replace(item, deaths=item.deaths + (place == 0), alone=True)
             if again.deaths > 1:

@@ -58,6 +58,8 @@ class Process:
 class Processes:
     """Starts processes that do `work`; see `rcdn.cli._pool.Crew`."""
 
+    instead = "--jobs 1"
+
     def __init__(self, work: Work) -> None:
         self._work = work
 

@@ -162,7 +162,7 @@ def _team(engine: Engine, address: str | None, jobs: int, paths: Sequence[Path])
     if engine is Engine.local:
         many = _pool.jobs_for(jobs, paths)
         return _Team(many, many == 1, lambda *arguments: _pool.compute(*arguments))
-    from rcdn.cli import _ray
+    import rcdn.cli._ray as _ray
 
     _ray.check()
     return _Team(jobs, False, partial(_ray.compute, address=address))
