@@ -125,35 +125,44 @@ def _look_of(view: View, found: Candidates, boards: list[Board], shape: tuple[in
 
 def _members(corners: Corners, boards: list[Board]) -> Array:
     """(N,) bool: which corners are in a board."""
-    held = {(x, y) for board in boards for x, y in board.xy.tolist()}
-    return np.array([(x, y) in held for x, y in corners.xy.tolist()], bool)
+    return _rows(corners.xy, _joint([board.xy for board in boards], (0, 2))) >= 0
 
 
 def _moved(corners: Corners, before: list[Board], after: list[Board]) -> Corners:
     """The corners with those of boards where their boards have them now, and with their sigma; NaN for the others."""
-    rows = {spot: k for k, spot in enumerate(map(tuple, corners.xy.tolist()))}
     xy, sigma = corners.xy.copy(), np.full(len(corners), np.nan)
     for old, new in zip(before, after, strict=True):
-        index = np.array([rows[spot] for spot in map(tuple, old.xy.tolist())], int)
-        xy[index] = new.xy
+        row = _rows(old.xy, corners.xy)
+        xy[row] = new.xy
         if new.sigma is not None:
-            sigma[index] = new.sigma
+            sigma[row] = new.sigma
     return replace(corners, xy=xy, sigma=sigma).sort()
 
 
 def _with_members(found: Candidates, boards: list[Board]) -> Corners:
     """The corners above the threshold, and those below it or without a response that are in a board."""
-    member = {(x, y): status for b in boards for (x, y), status in zip(b.xy.tolist(), b.status.tolist(), strict=True)}
-    spots = [(x, y) for x, y in found.all.xy.tolist()]
-    status = np.array([member.get(s, own) for s, own in zip(spots, found.all.status.tolist(), strict=True)], np.uint8)
-    keep = found.sure | np.array([s in member for s in spots], bool)
-    known = replace(found.all, status=status).take(keep)
-    own = set(spots)
+    row = _rows(found.all.xy, _joint([board.xy for board in boards], (0, 2)))
+    status = np.append(_joint([board.status for board in boards], 0), np.uint8(0))[row]
+    known = replace(found.all, status=np.where(row >= 0, status, found.all.status)).take(found.sure | (row >= 0))
     more = []  # no candidates before: the boards alone found them
     for board in boards:
-        new = np.array([(x, y) not in own for x, y in board.xy.tolist()], bool)
+        new = _rows(board.xy, found.all.xy) < 0
         more.append(Corners(board.xy[new], board.response[new], board.status[new]))
     return distinct_corners([known, *more], reach=0)
+
+
+def _joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
+    return np.concatenate(parts) if parts else np.zeros(empty)
+
+
+def _rows(xy: Array, among: Array) -> Array:
+    """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
+    wanted, known = (np.ascontiguousarray(a, np.float64).view(np.complex128)[:, 0] for a in (xy, among))
+    if not len(known):
+        return np.full(len(wanted), -1)
+    order = np.argsort(known, kind="stable")
+    row = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
+    return np.where(known[row] == wanted, row, -1)
 
 
 def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.corners.adaptive import nearest_pitch
+from rcdn.geometry.near import nearest
+from rcdn.geometry.polygon import depth
 from rcdn.types import Array, Board, Corners
 
 SMALL_PICTURE = 330 * 250
@@ -31,6 +32,8 @@ SAME = 0.35
 """corners closer than this share of the squares are one"""
 BEYOND = (0.3, 1.5)
 """squares, + px of the view: so close to where a board's next corner would be, a peak may be that corner"""
+EDGE = 1e-3
+"""px; so close to its hull's edges a board's own corners are inside of it"""
 SPECK_PITCH, SPECK = 5.6, 0.1
 """px; a board of smaller squares must span this share of the picture's diagonal"""
 
@@ -88,7 +91,7 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
             xy = xy[~_inside(board, xy)]
     if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
         return None
-    distance = cKDTree(xy).query(xy, k=4)[0]
+    distance = nearest(xy, xy, 4)[0]
     tiny = xy[(distance[:, 1:] < TINY).sum(axis=1) >= 2]
     if len(tiny) < LEAST_TINY:
         return None
@@ -112,13 +115,13 @@ def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
     left = np.ones(len(at), bool)
     if not len(at) or not boards or not all(b.complete and min(b.size) > 2 for b in boards):
         return None
-    tree, slack = cKDTree(at), BEYOND[1] / view.scale
+    slack = BEYOND[1] / view.scale
     for board in boards:
         grid = board.grid()
         for _ in range(4):
             rim, second = grid[0], grid[1]
             step = np.linalg.norm(rim - second, axis=1)
-            close = tree.query(2 * rim - second)[0] < BEYOND[0] * step + slack
+            close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + slack
             if close.mean() > 0.5:
                 return None
             grid = np.rot90(grid)
@@ -128,9 +131,9 @@ def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
 
 def _well_inside(grid: Array, xy: Array) -> Array:
     """(N,) bool: which positions lie further inside a board's `grid` (rows, columns, 2) than half way from its rim to the next corners."""
-    rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]]).astype(np.float32)
-    depth = lambda at: np.array([cv2.pointPolygonTest(rim, (float(x), float(y)), True) for x, y in at])  # noqa: E731
-    return np.asarray(depth(xy) > 0.5 * depth(grid[1:-1, 1:-1].reshape(-1, 2)).min())
+    rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
+    within = depth(rim, grid[1:-1, 1:-1])
+    return depth(rim, xy) > 0.5 * within.min()
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
@@ -173,7 +176,7 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
 def _shares(board: Board, other: Board) -> bool:
     """Is a quarter of `board` made of corners of the fuller `other`, or half of it inside that one?"""
     reach = SAME * _pitch(other)
-    common = cKDTree(other.xy).query(board.xy)[0] < reach
+    common = nearest(other.xy, board.xy)[0][:, 0] < reach
     if common.mean() > 0.25:
         return True
     return float(_inside(other, board.xy).mean()) > 0.5
@@ -181,8 +184,7 @@ def _shares(board: Board, other: Board) -> bool:
 
 def _inside(board: Board, xy: Array) -> Array:
     """(N,) bool: which positions lie within the hull of a board's corners."""
-    hull = cv2.convexHull(board.xy.astype(np.float32))
-    return np.array([cv2.pointPolygonTest(hull, (float(x), float(y)), False) >= 0 for x, y in xy], bool)
+    return depth(cv2.convexHull(board.xy.astype(np.float32)), xy) >= -EDGE
 
 
 def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
@@ -190,7 +192,7 @@ def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
     out = parts[0]
     for more in parts[1:]:
         if len(out) and len(more):
-            more = more.take(cKDTree(out.xy).query(more.xy)[0] >= reach)
+            more = more.take(nearest(out.xy, more.xy)[0][:, 0] >= reach)
         if len(more):
             out = _joined(out, more)
     return out.sort()

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from rcdn.boards.graph import Label
 from rcdn.boards.local import Grid, Predictions
@@ -27,6 +26,7 @@ from rcdn.boards.triangles import FIT, Field, cells, label, links
 from rcdn.corners import Candidates
 from rcdn.corners.peaks import SAME
 from rcdn.corners.six_sector import antisymmetry, ring, six_axes
+from rcdn.geometry.near import nearest, within
 from rcdn.types import Array, Board, Status
 
 NEAR = 0.22
@@ -111,7 +111,7 @@ def _take(field: Field, grid: Grid, open_: Array, spot: Label, offer: _Offer) ->
         return
     if corner >= 0:
         open_[corner] = False
-    elif cKDTree(grid.xy[list(grid.at.values())]).query(offer.xy)[0] < SAME:
+    elif nearest(grid.xy[list(grid.at.values())], offer.xy)[0][0, 0] < SAME:
         return
     else:
         corner = field.append(offer.xy)
@@ -144,8 +144,8 @@ def _tries(field: Field, open_: Array, spots: _Spots, refused: set[tuple[Label, 
     out, silent = [], np.ones(len(spots.labels), bool)
     index = np.flatnonzero(open_[: field.known])
     if len(index) and len(silent):
-        near = cKDTree(field.xy[index]).query_ball_point(spots.guess.xy, NEAR * spots.step)
-        out = [(row, int(c), field.xy[c]) for row, own in enumerate(near) for c in index[own]]
+        near = within(field.xy[index], spots.guess.xy, NEAR * spots.step)
+        out = [(int(row), int(c), field.xy[c]) for row, c in zip(near[0], index[near[1]], strict=True)]
         silent[[row for row, _, _ in out]] = False
         out = [t for t in out if (spots.labels[t[0]], t[1]) not in refused]
     silent &= np.array([(label, -1) not in refused for label in spots.labels], bool)

@@ -6,8 +6,8 @@ The paper's board recovery (`boards.paper`) builds on it. Positions only: no lin
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
+from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
 ACROSS = 5.0
@@ -28,8 +28,7 @@ class Pool:
     def __init__(self, xy: Array, angles: Array) -> None:
         self.xy, self.angles = xy, angles
         self.free = np.ones(len(xy), bool)
-        self.tree = cKDTree(xy)
-        self._near = np.atleast_2d(self.tree.query(xy, k=np.arange(1, min(NEAREST + 1, len(xy)) + 1))[1])
+        self._near = nearest(xy, xy, min(NEAREST + 1, len(xy)))[1]
         self._ranked: dict[tuple[int, float], list[int]] = {}
 
     def neighbour(self, corner: int, angle: float) -> int | None:
@@ -105,7 +104,7 @@ def _next_line(last: Array) -> Array:
 
 def _assign(pool: Pool, guess: Array, taken: Array) -> Array | None:
     """A corner (L,) for each prediction (L, 2), the closest pair first, none twice; None if one is left without."""
-    distance, near = pool.tree.query(guess, k=np.arange(1, min(NEAREST_TO_GUESS, len(pool.xy)) + 1))
+    distance, near = nearest(pool.xy, guess, min(NEAREST_TO_GUESS, len(pool.xy)))
     able = pool.free[near] & ~np.isin(near, taken)
     row = np.broadcast_to(np.arange(len(guess))[:, None], near.shape)[able]
     out, used = np.full(len(guess), -1), set()

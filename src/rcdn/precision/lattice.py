@@ -49,7 +49,9 @@ class Lattice:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
         uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
-        _map(len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes)
+        _map(
+            len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes
+        )
         return uv, slopes
 
     def around(self, which: Array, centre: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:

@@ -113,7 +113,7 @@ class Board:
             freeze(self, "sigma", self.sigma, np.float64, ())
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
-        if len(np.unique(self.ij, axis=0)) != len(self.ij):
+        if len(np.unique(self.ij @ (1, 1 << 20))) != len(self.ij):
             raise RcdnError("Board.ij must not hold a label twice")
 
     def __len__(self) -> int:
