@@ -49,7 +49,9 @@ class Lattice:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
         uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
-        _map(len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes)
+        _map(
+            len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes
+        )
         return uv, slopes
 
     def around(self, which: Array, centre: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -126,7 +128,7 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     except np.linalg.LinAlgError:
         pass
     affine = np.linalg.lstsq(np.column_stack([xy, np.ones(len(xy))]), ij.astype(float), rcond=None)[0].T
-    return np.vstack([affine, [0, 0, 1]])
+    return np.ascontiguousarray(np.vstack([affine, [0, 0, 1]]))
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Array:
