@@ -176,6 +176,39 @@ def test_homography_against_opencv_under_noise():
     assert np.abs(ours - apply_homography(H, src)).max() < 0.06
 
 
+@pytest.mark.parametrize("count", [5, 12, 54, 700])
+def test_homography_is_the_shortest_vector_of_the_normalised_rows(count):
+    rng = np.random.default_rng(count)
+    src = rng.uniform(0, 400, (count, 2))
+    dst = apply_homography(H, src) + rng.normal(0, 0.3, (count, 2))
+    (p, T), (q, U) = (normalised(points) for points in (src, dst))
+    one, zero = np.ones((count, 1)), np.zeros((count, 3))
+    flat = np.concatenate([p, one], axis=1)
+    rows = np.concatenate([
+        np.concatenate([flat, zero, -q[:, :1] * flat], axis=1), np.concatenate([zero, flat, -q[:, 1:] * flat], axis=1),
+    ])  # fmt: skip
+    expected = np.linalg.inv(U) @ np.linalg.svd(rows)[2][-1].reshape(3, 3) @ T
+    np.testing.assert_allclose(apply_homography(homography(src, dst), src), apply_homography(expected, src), atol=1e-9)
+
+
+def normalised(points):
+    """Points about 0 at a mean distance of √2, and the matrix that takes them there."""
+    middle = points.mean(axis=0)
+    scale = np.sqrt(2) / np.linalg.norm(points - middle, axis=1).mean()
+    return (points - middle) * scale, np.array(
+        [[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1]]
+    )
+
+
+def test_homography_of_points_that_are_not_finite():
+    src = np.random.default_rng(1).uniform(0, 400, (9, 2))
+    for bad in (np.nan, np.inf):
+        dst = src.copy()
+        dst[4, 1] = bad
+        with pytest.raises(np.linalg.LinAlgError, match="finite"):
+            homography(src, dst)
+
+
 @pytest.mark.parametrize(("n", "m", "width"), [(3, 3, 2), (4, 5, 2), (5, 5, 3)])
 def test_homography_refuses(n, m, width):
     with pytest.raises(RcdnError, match="homography"):

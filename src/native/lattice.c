@@ -83,10 +83,10 @@ INLINE void moments(const double *weight, const double *s, const double *t, cons
     memcpy(pull, right, sizeof right);
 }
 
-/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels ij (count, 2) around each corner,
+/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels around each corner,
  * by least squares over `near` (count, side²), at most NEAR. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
-FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy, const double *flat, index_t side, const int32_t *near,
-                              double own, double far, const double *stiff, double *origin, double *terms) {
+FAST EXPORT void rcdn_lattice(index_t count, const double *xy, const double *flat, index_t side, const int32_t *near, double own,
+                              double far, const double *stiff, double *origin, double *terms) {
     for (index_t k = 0; k < count; k++)
         rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
     for (index_t k = 0; k < count; k++) {
@@ -100,9 +100,6 @@ FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy
             s[n] = origin[2 * at] - origin[2 * k];
             t[n] = origin[2 * at + 1] - origin[2 * k + 1];
             weight[n] = at == k ? own : fabs(i[n]) > 1 || fabs(j[n]) > 1 ? far : 1;
-            if (at == k && k == 0) /* the first corner stands for what isn't there, too */
-                for (index_t m = 0; m < side * side; m++)
-                    weight[n] += near[m] < 0 ? own : 0;
         }
         moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
         for (index_t a = 0; a < TERMS; a++)

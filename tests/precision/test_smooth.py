@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rcdn.geometry import apply_homography
-from rcdn.precision.smooth import smooth
+from rcdn.precision.smooth import DECAYS, FREE, ROUGH, WIDTHS, Evidence, likeliest, sheet_of, smooth
 
 H = np.array([[28.0, 4.0, 120.0], [-3.0, 25.0, 90.0], [0.012, 0.006, 1.0]])
 SIGMA = 0.05
@@ -94,3 +94,77 @@ def test_corners_that_are_not_trusted_and_small_boards_stay():
     moved, post = smooth(ij[small], seen[small], cov[small], np.ones(9, bool))
     assert np.array_equal(moved, seen[small])
     assert np.array_equal(post, cov[small])
+
+
+def board_of_all(seed, cols=9, rows=6):
+    """A sheet with uneven and slanted errors, and dense matrices of what its kernels reckon with: design (2N, D), errors (2N, 2N)."""
+    ij, xy = flat(cols, rows)
+    rng = np.random.default_rng(seed)
+    seen = xy + rng.normal(0, SIGMA, xy.shape) + 0.2 * np.sin(ij / 2)
+    turn = rng.normal(0, SIGMA, (len(ij), 2, 2))
+    cov = turn @ turn.swapaxes(1, 2) + 0.2 * SIGMA**2 * np.eye(2)
+    base, sheet = sheet_of(ij, seen, cov)
+    zero = 0 * sheet.bent
+    bent = np.concatenate([np.stack([sheet.bent, zero], axis=1), np.stack([zero, sheet.bent], axis=1)], axis=2)
+    design = np.concatenate([sheet.tangent, bent], axis=2).reshape(2 * len(ij), -1)
+    errors = np.zeros((len(ij), 2, len(ij), 2))
+    errors[np.arange(len(ij)), :, np.arange(len(ij))] = cov
+    return ij, seen, cov, base, sheet, design, errors.reshape(2 * len(ij), -1)
+
+
+def prior_of(sheet, spot, scale):
+    bent = WIDTHS[spot[2]] * DECAYS[spot[1]] ** (sheet.degree - 2.0)
+    return scale * np.concatenate([np.full(8, FREE), bent, bent])
+
+
+@pytest.mark.parametrize("size", [(9, 6), (4, 4), (12, 11)])
+def test_likelihoods_are_those_of_the_data_under_the_sheet(size):
+    """Against the normal distribution of all data at once."""
+    *_, sheet, design, errors = board_of_all(1, *size)
+    evidence, spots = Evidence(sheet, SIGMA), [(0, 0, 0), (0, 3, 8), (2, 1, 4), (5, 2, 6)]
+    off, expected = sheet.off.ravel(), []
+    for spot in spots:
+        both = (
+            errors
+            + (ROUGH[spot[0]] * SIGMA) ** 2 * np.eye(len(off))
+            + (design * prior_of(sheet, spot, SIGMA) ** 2) @ design.T
+        )
+        expected.append(-0.5 * (off @ np.linalg.solve(both, off) + np.linalg.slogdet(both)[1]))
+    np.testing.assert_allclose(evidence.ask(spots), expected, rtol=1e-6)
+    assert evidence.ask(spots[:2]) == evidence.ask(spots)[:2]
+
+
+def test_few_polynomials_are_a_sheet_without_the_others():
+    *_, sheet, design, errors = board_of_all(2)
+    spot, terms = (2, 2, 5), 16
+    root = prior_of(sheet, spot, SIGMA)
+    root[8:].reshape(2, -1)[:, terms:] = 0
+    off = sheet.off.ravel()
+    both = errors + (ROUGH[spot[0]] * SIGMA) ** 2 * np.eye(len(off)) + (design * root**2) @ design.T
+    expected = -0.5 * (off @ np.linalg.solve(both, off) + np.linalg.slogdet(both)[1])
+    assert Evidence(sheet, SIGMA).judge([spot], terms)[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [(9, 6), (15, 14)])
+def test_positions_and_covariances_are_those_of_the_likeliest_sheet(size):
+    """The mean and covariance of a normal distribution given all data; the larger board is reckoned in parts."""
+    ij, seen, cov, base, sheet, design, errors = board_of_all(3, *size)
+    scale = float(np.sqrt(np.median(np.trace(cov, axis1=1, axis2=2)) / 2))
+    spot = likeliest(Evidence(sheet, scale))
+    rough = (ROUGH[spot[0]] * scale) ** 2 * np.eye(len(design))
+    truth = (design * prior_of(sheet, spot, scale) ** 2) @ design.T + rough
+    gain = np.linalg.solve(truth + errors, truth).T
+    moved, post = smooth(ij, seen, cov, np.ones(len(ij), bool))
+    np.testing.assert_allclose(moved, base + (gain @ sheet.off.ravel()).reshape(-1, 2), atol=1e-5)
+    left = (truth - gain @ truth).reshape(len(ij), 2, len(ij), 2)[np.arange(len(ij)), :, np.arange(len(ij))]
+    np.testing.assert_allclose(post, left, atol=1e-5 * SIGMA**2)
+
+
+def test_the_likeliest_widths_have_no_likelier_neighbours():
+    for seed in range(6):
+        *_, sheet, _, _ = board_of_all(seed)
+        evidence = Evidence(sheet, SIGMA)
+        best = np.array(likeliest(evidence))
+        near = [tuple(best + s) for s in np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])]
+        near = [s for s in near if all(0 <= n < m for n, m in zip(s, (6, 4, 9), strict=True))]
+        assert max(evidence.ask(near)) <= evidence.ask([tuple(best)])[0]

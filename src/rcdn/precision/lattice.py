@@ -12,7 +12,7 @@ from rcdn.precision.median import median
 from rcdn.types import Array
 
 _neighbours = bind("rcdn_lattice_neighbours", "nlnnnII")
-_lattice = bind("rcdn_lattice", "nlddnirrdDD")
+_lattice = bind("rcdn_lattice", "nddnirrdDD")
 _map = bind("rcdn_lattice_map", "nnlddddDD")
 _pixels = bind("rcdn_lattice_pixels", "nldndddD", result=True)
 
@@ -99,7 +99,7 @@ def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
     xy = np.ascontiguousarray(xy, float)
     flat, near = _rectifier(ij, xy), neighbours(ij)
     origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
-    _lattice(len(xy), np.ascontiguousarray(ij, np.int64), xy, flat, 2 * REACH + 1, near, own, FAR, STIFF, origin, terms)
+    _lattice(len(xy), xy, flat, 2 * REACH + 1, near, own, FAR, STIFF, origin, terms)
     return Lattice(flat, origin, terms)
 
 
@@ -128,7 +128,7 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     except np.linalg.LinAlgError:
         pass
     affine = np.linalg.lstsq(np.column_stack([xy, np.ones(len(xy))]), ij.astype(float), rcond=None)[0].T
-    return np.vstack([affine, [0, 0, 1]])
+    return np.ascontiguousarray(np.vstack([affine, [0, 0, 1]]))
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Array:

@@ -34,14 +34,16 @@ FREE = 1e3
 MISFIT = 3.5
 """standard deviations off the smooth board beyond which a corner doesn't belong to it"""
 
+HOMOGRAPHY = 8
+"""parameters of a homography"""
 TILE = 8
-"""kernels take polynomials by so many"""
+"""kernels take polynomials by so many, and matrices with so many columns more"""
 FEW = 24
 """polynomials, those of low degrees, with which the coarse grid of widths is judged"""
 CANDIDATES = 4
 """places of that grid, the likeliest, that are judged again with all polynomials"""
 
-_Spot = tuple[int, int, int]
+Spot = tuple[int, int, int]
 STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 """to the neighbours of a place"""
 CHUNK = 128
@@ -57,7 +59,7 @@ _settle = bind("rcdn_smooth_posterior", "nnddddrddDDDDD")
 
 
 @dataclass(frozen=True, eq=False)
-class _Sheet:
+class Sheet:
     """What may move a board's corners: `tangent` (N, 2, 8) by the parameters of its homography, orthonormal columns × √N, and
     `bent` (N, T) along x, along y, by orthonormal polynomials of `degree` (T,), rising, of the labels. Zeros fill T up to a
     multiple of `TILE`. `off` (N, 2): the data, px off the homography; `cov` (N, 2, 2) of their errors.
@@ -70,12 +72,12 @@ class _Sheet:
     cov: Array
 
 
-class _Evidence:
+class Evidence:
     """How likely a sheet's data are under widths of the prior, `scale` px the unit. What was asked once is remembered."""
 
-    def __init__(self, sheet: _Sheet, scale: float) -> None:
+    def __init__(self, sheet: Sheet, scale: float) -> None:
         self.sheet, self.scale = sheet, scale
-        self._known: dict[_Spot, float] = {}
+        self._known: dict[Spot, float] = {}
         self._normals: dict[int, tuple[Array, Array, float]] = {}
         terms = len(sheet.degree)
         self._work = np.empty(2 * (2 * terms + 2) * (2 * terms + TILE) + TILE)
@@ -84,22 +86,25 @@ class _Evidence:
         """Normal matrix (D + 1, D + 8) of all coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
         what is left of it without the homography; and what log likelihoods have besides."""
         if rough not in self._normals:
-            s, size = self.sheet, TILE + 2 * len(self.sheet.degree)
-            gram, rest, fixed = np.empty((size + 1, size + TILE)), np.empty((size + 2 - TILE, size)), np.empty(1)
+            s, bent = self.sheet, 2 * len(self.sheet.degree)
+            size = HOMOGRAPHY + bent
+            gram, rest, fixed = np.empty((size + 1, size + TILE)), np.empty((bent + 2, bent + TILE)), np.empty(1)
             _normal(
                 len(s.off), len(s.degree), s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, FREE * self.scale,
                 gram, rest, fixed,
             )  # fmt: skip
+            if not np.isfinite(fixed[0]):
+                raise np.linalg.LinAlgError("a corner's covariance is not positive definite")
             self._normals[rough] = gram, rest, float(fixed[0])
         return self._normals[rough]
 
-    def ask(self, spots: list[_Spot]) -> list[float]:
+    def ask(self, spots: list[Spot]) -> list[float]:
         """Log marginal likelihoods of `spots`, but for a constant."""
         new = sorted(set(spots) - self._known.keys())
         self._known.update(zip(new, self.judge(new, len(self.sheet.degree)), strict=True))
         return [self._known[s] for s in spots]
 
-    def judge(self, spots: list[_Spot], terms: int) -> list[float]:
+    def judge(self, spots: list[Spot], terms: int) -> list[float]:
         """As `ask`, of `spots` in rising order, with the first `terms` polynomials only."""
         known: list[float] = []
         for rough, group in itertools.groupby(spots, key=lambda s: s[0]):
@@ -110,11 +115,11 @@ class _Evidence:
             known += (out + fixed).tolist()
         return known
 
-    def root(self, spot: _Spot) -> Array:
+    def root(self, spot: Spot) -> Array:
         """Prior standard deviations (D,) of all coefficients, px."""
-        return np.concatenate([np.full(TILE, FREE * self.scale), self._roots([spot], len(self.sheet.degree))[0]])
+        return np.concatenate([np.full(HOMOGRAPHY, FREE * self.scale), self._roots([spot], len(self.sheet.degree))[0]])
 
-    def _roots(self, spots: list[_Spot], terms: int) -> Array:
+    def _roots(self, spots: list[Spot], terms: int) -> Array:
         """Prior standard deviations (len(spots), 2 terms) of the polynomials' coefficients along x, along y."""
         degree = self.sheet.degree[:terms]
         by_degree = self.scale * _PRIORS[[s[1] for s in spots], [s[2] for s in spots]]
@@ -126,7 +131,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
 
     `ij` (N, 2) labels; `xy` (N, 2) px with independent errors of `cov` (N, 2, 2) px². Only `trusted` (N,) corners that
     also fit the rest take part; the others stay, those that don't fit with a covariance that allows for it. Everything stays
-    as it came if the board is too small to tell.
+    as it came if the board is too small to tell. Raises LinAlgError where a covariance is not positive definite.
     """
     use, spread = trusted.copy(), cov.copy()
     for again in (True, False):
@@ -146,10 +151,10 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
 
 
 def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, Array]:
-    """Positions (N, 2) and their covariances (N, 2, 2); the data's distances (N, 2) px from the smooth board, and squared (N,) in standard deviations."""
-    base, sheet = _sheet(ij, xy, cov)
-    full = _Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
-    best = _likeliest(full)
+    """Positions (N, 2) and their covariances (N, 2, 2); what the data lie off the smooth board, (N, 2) px, and that squared (N,), in variances."""
+    base, sheet = sheet_of(ij, xy, cov)
+    full = Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
+    best = likeliest(full)
     count, terms, root = len(xy), len(sheet.degree), full.root(best)
     work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
     moved, known, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
@@ -160,16 +165,16 @@ def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, A
     return base + moved, known, off, beyond
 
 
-def _sheet(ij: Array, xy: Array, cov: Array) -> tuple[Array, _Sheet]:
+def sheet_of(ij: Array, xy: Array, cov: Array) -> tuple[Array, Sheet]:
     """Positions (N, 2) px by a homography, and what may lead away from them."""
-    base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, TILE))
+    base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, HOMOGRAPHY))
     _tangent(len(xy), ij.astype(float), homography(ij, xy), base, tangent)
     at = ij - ij.min(axis=0)
     columns, rows = at.max(axis=0).tolist()
     along, down, degree = _pairs(min(DEGREE, columns), min(DEGREE, rows))
     one, two = _polynomials(columns + 1)[at[:, 0]], _polynomials(rows + 1)[at[:, 1]]
     bent = np.take(one, along, axis=1) * np.take(two, down, axis=1)
-    return base, _Sheet(tangent, bent, degree, xy - base, np.ascontiguousarray(cov, float))
+    return base, Sheet(tangent, bent, degree, xy - base, np.ascontiguousarray(cov, float))
 
 
 @functools.lru_cache(maxsize=32)
@@ -191,18 +196,19 @@ def _pairs(columns: int, rows: int) -> tuple[Array, Array, Array]:
     return a, b, degree
 
 
-def _likeliest(full: _Evidence) -> _Spot:
+def likeliest(full: Evidence) -> Spot:
     """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again.
 
     On the grid, polynomials of low degrees tell the few places that come into question.
     """
     lengths = len(ROUGH), len(DECAYS), len(WIDTHS)
-    grid = list(itertools.product(*(range(0, length, 2) for length in lengths)))
-    order = np.argsort(-np.array(full.judge(grid, min(FEW, len(full.sheet.degree)))), kind="stable")[:CANDIDATES]
-    near = [grid[k] for k in order]
+    a, b, c = (range(0, length, 2) for length in lengths)
+    grid = list(itertools.product(a, b, c))
+    first = full.judge(grid, min(FEW, len(full.sheet.degree)))
+    near = sorted(grid, key=dict(zip(grid, first, strict=True)).__getitem__, reverse=True)[:CANDIDATES]
     best = near[int(np.argmax(full.ask(near)))]
     while True:
-        steps = [(best[0] + a, best[1] + b, best[2] + c) for a, b, c in STEPS]
+        steps = [(best[0] + i, best[1] + j, best[2] + k) for i, j, k in STEPS]
         near = [best, *(s for s in steps if all(0 <= n < length for n, length in zip(s, lengths, strict=True)))]
         after = near[int(np.argmax(full.ask(near)))]
         if after == best:
