@@ -16,7 +16,7 @@ HALF_TURN = 48
 RINGS = 3
 MIN_CONTRAST = 1.0
 """Smallest difference of the sectors, grey levels."""
-_axes = bind("rcdn_axes", "pddbnrffDDBD")
+_axes = bind("rcdn_axes", "pddbnrffDDCD")
 _sample = bind("rcdn_sample_rings", "pddnnfF")
 
 
@@ -53,7 +53,7 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
     careful = np.ones(count, bool) if careful is None else np.ascontiguousarray(careful, bool)
     _axes(
         plain(grey), xy, radius, careful.view(np.uint8), count, MIN_CONTRAST, directions(), _gain(),
-        axes, contrast, polarity.view(np.uint8), fit,
+        axes, contrast, polarity, fit,
     )  # fmt: skip
     return Orientation(axes, contrast, polarity, fit)
 
