@@ -1,6 +1,17 @@
 /* Which corner neighbours which: see boards/graph.py. */
 #include "sampling.h"
 
+/* Rows `out` (room n), rising, of those points `xy` (n, 2) that are `open` (n,) and in the box; returns how many. */
+EXPORT index_t rcdn_inside(const double *xy, const uint8_t *open, index_t n, double left, double top, double right, double bottom, int64_t *out) {
+    index_t count = 0;
+    for (index_t k = 0; k < n; k++) {
+        const double x = xy[2 * k], y = xy[2 * k + 1];
+        out[count] = k;
+        count += open[k] && x >= left && x <= right && y >= top && y <= bottom;
+    }
+    return count;
+}
+
 /* Is the link of length `length` to corner `j` to be preferred to the one that is `taken` (−1: none)? The shorter one, of equals the later corner. */
 INLINE int preferred(double length, int64_t j, double shortest, int64_t taken) {
     return taken < 0 || length < shortest || (length == shortest && j > taken);

@@ -16,6 +16,7 @@ from rcdn.native import bind
 from rcdn.types import Array, Status
 
 _links = bind("rcdn_links", "pddldnnrrrrDLL")
+_boxed = bind("rcdn_inside", "dbnrrrrL", result=True)
 _mutual = bind("rcdn_mutual", "lldlnDLnnL")
 _cells = bind("rcdn_quads", "ldnLLLn", result=True)
 _label = bind("rcdn_label", "lnnBLLLLLnLL", result=True)
@@ -58,7 +59,7 @@ class Field:
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
-        row = np.flatnonzero(self.waiting & _inside(self.xy, spots, float(np.max(reach))))
+        row = _inside(self.xy, self.waiting, spots, float(np.max(reach)))
         row = row[np.unique(within(self.xy[row], spots, reach)[1])]
         if not len(row):
             return
@@ -67,7 +68,7 @@ class Field:
         xy, status, seen = self.peaks.look(row - first)
         known = ~self.waiting
         known[row] = False
-        fresh = _apart(xy, self.xy[known & _inside(self.xy, xy, SAME)])
+        fresh = _apart(xy, self.xy[_inside(self.xy, known, xy, SAME)])
         self.xy[row[~fresh]] = GONE
         row = row[fresh]
         self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
@@ -92,11 +93,11 @@ class Field:
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
 
 
-def _inside(xy: Array, spots: Array, margin: float) -> Array:
-    """(N,) bool: which of `xy` (N, 2) lie within `margin` px of the box around `spots` (K, 2)."""
-    low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
-    x, y = xy.T
-    return np.asarray((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+def _inside(xy: Array, some: Array, spots: Array, margin: float) -> Array:
+    """Rows, rising, of those of `xy` (N, 2) that are in `some` (N,) bool and within `margin` px of the box around `spots` (K, 2)."""
+    (left, top), (right, bottom) = (spots.min(axis=0) - margin).tolist(), (spots.max(axis=0) + margin).tolist()
+    rows = np.empty(len(xy), np.int64)
+    return rows[: _boxed(xy, some.view(np.uint8), len(xy), left, top, right, bottom, rows)]
 
 
 def _apart(xy: Array, known: Array) -> Array:
