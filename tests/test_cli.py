@@ -268,7 +268,7 @@ def full_disk(*_):
 
 def test_no_space_for_one_output_leaves_the_others_and_the_summary(run, monkeypatch):
     picture(Path("a.png"))
-    monkeypatch.setattr("rcdn.io.write_detections", full_disk)
+    monkeypatch.setattr("rcdn.io.write_lines", full_disk)
     result = run("detect", "a.png", "--json", "out.json", "--vnl", "out.vnl")
     assert result.exit_code == 1
     assert result.stderr.count("error: ") == 1
@@ -365,7 +365,7 @@ def test_squares_counted_instead_of_corners_are_hinted_at(run):
 def test_file_names_can_not_spoil_the_list():
     name = "a\nb\x1b[31m\udcff.png"
     image = ImageResult(name, 9, 9, Corners(np.zeros((0, 2)), [], []), ())
-    lines = _summary.picture_lines([image, _batch.Failure(name, f"{name}: bad")], None)
+    lines = _summary.picture_lines([_summary.brief(image), _batch.Failure(name, f"{name}: bad")], None)
     assert len(lines) == 2
     assert all(text.isprintable() for text in lines)
     assert lines[1].endswith("failed: bad")

@@ -107,7 +107,7 @@ INLINE void medians(float value[ROWS][WIDE], float *out) {
 /* Smoothed slopes `out` (ROWS, WIDE) of the logarithm of profiles on one side of a spot: `along` the way to the rows, `across` along them. */
 INLINE void slopes(const Spot *s, const double *xy, const double *along, const double *across, const float *rows, const float *t, float dark,
                    const float *taps, Places *w, float out[ROWS][WIDE]) {
-    float value[ROWS * STEPS], padded[PADDED];
+    float value[ROWS * STEPS], padded[ROWS][PADDED];
     const float ax = (float)across[0], ay = (float)across[1];
     for (int r = 0; r < ROWS; r++) {
         const float x = (float)(xy[0] - s->x + (double)rows[r] * along[0]), y = (float)(xy[1] - s->y + (double)rows[r] * along[1]);
@@ -115,18 +115,17 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
             w->x[r * STEPS + k] = x + t[k] * ax, w->y[r * STEPS + k] = y + t[k] * ay;
     }
     grey_levels(s, w, ROWS * STEPS, value);
-    for (int k = 0; k < ROWS * STEPS; k++)
-        value[k] = logarithm(value[k] + dark);
     memset(padded, 0, sizeof padded); /* beyond a profile there is nothing: its ends see less */
-    for (int r = 0; r < ROWS; r++) {
-        memcpy(padded + TAPS, value + r * STEPS, STEPS * sizeof(float));
+    for (int r = 0; r < ROWS; r++)
+        for (int k = 0; k < STEPS; k++)
+            padded[r][TAPS + k] = logarithm(value[r * STEPS + k] + dark);
+    for (int r = 0; r < ROWS; r++)
         for (int k = 0; k < WIDE; k++) {
             float sum = 0;
             for (int n = 1; n <= TAPS; n++)
-                sum += taps[n - 1] * (padded[TAPS + k + n] - padded[TAPS + k - n]);
+                sum += taps[n - 1] * (padded[r][TAPS + k + n] - padded[r][TAPS + k - n]);
             out[r][k] = sum;
         }
-    }
 }
 
 /* Offset along `across`, and strength, of the edge through `xy` that runs along `along` and whose colours are `colour`. */

@@ -45,6 +45,10 @@ INLINE int nearest_axis(const Looks *corner, double x, double y, double *turn) {
     return other < one;
 }
 
+INLINE int leads_to(const int64_t *row, int64_t corner) {
+    return row[0] == corner || row[1] == corner || row[2] == corner || row[3] == corner;
+}
+
 /* `out` (n, 4): mutual links between corners `xy` (n, 2) px by `looks` (n, 6): cosine and sine of each axis, polarity ±1, contrast. `near`,
  * `distance` (n, most): other corners, the nearest first; no corner is n. `small` px: under it a link may turn by `loose`, over it by
  * `strict`, sines. `least`: share of the weaker contrast that each third of a link shows. `shortest`, `chosen` (n, 4) are room. */
@@ -76,9 +80,14 @@ FAST EXPORT void rcdn_links(const void *data, index_t height, index_t width, int
             const index_t slot = 4 * i + axis + (way[0] * x + way[1] * y < 0 ? 2 : 0);
             if (!preferred(length, j, shortest[slot], out[slot]))
                 continue;
-            sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);
-            const double weaker = corner[i].contrast < corner[j].contrast ? corner[i].contrast : corner[j].contrast;
-            if (colour * shown[0] > least * weaker && colour * shown[1] > least * weaker && colour * shown[2] > least * weaker) {
+            /* an edge that was seen from its other end is seen */
+            int seen = j < i && leads_to(out + 4 * j, i);
+            if (!seen) {
+                sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);
+                const double weaker = corner[i].contrast < corner[j].contrast ? corner[i].contrast : corner[j].contrast;
+                seen = colour * shown[0] > least * weaker && colour * shown[1] > least * weaker && colour * shown[2] > least * weaker;
+            }
+            if (seen) {
                 shortest[slot] = length;
                 out[slot] = j;
             }

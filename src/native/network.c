@@ -1,48 +1,61 @@
 /* The cell network (docs/decisions/0002-cell-network.md), evaluated only in the cells that are asked for and in what these see.
  *
  * Layers follow each other row by row through short rings of rows, so that what a row needs lies in the cache, whatever the size of the
- * picture. Every number is the same sum in the same order, whatever else is computed: results depend neither on what is asked for nor on the threads.
+ * picture. The first layer is in floating point, the others in whole numbers (rows.h). Every number is the same sum in the same order, whatever
+ * else is computed: results depend neither on what is asked for nor on the threads.
  */
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC optimize("no-associative-math")
 #endif
-#include "rcdn.h"
+#include "rows.h"
 
 #define CELL 4
 #define CONVS 5   /* 3×3 convolutions from WIDE to WIDE channels at a quarter of the resolution */
 #define NARROW 16 /* channels at half resolution, and outputs a cell */
-#define WIDE 32
 #define BEFORE 22 /* px that the network sees to the left of and above a cell */
 #define HALF 12   /* px to either side of the window of local contrast */
 #define FLOOR 6.0f
-#define SLACK 8   /* cells that may be computed beyond the end of a row */
-#define RING 4    /* rows of a layer that are kept; the first one keeps twice as many */
+#define RING 4    /* rows of a layer that are kept */
+#define SEEN 8    /* rows of the normalised picture that are kept */
 
 typedef float vec __attribute__((vector_size(4 * NARROW)));
-typedef int32_t mask_t __attribute__((vector_size(4 * NARROW)));
+typedef int32_t whole_vec __attribute__((vector_size(4 * NARROW)));
+typedef uint8_t byte_vec __attribute__((vector_size(NARROW)));
 
-/* Weights as `corners/cells.py` packs them. */
+/* Weights as `corners/cells.py` packs them: those in floating point, and those of 8 bits. `scale` and `bias` turn sums into the inputs of the
+ * next layer, of the last one into what the sigmoid takes. */
 typedef struct {
     float first[25][NARROW], first_bias[NARROW];
-    float second[9][NARROW][WIDE], second_bias[WIDE];
     struct {
-        float weight[9][WIDE][WIDE], bias[WIDE];
-    } conv[CONVS];
-    float last[WIDE][NARROW], last_bias[NARROW];
-} Weights;
+        float scale[WIDE], bias[WIDE];
+    } conv[CONVS + 1];
+    float last_scale[NARROW], last_bias[NARROW], last[WIDE][NARROW];
+} Reals;
+
+typedef struct {
+    int8_t strided[9 * NARROW * WIDE], conv[CONVS][9 * WIDE * WIDE];
+} Bytes;
 
 /* A layer's rows: the latest in a ring, and which of its cells are needed. */
 typedef struct {
     index_t height, width, channels, ring;
     index_t done;        /* rows computed so far */
-    float *rows;         /* (ring, width + SLACK, channels) */
+    uint8_t *rows;       /* (ring, width + SLACK, channels) */
     const uint8_t *mask; /* (height, width) */
 } Layer;
 
+/* The normalised picture, continued at its border. */
+typedef struct {
+    index_t height, width, done;
+    float *rows; /* (SEEN, width + SLACK) */
+} Seen;
+
 typedef struct {
     Picture picture;
-    const Weights *weights;
-    Layer seen;              /* the normalised picture, continued at its border */
+    const Reals *reals;
+    const Bytes *bytes;
+    RowKernel *strided, *conv;
+    Seen seen;
     Layer layer[CONVS + 2];  /* at half resolution; strided; the convolutions */
     double *sum, *square;    /* over the 2 HALF + 1 rows around the next one, (width + 2 HALF) */
     double *part;            /* room for four rows more, and a mask */
@@ -61,9 +74,30 @@ INLINE void store(float *p, vec v) {
     memcpy(p, &v, sizeof v);
 }
 
-INLINE vec positive(vec v) {
-    const vec zero = {0};
-    return (vec)((mask_t)v & (mask_t)(v > zero));
+/* `one` where the comparison `holds`, else `other`. */
+INLINE vec chosen(whole_vec holds, vec one, vec other) {
+    return (vec)((holds & (whole_vec)one) | (~holds & (whole_vec)other));
+}
+
+INLINE vec within(vec v, float low, float high) {
+    const vec least = (vec){0} + low, most = (vec){0} + high;
+    v = chosen(v > least, v, least);
+    return chosen(v < most, v, most);
+}
+
+/* Inputs of the next layer: 0..255. */
+INLINE void store_levels(uint8_t *p, vec v) {
+    const byte_vec out = __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
+    memcpy(p, &out, sizeof out);
+}
+
+/* 1 / (1 + exp(−x)), within 1e-6. */
+INLINE vec sigmoid(vec x) {
+    const vec t = within(x, -80, 80) * -1.44269504f;
+    const whole_vec whole = __builtin_convertvector(t, whole_vec);
+    const vec f = (t - __builtin_convertvector(whole, vec)) * 0.69314718f;
+    const vec part = 1 + f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+    return 1 / (1 + part * (vec)((whole + 127) << 23));
 }
 
 INLINE index_t mirrored(index_t k, index_t n) {
@@ -74,18 +108,12 @@ INLINE index_t mirrored(index_t k, index_t n) {
     return k;
 }
 
-INLINE float *row_of(const Layer *l, index_t y) {
+INLINE uint8_t *row_of(const Layer *l, index_t y) {
     return l->rows + (y & (l->ring - 1)) * (l->width + SLACK) * l->channels;
 }
 
-/* The next cells from `x` on that are needed: their begin, and the end in *end; `width` if there are none. */
-INLINE index_t next_run(const uint8_t *mask, index_t x, index_t width, index_t *end) {
-    const uint8_t *at = x < width ? memchr(mask + x, 1, (size_t)(width - x)) : NULL;
-    if (!at)
-        return width;
-    const uint8_t *stop = memchr(at, 0, (size_t)(width - (at - mask)));
-    *end = stop ? stop - mask : width;
-    return at - mask;
+INLINE float *seen_row(const Seen *s, index_t y) {
+    return s->rows + (y & (SEEN - 1)) * (s->width + SLACK);
 }
 
 /* Row `y` of the picture, continued by reflection, with HALF columns more on either side than is seen. Reals become whole 256ths, so that sums
@@ -140,13 +168,18 @@ INLINE void normalise(Network *n, index_t y, index_t from, index_t to) {
     sums_along(sum, count, room);
     sums_along(square, count, room);
     const double *grey = n->part + 3 * width + from + HALF;
-    float *out = row_of(&n->seen, y) + from;
+    float *out = seen_row(&n->seen, y) + from;
     const double mean = unit / (double)area;
     for (index_t x = 0; x < to - from; x++) {
         const double spread = (double)area * square[x] - sum[x] * sum[x];
         const float deviation = sqrtf((float)(spread > 0 ? spread : 0)) * (float)mean;
         out[x] = ((float)grey[x] * unit - (float)(sum[x] * mean)) / (deviation + FLOOR);
     }
+}
+
+INLINE void joined(const uint8_t *restrict mask, index_t width, uint8_t *restrict into) {
+    for (index_t x = 0; x < width; x++)
+        into[x] |= mask[x];
 }
 
 /* Make rows of the normalised picture up to `y`, as far as rows of the first layer need them. */
@@ -158,8 +191,7 @@ INLINE void see(Network *n, index_t y) {
         const index_t from = row > 4 ? (row - 3) / 2 : 0, to = row / 2 < first->height ? row / 2 : first->height - 1;
         memset(need, 0, (size_t)first->width);
         for (index_t k = from; k <= to; k++)
-            for (index_t x = 0; x < first->width; x++)
-                need[x] |= first->mask[k * first->width + x];
+            joined(first->mask + k * first->width, first->width, need);
         if (!memchr(need, 1, (size_t)first->width))
             continue;
         if (n->summed < 0 || row - n->summed > 2 * HALF) {
@@ -185,51 +217,26 @@ INLINE void see(Network *n, index_t y) {
 }
 
 /* `count` outputs of the first layer: 5×5 px, every second one. */
-INLINE void first_block(const Network *n, index_t y, index_t x, const int count, float *out) {
+INLINE void first_block(const Network *n, index_t y, index_t x, const int count, uint8_t *out) {
     vec sum[8];
     for (int k = 0; k < count; k++)
-        sum[k] = load(n->weights->first_bias);
+        sum[k] = load(n->reals->first_bias);
     for (int j = 0; j < 5; j++) {
-        const float *row = row_of(&n->seen, 2 * y + j) + 2 * x;
+        const float *row = seen_row(&n->seen, 2 * y + j) + 2 * x;
         for (int i = 0; i < 5; i++) {
-            const vec weight = load(n->weights->first[5 * j + i]);
+            const vec weight = load(n->reals->first[5 * j + i]);
             for (int k = 0; k < count; k++)
                 sum[k] += weight * row[2 * k + i];
         }
     }
     for (int k = 0; k < count; k++)
-        store(out + k * NARROW, positive(sum[k]));
-}
-
-/* `count` outputs of a 3×3 convolution to WIDE channels, of every `stride`-th cell of `from`. */
-INLINE void wide_block(const Layer *from, const float *weight, const float *bias, const int channels, const int stride, index_t y, index_t x, const int count, float *out) {
-    vec low[8], high[8];
-    for (int k = 0; k < count; k++) {
-        low[k] = load(bias);
-        high[k] = load(bias + NARROW);
-    }
-    for (int j = 0; j < 3; j++) {
-        const float *row = row_of(from, stride * y + j) + stride * x * channels;
-        for (int i = 0; i < 3; i++)
-            for (int c = 0; c < channels; c++, weight += WIDE) {
-                const vec one = load(weight), two = load(weight + NARROW);
-                for (int k = 0; k < count; k++) {
-                    const float value = row[(stride * k + i) * channels + c];
-                    low[k] += one * value;
-                    high[k] += two * value;
-                }
-            }
-    }
-    for (int k = 0; k < count; k++) {
-        store(out + k * WIDE, positive(low[k]));
-        store(out + k * WIDE + NARROW, positive(high[k]));
-    }
+        store_levels(out + k * NARROW, sum[k]);
 }
 
 INLINE void first_row(Network *n, index_t y) {
     Layer *l = &n->layer[0];
     const uint8_t *mask = l->mask + y * l->width;
-    float *out = row_of(l, y);
+    uint8_t *out = row_of(l, y);
     if (!memchr(mask, 1, (size_t)l->width))
         return;
     see(n, 2 * y + 4);
@@ -238,42 +245,34 @@ INLINE void first_row(Network *n, index_t y) {
             first_block(n, y, x, 8, out + x * NARROW);
 }
 
-#define WIDE_ROW(count_, channels_, stride_) \
-    for (; x < end && (count_ == 4 || end - x > 4); x += count_) \
-        wide_block(from, weight, bias, channels_, stride_, y, x, count_, out + x * WIDE);
-
-INLINE void wide_row(const Layer *from, Layer *to, const float *weight, const float *bias, const int channels, const int stride, index_t y) {
-    const uint8_t *mask = to->mask + y * to->width;
-    float *out = row_of(to, y);
-    for (index_t x = 0, end; (x = next_run(mask, x, to->width, &end)) < to->width; x = end) {
-        WIDE_ROW(8, channels, stride)
-        WIDE_ROW(4, channels, stride)
-    }
-}
-
-INLINE float sigmoid(float x) {
-    const float t = fminf(fmaxf(-x, -80), 80) * 1.44269504f;
-    const float whole = rintf(t), f = (t - whole) * 0.69314718f;
-    const float part = 1 + f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f))))));
-    const int32_t bits = ((int32_t)whole + 127) << 23;
-    float scale;
-    memcpy(&scale, &bits, sizeof scale);
-    return 1 / (1 + part * scale);
+/* Row `y` of layer `k` + 1 from the one before; `stride` 2 for the first of them. */
+static void wide_row(Network *n, int k, int stride, index_t y) {
+    const Layer *from = &n->layer[k];
+    Layer *to = &n->layer[k + 1];
+    const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided, n->reals->conv[k].scale, n->reals->conv[k].bias};
+    const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1), row_of(from, stride * y + 2)};
+    (k ? n->conv : n->strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
 /* Write the outputs of one row of cells into the response (height, width) of the picture. */
 INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index_t y, float *response) {
-    const float *row = row_of(&n->layer[CONVS + 1], y);
+    const uint8_t *row = row_of(&n->layer[CONVS + 1], y);
+    const vec scale = load(n->reals->last_scale), bias = load(n->reals->last_bias);
+    const float(*last)[NARROW] = n->reals->last;
     for (index_t x = 0; x < width; x++) {
         if (!mask[x])
             continue;
-        vec sum = load(n->weights->last_bias);
+        float value[WIDE], out[NARROW];
         for (int c = 0; c < WIDE; c++)
-            sum += load(n->weights->last[c]) * row[x * WIDE + c];
-        float out[NARROW];
-        store(out, sum);
-        for (int k = 0; k < NARROW; k++)
-            out[k] = sigmoid(out[k]);
+            value[c] = row[x * WIDE + c];
+        vec a = {0}, b = {0}, c = {0}, d = {0}; /* of whole numbers under 2^24: exact in any order */
+        for (int k = 0; k < WIDE; k += 4) {
+            a += load(last[k]) * value[k];
+            b += load(last[k + 1]) * value[k + 1];
+            c += load(last[k + 2]) * value[k + 2];
+            d += load(last[k + 3]) * value[k + 3];
+        }
+        store(out, sigmoid(((a + b) + (c + d)) * scale + bias));
         for (index_t j = 0; j < CELL && n->top + CELL * y + j < n->picture.height; j++)
             for (index_t i = 0; i < CELL && CELL * x + i < n->picture.width; i++)
                 response[(n->top + CELL * y + j) * n->picture.width + CELL * x + i] = out[CELL * j + i];
@@ -286,9 +285,9 @@ INLINE void advance(Network *n, index_t y) {
     for (; n->time <= y + 2 * CONVS; n->time++) {
         for (; n->layer[0].done <= 2 * n->time + 2; n->layer[0].done++)
             first_row(n, n->layer[0].done);
-        wide_row(&n->layer[0], &n->layer[1], &n->weights->second[0][0][0], n->weights->second_bias, NARROW, 2, n->time);
-        for (int k = 0; k < CONVS && n->time >= 2 * (k + 1); k++)
-            wide_row(&n->layer[k + 1], &n->layer[k + 2], &n->weights->conv[k].weight[0][0][0], n->weights->conv[k].bias, WIDE, 1, n->time - 2 * (k + 1));
+        wide_row(n, 0, 2, n->time);
+        for (int k = 1; k <= CONVS && n->time >= 2 * k; k++)
+            wide_row(n, k, 1, n->time - 2 * k);
     }
 }
 
@@ -301,32 +300,32 @@ INLINE void needed_by(const uint8_t *next, index_t height, index_t width, uint8_
         if (!memchr(from, 1, (size_t)width))
             continue;
         for (int k = 0; k < 3; k++)
-            for (index_t x = 0; x < width; x++)
-                mask[y * wide + x + k] |= from[x];
+            joined(from, width, mask + y * wide + k);
     }
     for (index_t y = height + 1; y >= 0; y--) /* from below, so that rows are not yet spread themselves */
         for (int k = 1; k < 3; k++)
             if (y - k >= 0)
-                for (index_t x = 0; x < wide; x++)
-                    mask[y * wide + x] |= mask[(y - k) * wide + x];
+                joined(mask + (y - k) * wide, wide, mask + y * wide);
 }
 
 INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width, uint8_t *mask) {
     const index_t wide = 2 * width + 1;
     memset(mask, 0, (size_t)((2 * height + 1) * wide));
-    for (index_t y = 0; y < height; y++)
-        for (index_t x = 0; x < width; x++)
-            if (next[y * width + x])
-                for (int k = 0; k < 3; k++)
-                    memset(mask + (2 * y + k) * wide + 2 * x, 1, 3);
+    for (index_t y = 0; y < height; y++) {
+        uint8_t *row = mask + (2 * y + 1) * wide;
+        for (index_t x = 0, end; (x = next_run(next + y * width, x, width, &end)) < width; x = end)
+            memset(row + 2 * x, 1, (size_t)(2 * (end - x) + 1));
+        joined(row, wide, row - wide);
+        memcpy(row + wide, row, (size_t)wide);
+    }
 }
 
 /* Bytes that hold all rings, sums and masks for so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
-    const index_t floats = RING * (CONVS + 1) * (last + SLACK) * WIDE + 2 * RING * (first + SLACK) * NARROW + 2 * RING * (seen + SLACK) + 8 * SLACK;
+    const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW, floats = SEEN * (seen + SLACK) + 8 * SLACK;
     const index_t doubles = 6 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
-    return (size_t)(8 * doubles + 4 * floats + masks) + 64 * 32;
+    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + 64 * 32;
 }
 
 INLINE void *taken(char **room, index_t bytes) {
@@ -337,21 +336,22 @@ INLINE void *taken(char **room, index_t bytes) {
 
 /* The response in the cells of the rows `first` .. `first + rows` of `cells` (down, across) that are marked. `response` (height, width) is
  * left as it is elsewhere. 0, or −1 without memory. */
-FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width, int real, const float *weights, const uint8_t *cells, index_t first, index_t rows, float *response) {
+FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width, int real, const float *reals, const int8_t *bytes, index_t level, const uint8_t *cells, index_t first, index_t rows, float *response) {
     const index_t across = (width + CELL - 1) / CELL;
     char *memory = malloc(room_for(across, rows)), *room = memory;
     if (!memory)
         return -1;
     room += 64 - (uintptr_t)room % 64;
-    Network n = {{data, height, width, real}, (const Weights *)weights, {0}, {{0}}, NULL, NULL, NULL, -1, CELL * first, 0};
+    Network n = {.picture = {data, height, width, real}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes, .summed = -1, .top = CELL * first};
+    row_kernels((int)level, &n.strided, &n.conv);
     index_t h = rows, w = across;
     cells += first * across;
     const uint8_t *mask = cells;
     for (int k = CONVS + 1; k >= 0; k--) {
         Layer *l = &n.layer[k];
-        *l = (Layer){h, w, k ? WIDE : NARROW, k ? RING : 2 * RING, 0, NULL, mask};
-        l->rows = taken(&room, l->ring * (w + SLACK) * l->channels * 4);
-        memset(l->rows, 0, (size_t)(l->ring * (w + SLACK) * l->channels) * 4);
+        *l = (Layer){h, w, k ? WIDE : NARROW, RING, 0, NULL, mask};
+        l->rows = taken(&room, l->ring * (w + SLACK) * l->channels);
+        memset(l->rows, 0, (size_t)(l->ring * (w + SLACK) * l->channels));
         if (k == 0)
             break;
         uint8_t *before = taken(&room, k == 1 ? (2 * h + 1) * (2 * w + 1) : (h + 2) * (w + 2));
@@ -363,8 +363,8 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
         h = k == 1 ? 2 * h + 1 : h + 2;
         w = k == 1 ? 2 * w + 1 : w + 2;
     }
-    n.seen = (Layer){2 * h + 3, 2 * w + 3, 1, 2 * RING, 0, NULL, NULL};
-    const index_t wide = n.seen.width + 2 * HALF, ring = n.seen.ring * (n.seen.width + SLACK) + 4 * SLACK;
+    n.seen = (Seen){2 * h + 3, 2 * w + 3, 0, NULL};
+    const index_t wide = n.seen.width + 2 * HALF, ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
     n.seen.rows = taken(&room, ring * 4);
     memset(n.seen.rows, 0, (size_t)ring * 4);
     n.sum = taken(&room, wide * 8);

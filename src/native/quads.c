@@ -27,7 +27,7 @@ static int same_corners(const int64_t *one, const int64_t *other) {
 }
 
 /* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the first of their corners that shows
- * them; returns how many. `first` (n,) and `next` (room,) are room: the cells found so far by their lowest corner. At most 12 a corner. */
+ * them; returns how many. `first` (n,) and `next` (room,) are room: the cells found so far by their lowest corner. At most 4 a link. */
 EXPORT index_t rcdn_quads(const int64_t *neighbour, const double *xy, index_t n, int64_t *first, int64_t *next, int64_t *quads, index_t room) {
     index_t count = 0;
     for (index_t a = 0; a < n; a++)

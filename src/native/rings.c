@@ -1,5 +1,6 @@
 /* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
 #include "rings_maths.h"
+#include "sampling.h"
 
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
 
@@ -21,51 +22,18 @@ typedef struct {
     const float *cosine, *sine;
 } Directions;
 
-/* The four pixels around each place (column i, row j) of a box at (x, y). */
-#define FETCH(TYPE)                                                                                                                        \
-    do {                                                                                                                                   \
-        const TYPE *from = (const TYPE *)p->data;                                                                                          \
-        for (index_t k = 0; k < TURN; k++) {                                                                                               \
-            const index_t left = clamped(x + i[k], p->width), right = clamped(x + i[k] + 1, p->width);                                     \
-            const TYPE *top = from + clamped(y + j[k], p->height) * p->width, *low = from + clamped(y + j[k] + 1, p->height) * p->width;   \
-            at[0][k] = (float)top[left], at[1][k] = (float)top[right], at[2][k] = (float)low[left], at[3][k] = (float)low[right];          \
-        }                                                                                                                                  \
-    } while (0)
-#define FETCH_INSIDE(TYPE)                                                                                                                 \
-    do {                                                                                                                                   \
-        const TYPE *from = (const TYPE *)p->data + y * p->width + x;                                                                       \
-        for (index_t k = 0; k < TURN; k++) {                                                                                               \
-            const TYPE *top = from + j[k] * p->width + i[k], *low = top + p->width;                                                        \
-            at[0][k] = (float)top[0], at[1][k] = (float)top[1], at[2][k] = (float)low[0], at[3][k] = (float)low[1];                        \
-        }                                                                                                                                  \
-    } while (0)
-
-/* Bilinear grey levels on a ring; the border is repeated outside. Positions are counted from a box around it, so that float32 will do. */
-INLINE void sample_ring(const Picture *p, const double centre[2], double radius, Directions d, float out[TURN]) {
-    const index_t reach = (index_t)radius + 1, x = (index_t)floor(centre[0]) - reach, y = (index_t)floor(centre[1]) - reach;
-    const float cx = (float)(centre[0] - (double)x), cy = (float)(centre[1] - (double)y), r = (float)radius;
-    const int inside = x >= 0 && y >= 0 && x + 2 * reach + 1 < p->width && y + 2 * reach + 1 < p->height;
-    float fx[TURN], fy[TURN], at[4][TURN];
-    int32_t i[TURN], j[TURN];
-    for (index_t k = 0; k < TURN; k++) {
-        const float u = cx + r * d.cosine[k], v = cy + r * d.sine[k];
-        i[k] = (int32_t)u;
-        j[k] = (int32_t)v;
-        fx[k] = u - (float)i[k];
-        fy[k] = v - (float)j[k];
+/* Bilinear grey levels `out` (rings, TURN) on up to RINGS rings around `centre`; the border is repeated outside. */
+INLINE void ring_levels(const Picture *p, const double centre[2], const double *radius, int rings, Directions d, Places *w, float *out) {
+    const Spot s = spot_at(p, centre[0], centre[1]);
+    const float x = (float)(centre[0] - s.x), y = (float)(centre[1] - s.y);
+    for (int ring = 0; ring < rings; ring++) {
+        const float r = (float)radius[ring];
+        for (int k = 0; k < TURN; k++) {
+            w->x[ring * TURN + k] = x + r * d.cosine[k];
+            w->y[ring * TURN + k] = y + r * d.sine[k];
+        }
     }
-    if (inside && p->real)
-        FETCH_INSIDE(float);
-    else if (inside)
-        FETCH_INSIDE(uint8_t);
-    else if (p->real)
-        FETCH(float);
-    else
-        FETCH(uint8_t);
-    for (index_t k = 0; k < TURN; k++) {
-        const float top = at[0][k] + fx[k] * (at[1][k] - at[0][k]), low = at[2][k] + fx[k] * (at[3][k] - at[2][k]);
-        out[k] = top + fy[k] * (low - top);
-    }
+    grey_levels(&s, w, rings * TURN, out);
 }
 
 /* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
@@ -73,9 +41,9 @@ FAST EXPORT void rcdn_sample_rings(const void *data, index_t height, index_t wid
                                    index_t count, index_t rings, const float *directions, float *out) {
     const Picture p = {data, height, width, real};
     const Directions d = {directions, directions + TURN};
-    for (index_t n = 0; n < count; n++)
-        for (index_t k = n * rings; k < (n + 1) * rings; k++)
-            sample_ring(&p, xy + 2 * n, radius[k], d, out + k * TURN);
+    Places w;
+    for (index_t k = 0; k < count * rings; k++)
+        ring_levels(&p, xy + 2 * (k / rings), radius + k, 1, d, &w, out + k * TURN);
 }
 
 /* The two sectors that explain most of a ring's variance: from direction a to b, and the rest of the half turn. */
@@ -142,10 +110,8 @@ typedef struct {
     double energy, normal[6], pull[3];
 } Equations;
 
-enum { COLUMNS = 5, PRODUCTS = COLUMNS * (COLUMNS + 1) / 2 };
-
-/* The model's shape, what a, b and log s change in it, and the data. */
-INLINE void model_columns(const Samples *s, Directions d, const double state[3], float column[COLUMNS][SAMPLES]) {
+/* The model's shape at every sample and, where `slopes`, what a, b and log s change in it. */
+INLINE void model(const Samples *s, Directions d, const double state[3], int slopes, float column[4][SAMPLES]) {
     const float shrink = (float)exp(-state[2]), ca = (float)cos(state[0]), sa = (float)sin(state[0]);
     const float cb = (float)cos(state[1]), sb = (float)sin(state[1]), bell = -1.12837917f; /* -2 / sqrt pi */
     for (int ring = 0; ring < RINGS; ring++)
@@ -153,52 +119,61 @@ INLINE void model_columns(const Samples *s, Directions d, const double state[3],
             const int n = ring * DIRECTIONS + k;
             const float r = s->radius[n] * shrink;
             const float p = r * (d.sine[k] * ca - d.cosine[k] * sa), q = r * (d.sine[k] * cb - d.cosine[k] * sb);
-            const float pp = p * p, qq = q * q, one = short_erf(p), other = short_erf(q);
-            const float by_p = bell * short_exp(pp < 40.0f ? -pp : -40.0f) * other, by_q = bell * short_exp(qq < 40.0f ? -qq : -40.0f) * one;
+            float one, other;
+            short_erfs(p, q, &one, &other);
             column[0][n] = one * other;
-            column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
-            column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
-            column[3][n] = by_p * p + by_q * q;
-            column[4][n] = s->level[n];
+            if (slopes) {
+                const float pp = p * p, qq = q * q;
+                const float by_p = bell * other * short_exp(pp < 40.0f ? -pp : -40.0f), by_q = bell * one * short_exp(qq < 40.0f ? -qq : -40.0f);
+                column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
+                column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
+                column[3][n] = by_p * p + by_q * q;
+            }
         }
 }
 
-/* Sums of products of all pairs of columns, their means taken out. */
-INLINE void table_of(float column[COLUMNS][SAMPLES], double table[COLUMNS][COLUMNS]) {
-    double mean[COLUMNS];
-    for (int i = 0; i < COLUMNS; i++) {
-        float sum = 0;
-        for (int n = 0; n < SAMPLES; n++)
-            sum += column[i][n];
-        mean[i] = sum / SAMPLES;
-        const float less = (float)mean[i];
-        for (int n = 0; n < SAMPLES; n++)
-            column[i][n] -= less;
+/* Squared residuals of the model: what level and contrast, the two numbers that are solved for, don't explain. */
+INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
+    float column[4][SAMPLES], sum = 0, own = 0, cross = 0, data = 0;
+    model(s, d, state, 0, column);
+    for (int n = 0; n < SAMPLES; n++) {
+        const float f = column[0][n], g = s->level[n];
+        sum += f;
+        own += f * f;
+        cross += f * g;
+        data += g * g;
     }
-    for (int i = 0; i < COLUMNS; i++)
-        for (int j = i; j < COLUMNS; j++) {
-            float sum = 0;
-            for (int n = 0; n < SAMPLES; n++)
-                sum += column[i][n] * column[j][n];
-            table[i][j] = table[j][i] = sum;
-        }
+    const double rest = own - (double)sum * sum / SAMPLES;
+    return data - (double)cross * cross / (rest > 1e-9 ? rest : 1e-9);
 }
 
 /* Level and contrast are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's approximation), by
- * elimination in the table of all products of shape, slopes, data and one. */
+ * elimination in the table of all products of shape f, slopes u, v, w, data g and one. */
 INLINE Equations equations_at(const Samples *s, Directions d, const double state[3]) {
-    float column[COLUMNS][SAMPLES];
-    double table[COLUMNS][COLUMNS];
+    float column[4][SAMPLES], f1 = 0, u1 = 0, v1 = 0, w1 = 0, ff = 0, fu = 0, fv = 0, fw = 0, fg = 0, uu = 0, uv = 0, uw = 0, ug = 0;
+    float vv = 0, vw = 0, vg = 0, ww = 0, wg = 0, gg = 0;
+    model(s, d, state, 1, column);
+    for (int n = 0; n < SAMPLES; n++) {
+        const float f = column[0][n], u = column[1][n], v = column[2][n], w = column[3][n], g = s->level[n];
+        f1 += f, u1 += u, v1 += v, w1 += w;
+        ff += f * f, fu += f * u, fv += f * v, fw += f * w, fg += f * g;
+        uu += u * u, uv += u * v, uw += u * w, ug += u * g;
+        vv += v * v, vw += v * w, vg += v * g;
+        ww += w * w, wg += w * g, gg += g * g;
+    }
+    const double sum[4] = {f1, u1, v1, w1}, data[4] = {fg, ug, vg, wg}; /* the data have no mean */
+    double table[4][4] = {{ff, fu, fv, fw}, {0, uu, uv, uw}, {0, 0, vv, vw}, {0, 0, 0, ww}};
+    for (int i = 0; i < 4; i++)
+        for (int j = i; j < 4; j++)
+            table[i][j] -= sum[i] * sum[j] / SAMPLES;
+    const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = data[0] / own;
     Equations e;
-    model_columns(s, d, state, column);
-    table_of(column, table);
-    const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = table[0][4] / own;
-    e.energy = table[4][4] - table[0][4] * table[0][4] / own;
-    for (int i = 0, at = 0; i < 3; i++) {
-        const double share = table[0][i + 1] / own;
-        e.pull[i] = (table[i + 1][4] - share * table[0][4]) * scale;
-        for (int j = i; j < 3; j++)
-            e.normal[at++] = (table[i + 1][j + 1] - share * table[0][j + 1]) * scale * scale;
+    e.energy = gg - data[0] * scale;
+    for (int i = 1, at = 0; i < 4; i++) {
+        const double share = table[0][i] / own;
+        e.pull[i - 1] = (data[i] - share * data[0]) * scale;
+        for (int j = i; j < 4; j++)
+            e.normal[at++] = (table[i][j] - share * table[0][j]) * scale * scale;
     }
     return e;
 }
@@ -230,7 +205,7 @@ INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
             break;
     }
     const double gap = state[1] - state[0];
-    if (equations_at(s, d, state).energy <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
+    if (energy_at(s, d, state) <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
         fabs(state[1] - axes[1]) < MOST_TURN)
         memcpy(axes, state, 2 * sizeof(double));
 }
@@ -241,6 +216,18 @@ INLINE void take_out_mean(Samples *s) {
         sum += s->level[n];
     for (int n = 0; n < SAMPLES; n++)
         s->level[n] -= sum / SAMPLES;
+}
+
+/* Means of opposite directions on the rings. */
+INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS]) {
+    Samples s;
+    for (int ring = 0; ring < RINGS; ring++)
+        for (int k = 0; k < DIRECTIONS; k++) {
+            s.level[ring * DIRECTIONS + k] = 0.5f * (level[ring * TURN + k] + level[ring * TURN + DIRECTIONS + k]);
+            s.radius[ring * DIRECTIONS + k] = (float)radius[ring];
+        }
+    take_out_mean(&s);
+    return s;
 }
 
 /* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
@@ -263,21 +250,14 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
                            double *contrast, int8_t *polarity, double *fit) {
     const Picture p = {data, height, width, real};
     const Directions d = {directions, directions + TURN};
-    Samples s;
+    float level[RINGS * TURN], signal[TURN];
+    Places w;
     for (index_t n = 0; n < count; n++) {
-        float signal[TURN] = {0}, ring[TURN];
+        const double rings[RINGS] = {0.8 * radius[n], radius[n], 1.2 * radius[n]}; /* smaller ones see more blur than direction */
         double *own = axes + 2 * n;
-        for (int r = 0; r < RINGS; r++) {
-            sample_ring(&p, xy + 2 * n, radius[n * RINGS + r], d, ring);
-            for (int k = 0; k < DIRECTIONS; k++) {
-                signal[k] += ring[k];
-                signal[k + DIRECTIONS] += ring[k + DIRECTIONS];
-                s.level[r * DIRECTIONS + k] = 0.5f * (ring[k] + ring[k + DIRECTIONS]);
-                s.radius[r * DIRECTIONS + k] = (float)radius[n * RINGS + r];
-            }
-        }
+        ring_levels(&p, xy + 2 * n, rings, RINGS, d, &w, level);
         for (int k = 0; k < TURN; k++)
-            signal[k] /= RINGS;
+            signal[k] = (level[k] + level[TURN + k] + level[2 * TURN + k]) / RINGS;
         const Sectors seen = sectors(signal, gain);
         const int ok = seen.fit >= MIN_FIT && fabs(seen.contrast) >= least;
         contrast[n] = fabs(seen.contrast);
@@ -288,7 +268,7 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
             continue;
         double found[2] = {(seen.a - 0.5) * (PI / DIRECTIONS), (seen.b - 0.5) * (PI / DIRECTIONS)};
         if (careful[n]) {
-            take_out_mean(&s);
+            const Samples s = folded(level, rings);
             fit_axes(&s, d, found);
         }
         for (int i = 0; i < 2; i++)

@@ -16,13 +16,20 @@ INLINE float short_exp(float x) {
     return power.value * (((((1.32764701e-3f * f + 9.67554189e-3f) * f + 5.55071346e-2f) * f + 0.240221202f) * f + 0.693146944f) * f + 1.0f);
 }
 
-/* erf x to 4e-6: tanh(x * a polynomial of x * x), fitted to the smallest largest error; beyond |x| = 4 it is 1. */
-INLINE float short_erf(float x) {
+/* exp 2z of the z with tanh z = erf x to 4e-6: x times a polynomial of x * x, fitted to the smallest largest error; beyond |x| = 4 erf is 1. */
+INLINE float short_erf_power(float x) {
     x = x < -4.0f ? -4.0f : x;
     x = x > 4.0f ? 4.0f : x;
     const float q = x * x;
     const float slope = (((3.22497554e-05f * q - 4.15182660e-04f) * q - 4.96721319e-04f) * q + 1.02932856e-01f) * q + 1.12835818f;
-    return 1.0f - 2.0f / (short_exp(2.0f * x * slope) + 1.0f);
+    return short_exp(2.0f * x * slope);
+}
+
+/* erf x and erf y to 4e-6, by one division. */
+INLINE void short_erfs(float x, float y, float *erf_x, float *erf_y) {
+    const float a = short_erf_power(x) + 1.0f, b = short_erf_power(y) + 1.0f, twice = 2.0f / (a * b);
+    *erf_x = 1.0f - b * twice;
+    *erf_y = 1.0f - a * twice;
 }
 
 #endif

@@ -34,11 +34,11 @@ INLINE Spot spot_at(const Picture *p, double x, double y) {
 enum { MOST = 576 };
 typedef struct {
     float x[MOST], y[MOST];
-    int32_t i[MOST], j[MOST];
+    int64_t from[MOST]; /* the first of the four pixels around each place */
     union {
         uint8_t bytes[4 * MOST];
         float reals[4 * MOST];
-    } pixels; /* two of the row above the places, and two of the row below */
+    } pixels; /* two of the row above the places, then two of the row below */
 } Places;
 
 /* Only the fetching goes place by place. */
@@ -47,7 +47,7 @@ typedef struct {
         const TYPE *from = (const TYPE *)s->picture->data + s->at;                                                                         \
         TYPE *above = HELD, *below = HELD + 2 * MOST;                                                                                      \
         for (index_t k = 0; k < count; k++) {                                                                                              \
-            const TYPE *two = from + ((index_t)w->j[k] * width + w->i[k]);                                                                 \
+            const TYPE *two = from + w->from[k];                                                                 \
             memcpy(above + 2 * k, two, 2 * sizeof(TYPE));                                                                                  \
             memcpy(below + 2 * k, two + width, 2 * sizeof(TYPE));                                                                          \
         }                                                                                                                                  \
@@ -72,7 +72,7 @@ INLINE void grey_levels(const Spot *s, Places *w, index_t count, float *out) {
         x = x < s->high_x ? x : s->high_x, y = y < s->high_y ? y : s->high_y;
         float i = floorf(x), j = floorf(y);
         i = i < last_x ? i : last_x, j = j < last_y ? j : last_y;
-        w->i[k] = (int32_t)i, w->j[k] = (int32_t)j;
+        w->from[k] = (int64_t)(int32_t)j * width + (int32_t)i;
         w->x[k] = x - i, w->y[k] = y - j;
     }
     if (s->picture->real)

@@ -8,7 +8,7 @@
 
 static const float KERNEL[MARGIN + 1] = {0.39894346f, 0.24197145f, 0.05399112f, 0.00443186f, 0.00013383f};
 
-/* One corner's surroundings. All arrays have rows of `stride`; `disc`, the weights, (2 half + 1) rows. */
+/* One corner's surroundings. All arrays have rows of `stride`. `disc`: 1 in the disc before its middle, the rest 0. */
 typedef struct {
     index_t half, stride;
     float *raw, *across, *smooth, *level, *disc;
@@ -38,9 +38,11 @@ EXPORT index_t rcdn_symmetry_room(index_t half) {
 
 INLINE void draw_disc(Room *room) {
     const index_t half = room->half;
-    for (index_t j = 0; j < 2 * half + 1; j++)
-        for (index_t i = 0; i < room->stride; i++)
-            room->disc[j * room->stride + i] = i <= 2 * half && (i - half) * (i - half) + (j - half) * (j - half) <= half * (half + 1);
+    for (index_t j = 0; j <= half; j++)
+        for (index_t i = 0; i < room->stride; i++) {
+            const int before = j < half ? i <= 2 * half : i < half;
+            room->disc[j * room->stride + i] = before && (i - half) * (i - half) + (j - half) * (j - half) <= half * (half + 1);
+        }
 }
 
 /* Smooth (2 half + 4)² pixels, the first of them at (x - half - 1, y - half - 1). */
@@ -97,7 +99,7 @@ INLINE void turned(const float *level, index_t stride, const float *other, int a
 /* Means of the even parts over the disc, which are no business of the estimate; `own`: the middle pixel's, without them. */
 INLINE void level_out(const Room *room, index_t first, index_t last, index_t middle, float mean[3], float own[3]) {
     float r = 0, gx = 0, gy = 0, weight = 0;
-    for (index_t k = 0; k < middle; k++) {
+    for (index_t k = 0; k < blocks(middle) * LANES; k++) {
         float t[3];
         turned(room->level + first + k, room->stride, room->level + last - k, 1, t);
         r += room->disc[k] * t[0];
@@ -120,7 +122,7 @@ INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
     float xx = 0, xy = 0, yy = 0, xr = 0, yr = 0, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
     if (anti)
         level_out(room, first, last, middle, mean, own);
-    for (index_t k = 0; k < middle; k++) {
+    for (index_t k = 0; k < blocks(middle) * LANES; k++) {
         float t[3];
         turned(room->level + first + k, room->stride, room->level + last - k, anti, t);
         const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]), gy = weight * (t[2] - mean[2]);

@@ -18,7 +18,7 @@ from rcdn.errors import RcdnError
 from rcdn.types import Array
 
 KINDS: dict[str, Any] = {
-    "f": np.float32, "d": np.float64, "b": np.uint8, "i": np.int32, "l": np.int64,
+    "f": np.float32, "d": np.float64, "b": np.uint8, "c": np.int8, "i": np.int32, "l": np.int64,
 }  # fmt: skip
 """letters of arrays; capitals are written to"""
 

@@ -1,11 +1,14 @@
-"""Links, cells and labels on boards whose corners are known."""
+"""Links, cells and labels on boards whose corners are known, and against slow versions among many corners."""
+
+import heapq
 
 import numpy as np
 import pytest
 from board_scene import VIEWS, View, board, scene, turn, view
 
+from rcdn.boards import graph
 from rcdn.boards.edges import edge_contrast
-from rcdn.boards.graph import Field, cells, label, links
+from rcdn.boards.graph import Field, cells, label, links, mutual, near_pairs, slot_of
 
 
 def neighbours(shown):
@@ -141,9 +144,133 @@ def test_edge_contrast_of_a_step():
     assert edge_contrast(grey, start[:0], end[:0]).shape == (0, 3)
 
 
-def test_edge_contrast_of_very_many_links():
-    """OpenCV's remap takes fewer than 32768 rows and columns."""
-    grey = np.zeros((40, 60), np.uint8)
-    grey[20:] = 100
-    start = np.tile([[10.0, 19.5]], (5000, 1))
-    assert edge_contrast(grey, start, start + np.array([20, 0])).min() > 99
+# ---- against slow versions
+
+
+def crowd(seed, spread=25.0, count=300):
+    """A field of corners on a lattice of squares, each a little off its place, in a picture of those squares; some are no corners."""
+    rng = np.random.default_rng(seed)
+    n = int(np.sqrt(count))
+    ij = np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)
+    xy = 20 + spread * ij + rng.normal(0, 0.05 * spread, ij.shape)
+    y, x = np.mgrid[: int(40 + spread * n), : int(40 + spread * n)]
+    grey = np.where((np.floor((x - 20) / spread) + np.floor((y - 20) / spread)) % 2 == 0, 200, 40).astype(np.uint8)
+    axes = np.sort(np.array([0, np.pi / 2]) + rng.normal(0, 0.12, (len(xy), 2)), axis=1) % np.pi
+    polarity = np.where(ij.sum(axis=1) % 2 == 0, 1, -1) * rng.choice([1, -1, 0], len(xy), p=[0.92, 0.04, 0.04])
+    contrast, response = rng.uniform(50, 200, len(xy)), rng.choice([0.5, 0.7, 0.9], len(xy))
+    strong, refined = rng.uniform(size=(2, len(xy))) < 0.97
+    return Field(grey, xy, axes, polarity, contrast, np.ones(len(xy)), response, strong, refined)
+
+
+def slow_links(field):
+    """As `links`, pair by pair, and all edges looked at."""
+    out = np.full((len(field.xy), 4), -1)
+    usable = np.flatnonzero(field.strong & field.refined & (field.polarity != 0))
+    i, j, length, angle = near_pairs(field.xy, usable, graph.NEIGHBOURS)
+    (one, turn_i), (other, turn_j) = field.side_colour(i, angle), field.side_colour(j, angle)
+    limit = np.where(length < graph.SMALL, graph.TOLERANCE_SMALL, graph.TOLERANCE)
+    shown = (edge_contrast(field.grey, field.xy[i], field.xy[j]) * one[:, None]).min(axis=1)
+    weaker = np.minimum(field.contrast[i], field.contrast[j])
+    fine = (turn_i < limit) & (turn_j < limit) & (one == -other) & (shown > graph.LEAST_CONTRAST * weaker)
+    for k in np.lexsort((j, -length)).tolist():
+        if fine[k]:
+            out[i[k], slot_of(field.axes[i[[k]]], angle[[k]])[0]] = j[k]
+    back = [[b >= 0 and a in out[b] for b in row] for a, row in enumerate(out)]
+    return np.where(back, out, -1)
+
+
+@pytest.mark.parametrize(("seed", "spread"), [(0, 25.0), (1, 8.0), (2, 14.0)])
+def test_links_are_those_of_all_pairs(seed, spread):
+    field = crowd(seed, spread)
+    found = links(field)
+    assert (found >= 0).sum() > 300
+    np.testing.assert_array_equal(found, slow_links(field))
+
+
+def test_mutual_links_are_the_shortest_of_their_slots():
+    rng = np.random.default_rng(4)
+    i, j = rng.integers(0, 30, (2, 400))
+    length, slot = rng.integers(1, 9, 400).astype(float), rng.integers(0, 6, 400)
+    best = np.full((30, 6), -1)
+    for k in np.lexsort((j, -length)).tolist():
+        best[i[k], slot[k]] = j[k]
+    expected = [[b if b >= 0 and a in best[b] else -1 for b in row] for a, row in enumerate(best.tolist())]
+    np.testing.assert_array_equal(mutual(np.full((30, 6), -1), i, j, length, slot), expected)
+
+
+def slow_cells(field, neighbour):
+    """{corners}: all fours in which each is linked to the next, that turn clockwise and have sides of like lengths."""
+    rows = [[n for n in row if n >= 0] for row in neighbour.tolist()]
+    out = set()
+    for a, row in enumerate(neighbour.tolist()):
+        for k in range(4):
+            b, d = row[k], row[(k + 1) % 4]
+            for c in set(rows[b]) & set(rows[d]) - {a} if b >= 0 and d >= 0 else ():
+                quad = field.xy[[a, b, c, d]]
+                edge = np.roll(quad, -1, axis=0) - quad
+                after, length = np.roll(edge, -1, axis=0), np.linalg.norm(edge, axis=1)
+                like = all(0.4 < length[m] / length[m + 2] < 2.5 for m in (0, 1))
+                if like and (edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]).all():
+                    out.add(frozenset((a, b, c, d)))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cells_are_all_regular_fours(seed):
+    """Also where links are chance."""
+    field = crowd(seed)
+    near = np.argsort(np.linalg.norm(field.xy[:, None] - field.xy, axis=2), axis=1)[:, 1:9]
+    chance = np.random.default_rng(seed).permuted(near, axis=1)[:, :4]
+    for neighbour in (links(field), np.ascontiguousarray(chance)):
+        found = cells(field, neighbour).tolist()
+        assert len(found) > 10
+        assert len(found) == len({frozenset(quad) for quad in found})
+        assert {frozenset(quad) for quad in found} == slow_cells(field, neighbour)
+
+
+def slow_label(field, quads):
+    """As `label`, cell by cell from a list of all that share an edge with the grid."""
+    quads = [tuple(quad) for quad in quads.tolist()]
+    score = [-field.response[list(quad)].min() for quad in quads]
+    edges = [{frozenset((quad[k], quad[k - 1])) for k in range(4)} for quad in quads]
+    left, grids = sorted(range(len(quads)), key=lambda q: (score[q], q)), []
+    while left:
+        at, where, heap = {}, {}, [(score[left[0]], left.pop(0))]
+        while heap:
+            n = heapq.heappop(heap)[1]
+            spots = ((0, 0), (1, 0), (1, 1), (0, 1)) if not at else continued(where, quads[n])
+            if not spots or any(
+                at.get(s, c) != c or where.get(c, s) != s for c, s in zip(quads[n], spots, strict=True)
+            ):
+                continue
+            at |= dict(zip(spots, quads[n], strict=True))
+            where |= dict(zip(quads[n], spots, strict=True))
+            for other in [m for m in left if edges[m] & edges[n]]:
+                left.remove(other)
+                heapq.heappush(heap, (score[other], other))
+        grids.append(at)
+    return grids
+
+
+def continued(where, quad):
+    """Labels of a cell from the first of its edges that is labelled."""
+    for k in range(4):
+        a, b = quad[k], quad[(k + 1) % 4]
+        if a in where and b in where:
+            u, v = where[a]
+            du, dv = where[b][0] - u, where[b][1] - v
+            spots = [(u, v), (u + du, v + dv), (u + du - dv, v + dv + du), (u - dv, v + du)]
+            return [spots[(n - k) % 4] for n in range(4)] if abs(du) + abs(dv) == 1 else None
+    return None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_are_those_of_the_slow_flood_fill(seed):
+    field = crowd(seed)
+    near = np.argsort(np.linalg.norm(field.xy[:, None] - field.xy, axis=2), axis=1)[:, 1:6]
+    chance = np.random.default_rng(seed).permuted(near, axis=1)[:, :4]
+    for neighbour in (links(field), np.ascontiguousarray(chance)):
+        quads = np.random.default_rng(seed).permutation(cells(field, neighbour))
+        grids = label(field, quads)
+        assert [list(g.items()) for g in grids] == [list(g.items()) for g in slow_label(field, quads)]
+        assert len(grids) > 1

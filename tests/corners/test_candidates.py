@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rcdn.config import Adaptive, DetectorConfig, Fixed, Refine
-from rcdn.corners import find_candidates, pitches
+from rcdn.corners import find_candidates
+from rcdn.corners.peaks import nearest_other
 from rcdn.types import Status
 
 GREY = ((np.indices((120, 160)) // 20).sum(axis=0) % 2 * 150 + 50).astype(np.uint8)
@@ -70,8 +71,8 @@ def test_a_flat_map_is_not_rescued():
 def test_pitch_is_the_distance_to_the_nearest_strong_corner_that_is_another_one():
     xy = np.array([[0.0, 0], [20, 0], [21, 0], [20, 30], [90, 90]])
     strong = np.array([True, True, True, True, False])
-    np.testing.assert_allclose(pitches(xy, strong)[:4], [20, 20, 21, 30.0], atol=0.02)
-    assert pitches(xy, np.array([True] + [False] * 4)).tolist() == [20.0] * 5
+    np.testing.assert_allclose(nearest_other(xy[strong], xy)[:4], [20, 20, 21, 30.0], atol=0.02)
+    assert nearest_other(xy[:1], xy).tolist() == [20.0] * 5
 
 
 def test_sorted_by_response_then_x_then_y():

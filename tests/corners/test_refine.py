@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 from rcdn.config import Refine
 from rcdn.corners.adaptive import adaptive_fit, nearest_pitch
 from rcdn.corners.refine import com_offset, edge_position, mix, parabola_offset, peak_offset, refine
-from rcdn.corners.saddle import rochade, smooth_fit, surface_fit
+from rcdn.corners.saddle import rochade, smooth_fit, surface_fit, surface_fits
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.errors import RcdnError
 from rcdn.types import Status
@@ -105,6 +105,35 @@ def test_paper_fit_equals_filter_then_least_squares():
     saddle = np.linalg.solve([[2 * a1, a2], [a2, 2 * a3]], [-a4, -a5])
     assert np.abs(saddle).max() < 1  # no second fit
     np.testing.assert_allclose(surface_fit(grey, seed[None], rochade(2))[0], seed + saddle, atol=1e-8)
+
+
+@pytest.mark.parametrize("half", [2, 4, 8])
+def test_smooth_fit_equals_blur_then_weighted_least_squares(half):
+    """The combined matrix against its two steps written out, at seeds where the window needn't move."""
+    grey, truth, _ = board(pitch=30, noise=5)
+    seeds = np.rint(truth).astype(int)
+    found = surface_fit(grey, seeds, smooth_fit(half))
+    near = (np.abs(found - seeds) < 0.5).all(axis=1)
+    assert near.sum() > 20
+    sigma = max(0.7, 0.35 * half)
+    grow = int(np.ceil(3 * sigma))
+    smooth = gaussian_filter(grey.astype(float), sigma, mode="nearest", radius=grow)
+    y, x = (v.ravel() for v in np.mgrid[-half : half + 1, -half : half + 1])
+    root = np.exp(-(x**2 + y**2) / (4 * (0.5 * half) ** 2))[:, None]
+    basis = np.stack((x * x, x * y, y * y, x, y, np.ones(len(x))), axis=1) * root
+    for (x0, y0), xy in zip(seeds[near], found[near], strict=True):
+        window = smooth[y0 - half : y0 + half + 1, x0 - half : x0 + half + 1].reshape(-1, 1) * root
+        a1, a2, a3, a4, a5, _ = np.linalg.lstsq(basis, window[:, 0], rcond=None)[0]
+        np.testing.assert_allclose(xy - (x0, y0), np.linalg.solve([[2 * a1, a2], [a2, 2 * a3]], [-a4, -a5]), atol=1e-6)
+
+
+def test_each_corner_by_its_own_fit():
+    grey, truth, _ = board(pitch=20, noise=10)
+    seeds, fits = np.rint(truth).astype(int), (smooth_fit(3), rochade(2), smooth_fit(8))
+    which = np.arange(len(seeds)) % 3
+    found = surface_fits(grey, seeds, fits, which)
+    for k, fit in enumerate(fits):
+        np.testing.assert_array_equal(found[which == k], surface_fit(grey, seeds[which == k], fit))
 
 
 @pytest.mark.parametrize("half", [None, 2])

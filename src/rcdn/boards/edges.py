@@ -39,7 +39,8 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
     step = np.empty((len(start), 2))
     _steps(grey, _plane(start), _plane(end), len(start), step)
     near, far = step.T
-    return float(np.median(near / np.where(np.abs(far) > 1e-6, far, np.inf)))
+    share = np.sort(near / np.where(np.abs(far) > 1e-6, far, np.inf))
+    return float(share[(len(share) - 1) // 2] + share[len(share) // 2]) / 2
 
 
 def sample_grey(grey: Array, xy: Array) -> Array:

@@ -156,7 +156,7 @@ def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
 def cells(field: Field, neighbour: Array) -> Array:
     """Quadrilaterals (Q, 4) of links, corners a, b, c, d turning clockwise on the screen, each once, convex and not absurdly skewed."""
     count = len(neighbour)
-    room = 12 * int((neighbour >= 0).any(axis=1).sum())
+    room = 4 * int(np.count_nonzero(neighbour >= 0))
     quads = np.empty((room, 4), np.int64)
     held = np.empty(count, np.int64), np.empty(room, np.int64)
     xy = np.ascontiguousarray(field.xy, np.float64)

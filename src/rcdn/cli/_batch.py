@@ -12,7 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.errors import ConfigError, DependencyError, OutputError, RcdnError
 
 if TYPE_CHECKING:
     from rcdn.cli._cache import Cache
@@ -56,14 +56,14 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What became of one picture: its detections, or a failure, or both if only the drawing failed.
+    """What became of one picture: its detections (as `Work.pack` packs them), or a failure, or both if only the drawing failed.
 
     `stop`: there is no place to write to, so that going on would be of no use.
     """
 
     index: int
     name: str
-    outcomes: tuple[ImageResult | Failure, ...]
+    outcomes: tuple[Any, ...]
     stop: OutputError | None = None
 
 
@@ -177,22 +177,42 @@ def _put(item: Any, waiting: queue.Queue[Any], stop: threading.Event) -> bool:
 
 
 def make_detector(config: DetectorConfig) -> Any:
-    """A Detector; a function of its own so that worker processes can find it, and import it late."""
+    """A Detector; a function of its own so that worker processes can find it, and import it late.
+
+    Raises DependencyError if it should compute on a graphics card and this ONNX Runtime can't.
+    """
     from rcdn.detector import Detector
 
+    if config.device == "cuda":
+        _check_cuda()
+
     return Detector(config)
+
+
+def _check_cuda() -> None:
+    import onnxruntime
+
+    has = onnxruntime.get_available_providers()
+    if "CUDAExecutionProvider" not in has:
+        raise DependencyError(
+            f"--device cuda: this ONNX Runtime has no CUDA, only {', '.join(has)}; "
+            "pip uninstall onnxruntime, then pip install onnxruntime-gpu, or use --device auto"
+        )
 
 
 class Work:
     """What is done to each picture: read, detect, draw, each only if it is still to do.
 
-    `make`: makes the detector, at the first picture that needs it. Goes to worker processes, so `make` must be a
-    function that can be found by its name, or a partial of one.
+    `make`: makes the detector, at the first picture that needs it; `pack`: what to give of each result instead of the result itself.
+    Goes to worker processes, so both must be functions that can be found by their names, or partials of such.
     """
 
-    def __init__(self, make: Callable[[], Any], cache: Cache | None = None) -> None:
+    def __init__(
+        self, make: Callable[[], Any], cache: Cache | None = None, pack: Callable[[ImageResult], Any] | None = None
+    ) -> None:
         self.make = make
         self.cache = cache
+        self.pack = pack
         self._detector: Any = None
 
     def prepare(self) -> None:
@@ -204,22 +224,31 @@ class Work:
         """False if nothing is left that takes long."""
         return not picture.error and (picture.known is None or picture.overlay is not None)
 
+    def loaded(self, picture: Picture) -> Picture:
+        """`picture` with its pixels if it needs them, or with the error that there are none. Raises nothing."""
+        if picture.grey is not None or not self.needed(picture):
+            return picture
+        from rcdn.io import read_image
+
+        try:
+            return replace(picture, grey=read_image(picture.path or picture.name))
+        except Exception as error:  # whatever a decoder does
+            return replace(picture, error=explain(error, picture.name))
+
     def __call__(self, picture: Picture) -> Done:
         """Whatever goes wrong with this picture is in what it returns; only interrupts, and `make`'s errors, get out."""
+        if self.needed(picture) and picture.known is None:
+            self.prepare()
+        picture = self.loaded(picture)
         if picture.error:
             return Done(picture.index, picture.name, (Failure(picture.name, picture.error),))
-        if picture.known is None:
-            self.prepare()
-        outcomes: list[ImageResult | Failure] = []
+        outcomes: list[Any] = []
         stop = None
         try:
-            grey = picture.grey
-            if grey is None and self.needed(picture):
-                grey = _read(picture)
-            result = self._detect(picture, grey) if picture.known is None else picture.known
-            outcomes.append(result)
-            if picture.overlay is not None and grey is not None:
-                _draw(picture.overlay, grey, result)
+            result = picture.known or self._detect(picture, picture.grey)
+            outcomes.append(result if self.pack is None else self.pack(result))
+            if picture.overlay is not None and picture.grey is not None:
+                _draw(picture.overlay, picture.grey, result)
         except OutputError as error:
             stop = error
         except Exception as error:  # one bad picture must not take the others with it
@@ -235,12 +264,6 @@ class Work:
         if self.cache is not None and picture.key:
             self.cache.keep(picture.key, result)
         return result
-
-
-def _read(picture: Picture) -> Array:
-    from rcdn.io import read_image
-
-    return read_image(picture.path or picture.name)
 
 
 def _draw(file: Path, grey: Array, result: ImageResult) -> None:

@@ -1,35 +1,36 @@
-"""Pictures on all cores: a few processes, each with its own detector, that survive the death of one of them."""
+"""Many pictures and several workers: who gets which picture, results in order, and no loss when a worker dies.
+
+Where the workers are is a `Crew`'s matter: processes of this machine (`_processes`), or actors of a Ray cluster (`_ray`).
+"""
 
 from __future__ import annotations
 
-import contextlib
 import os
-import signal
-import sys
 import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing import connection, get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rcdn.cli._batch import Done, Failure, Picture, Work
 from rcdn.errors import RcdnError
 
 if TYPE_CHECKING:
     from rcdn.config import DetectorConfig
-    from rcdn.io import ImageResult
 
 FEW = 2
 """Pictures for which starting processes takes longer than it saves."""
+HAND = 2
+"""Pictures a worker has at once: it computes the first, and reads the other meanwhile."""
 BEHIND = 16
-"""Pictures a process that may be done while the first of them is not: results that wait for their turn stay few."""
+"""Pictures a worker that may be done while the first of them is not: results that wait for their turn stay few."""
 STILLBORN = 3
-"""Processes in a row that may end before they begin."""
+"""Workers in a row that may end before they begin."""
 PATIENCE = 3.0
-"""Seconds that a process has to end after it was told to."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Seconds that a worker has to end after it was told to."""
+LOST = object()
+"""What is heard of a worker that died."""
 
 
 def usable_cores() -> int:
@@ -60,54 +61,67 @@ def compute(pictures: Iterable[Picture], work: Work, jobs: int) -> Generator[Don
     Raises what making the detector raises, and RcdnError if no process can be started. Close the generator to end the processes
     early; pictures that are not done are lost then.
     """
-    if jobs > 1:
-        return _Pool(work, jobs).run(pictures)
-    return (work(picture) for picture in pictures)
+    if jobs == 1:
+        return (work(picture) for picture in pictures)
+    from rcdn.cli._processes import Processes
+
+    return share_out(pictures, work, Processes(work), jobs)
+
+
+def share_out(pictures: Iterable[Picture], work: Work, crew: Crew, jobs: int) -> Generator[Done, None, None]:
+    """`compute` with at most `jobs` workers of the `crew`."""
+    return _Pool(work, crew, jobs).run(pictures)
 
 
 @dataclass(eq=False)
-class _Item:
-    """A picture on its way: its `number` in the order; `again`: it was in a process that died."""
+class Item:
+    """A picture on its way: its `number` in the order; `deaths` of workers that were computing it; `alone`: only it may be computed."""
 
     number: int
     picture: Picture
-    again: bool = False
+    deaths: int = 0
+    alone: bool = False
 
 
-class _Worker:
-    """One process: `ready` once its detector is made; `item`: what it computes, None if it waits."""
+class Worker(Protocol):
+    """One that computes, somewhere: `ready` once its detector is made; `items`: what it has, in the order in which it computes."""
 
-    def __init__(self, work: Work) -> None:
-        context = get_context("spawn")  # fork would copy the locks of other threads: OpenCV's, ONNX Runtime's
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, work), name="rcdn-worker", daemon=True)
-        try:
-            with _no_interrupts():
-                self.process.start()
-        finally:
-            theirs.close()  # then only the process holds its end, and its death ends our reading
-        self.ready = False
-        self.item: _Item | None = None
+    ready: bool
+    items: deque[Item]
 
-    def end(self, deadline: float) -> int | None:
-        """End the process, by force after `deadline`; its exit code."""
-        self.pipe.close()
-        self.process.join(max(0.0, deadline - time.monotonic()))
-        if self.process.exitcode is None:
-            self.process.kill()
-            self.process.join()
-        code = self.process.exitcode
-        self.process.close()
-        return code
+    def send(self, picture: Picture) -> None:
+        """Give it a picture. Raises OSError if it is dead."""
+
+    def dismiss(self) -> None:
+        """Tell it to end, whatever it does now."""
+
+    def end(self, deadline: float) -> str:
+        """End it, by force after `deadline` (time.monotonic); why it ended."""
+
+
+class Crew(Protocol):
+    """Where workers come from, and where they are heard. `instead`: the option to try if none can be started."""
+
+    instead: str
+
+    def start(self) -> Worker:
+        """A new worker; it isn't waited for."""
+
+    def hear(self, workers: Sequence[Any]) -> list[tuple[Any, Any]]:
+        """Wait until a worker has something to say: None (it is ready), a Done of its first picture, an error or LOST."""
+
+    def uninterrupted(self) -> Any:
+        """A context in which Ctrl-C waits."""
 
 
 class _Pool:
-    def __init__(self, work: Work, jobs: int) -> None:
+    def __init__(self, work: Work, crew: Crew, jobs: int) -> None:
         self._work = work
+        self._crew = crew
         self._jobs = jobs
-        self._workers: list[_Worker] = []
-        self._new: deque[_Item] = deque()
-        self._again: deque[_Item] = deque()
+        self._workers: list[Worker] = []
+        self._new: deque[Item] = deque()
+        self._again: deque[Item] = deque()
         self._done: dict[int, Done] = {}
         self._taken = 0
         self._given = 0
@@ -125,168 +139,114 @@ class _Pool:
                     self._given += 1
                 if not more and self._given == self._taken:
                     return
-                if any(w.item is not None or not w.ready for w in self._workers):
-                    self._collect()
+                if any(w.items or not w.ready for w in self._workers):
+                    for worker, message in self._crew.hear(self._workers):
+                        self._heard(worker, message)
         finally:
             self._close()
 
     def _take(self, source: Iterator[Picture]) -> bool:
-        """Take as many pictures as can be begun at once; False if there are no more."""
+        """Take as many pictures as can be begun soon; False if there are no more."""
+        each = HAND + 1 if any(w.ready for w in self._workers) else 1
         while self._taken - self._given < BEHIND * self._jobs:
-            if len(self._new) >= self._jobs - sum(w.item is not None for w in self._workers):
+            if len(self._new) + sum(len(w.items) for w in self._workers) >= each * self._jobs:
                 break
             picture = next(source, None)
             if picture is None:
                 return False
             if self._work.needed(picture):
-                self._new.append(_Item(self._taken, picture))
+                self._new.append(Item(self._taken, picture))
             else:
                 self._done[self._taken] = self._work(picture)
             self._taken += 1
         return True
 
     def _hand_out(self) -> None:
-        """Give waiting processes something to do, and start one where there is more to do than that."""
+        """Give waiting workers something to do, and start one where there is more to do than that."""
         waiting, room = self._queue()
-        idle = [w for w in self._workers if w.ready and w.item is None]
+        idle = [w for w in self._workers if w.ready and not w.items]
         wanted = min(len(waiting), room) - len(idle) - sum(not w.ready for w in self._workers)
         for _ in range(min(wanted, self._jobs - len(self._workers))):
-            self._workers.append(_Worker(self._work))
-        for worker, item in zip(
-            idle, [waiting.popleft() for _ in range(min(len(idle), len(waiting), room))], strict=False
-        ):
-            self._send(worker, item)
+            self._workers.append(self._crew.start())
+        for worker in idle[:room]:
+            if waiting:
+                self._send(worker, waiting.popleft())
+        if waiting is self._new:
+            self._fill_hands()
 
-    def _queue(self) -> tuple[deque[_Item], int]:
-        """What comes next, and how many of it at once. A picture whose process died goes alone: memory may have run out."""
-        busy = [w.item for w in self._workers if w.item is not None]
-        if any(item.again for item in busy) or (self._again and busy):
+    def _queue(self) -> tuple[deque[Item], int]:
+        """What comes next, and how many of it at once. A picture whose worker died goes alone: memory may have run out."""
+        busy = [item for w in self._workers for item in w.items]
+        if any(item.alone for item in busy) or (self._again and busy):
             return deque(), 0
         return (self._again, 1) if self._again else (self._new, self._jobs)
 
-    def _send(self, worker: _Worker, item: _Item) -> None:
-        worker.item = item
+    def _fill_hands(self) -> None:
+        """Let workers read ahead; the last pictures wait for whoever is done first."""
+        for worker in list(self._workers):
+            while worker.ready and worker.items and len(worker.items) < HAND and len(self._new) > self._jobs:
+                self._send(worker, self._new.popleft())
+
+    def _send(self, worker: Worker, item: Item) -> None:
         try:
-            worker.pipe.send(item.picture)
-        except OSError:  # it died while it waited: nothing to hold against the picture
-            worker.item = None
-            self._back(item)
-            self._bury(worker)
+            worker.send(item.picture)
+        except OSError:  # it died while it waited: nothing to hold against this picture
+            (self._again if item.alone else self._new).appendleft(item)
+            self._lost(worker)
+        else:
+            worker.items.append(item)
 
-    def _back(self, item: _Item) -> None:
-        (self._again if item.again else self._new).appendleft(item)
-
-    def _collect(self) -> None:
-        """Wait until a process has something to say, and hear all that do."""
-        speaking = connection.wait([w.pipe for w in self._workers])
-        for worker in [w for w in self._workers if w.pipe in speaking]:
-            try:
-                message = worker.pipe.recv()
-            except (EOFError, OSError):
-                self._lost(worker)
-                continue
-            if isinstance(message, Exception):
-                raise message
-            self._heard(worker, message)
-
-    def _heard(self, worker: _Worker, message: Done | None) -> None:
-        if message is None:
+    def _heard(self, worker: Worker, message: Any) -> None:
+        if message is LOST:
+            self._lost(worker)
+        elif isinstance(message, Exception):
+            raise message
+        elif message is None:
             worker.ready, self._stillborn = True, 0
-        elif worker.item is not None:
-            self._done[worker.item.number] = _frozen(message)
-            worker.item = None
+        else:
+            self._done[worker.items.popleft().number] = _frozen(message)
 
-    def _lost(self, worker: _Worker) -> None:
-        """A process died: its picture gets a second chance, and then is given up."""
-        code, item = self._bury(worker), worker.item
+    def _lost(self, worker: Worker) -> None:
+        """A worker died. The picture that it computed gets a second chance, and then is given up; it hadn't begun the others."""
+        self._workers.remove(worker)
+        cause = worker.end(time.monotonic() + PATIENCE)
         if not worker.ready:
             self._stillborn += 1
             if self._stillborn >= STILLBORN:
-                raise RcdnError(f"the processes that should compute end at once ({_cause(code)}); use --jobs 1")
-        elif item is not None and item.again:
-            name = item.picture.name
-            message = f"{name}: the process that computed it ended twice ({_cause(code)}); use a smaller picture"
-            self._done[item.number] = Done(item.picture.index, name, (Failure(name, message),))
-        elif item is not None:
-            self._again.append(replace(item, again=True))
-
-    def _bury(self, worker: _Worker) -> int | None:
-        self._workers.remove(worker)
-        return worker.end(time.monotonic() + PATIENCE)
+                raise RcdnError(f"the processes that should compute end at once ({cause}); use {self._crew.instead}")
+        for place, item in enumerate(worker.items):
+            again = replace(item, deaths=item.deaths + (place == 0), alone=True)
+            if again.deaths > 1:
+                self._done[item.number] = _given_up(item.picture)
+            else:
+                self._again.append(again)
 
     def _close(self) -> None:
-        """End all processes: those that wait see their pipe close, the others are told to."""
-        with _no_interrupts():
+        """End all workers: those that wait see that there is no more, the others are told to."""
+        with self._crew.uninterrupted():
             for worker in self._workers:
-                if worker.item is not None or not worker.ready:
-                    worker.process.terminate()
-                worker.pipe.close()
+                worker.dismiss()
             deadline = time.monotonic() + PATIENCE
             for worker in self._workers:
                 worker.end(deadline)
             self._workers.clear()
 
 
-def _cause(code: int | None) -> str:
-    if code is not None and code < 0:
-        with contextlib.suppress(ValueError):
-            name = signal.Signals(-code).name
-            return f"{name}: most often too little memory" if name == "SIGKILL" else name
-    return f"exit code {code}"
+def _given_up(picture: Picture) -> Done:
+    """The same words whatever killed the processes, and wherever they were: they are in the file of detections."""
+    name = picture.name
+    message = (
+        f"{name}: two processes ended while they computed it, most often for too little memory; use a smaller picture"
+    )
+    return Done(picture.index, name, (Failure(name, message),))
 
 
 def _frozen(done: Done) -> Done:
     """`done` with arrays that nobody can change: on the way between processes they lose that."""
-    return replace(done, outcomes=tuple(o if isinstance(o, Failure) else _rebuilt(o) for o in done.outcomes))
+    from rcdn.io import ImageResult
+
+    return replace(done, outcomes=tuple(_rebuilt(o) if isinstance(o, ImageResult) else o for o in done.outcomes))
 
 
-def _rebuilt(result: ImageResult) -> ImageResult:
+def _rebuilt(result: Any) -> Any:
     return replace(result, corners=replace(result.corners), boards=tuple(replace(b) for b in result.boards))
-
-
-@contextlib.contextmanager
-def _no_interrupts() -> Iterator[None]:
-    """Ctrl-C comes afterwards; a process that is started meanwhile never gets it: the first one decides."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()  # or the start would do it, and lift the mask
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-# ---- in the process
-
-
-def _serve(pipe: Any, work: Work) -> None:
-    """Say None when ready, or why not; then answer each picture with a Done until the pipe closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
-    for name in _THREADS:  # before numpy comes: the cores are shared out already
-        os.environ.setdefault(name, "1")
-    with contextlib.suppress(EOFError, OSError):  # the first process is gone, or needs nothing more
-        try:
-            _one_thread()
-            work.prepare()
-        except Exception as error:
-            pipe.send(error if isinstance(error, RcdnError) else RcdnError(f"{type(error).__name__}: {error}"))
-            return
-        pipe.send(None)
-        while True:
-            pipe.send(work(pipe.recv()))
-
-
-def _one_thread() -> None:
-    import cv2
-
-    cv2.setNumThreads(1)
-
-
-def _leave(*_: object) -> None:
-    """SIGTERM: clean up (a file that is being written), then go."""
-    sys.exit(128 + signal.SIGTERM)

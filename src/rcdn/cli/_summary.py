@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rcdn.cli._batch import Failure
@@ -11,9 +12,41 @@ from rcdn.cli._group import one_line
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
-    from rcdn.types import Board
 
 Size = tuple[int, int]
+LIST_UP_TO = 20
+"""Up to that many pictures the summary has a line for each."""
+
+
+@dataclass(frozen=True)
+class BriefBoard:
+    """What the summary says of a board: its `size` (columns, rows), its number of `corners`, as `rcdn.types.Board` has them."""
+
+    size: Size
+    complete: bool
+    corners: int
+    pattern: str
+
+
+@dataclass(frozen=True)
+class Brief:
+    """What the end of a run needs of one picture: little, so that results neither pile up nor take long to come from a worker.
+
+    `line`: the picture's line in the file of detections; "" if nobody wants one.
+    """
+
+    path: str
+    corners: int
+    boards: tuple[BriefBoard, ...]
+    line: str
+
+
+def brief(result: ImageResult, lines: bool = False) -> Brief:
+    """`result` in short; `lines`: with its line for the file."""
+    from rcdn.io import image_line
+
+    boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern) for b in result.boards)
+    return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "")
 
 
 def size_text(size: Size) -> str:
@@ -26,22 +59,22 @@ def same(a: Size, b: Size) -> bool:
     return sorted(a) == sorted(b)
 
 
-def found(board: Board, wanted: Size | None) -> bool:
+def found(board: BriefBoard, wanted: Size | None) -> bool:
     """True if the board is complete and, if a size is `wanted`, has that size."""
     return board.complete and (wanted is None or same(board.size, wanted))
 
 
-def status(image: ImageResult, wanted: Size | None) -> str:
+def status(image: Brief, wanted: Size | None) -> str:
     """`complete`, `partial` or `none`: the best that this picture has."""
     if any(found(b, wanted) for b in image.boards):
         return "complete"
     return "partial" if image.boards else "none"
 
 
-def board_text(board: Board, wanted: Size | None) -> str:
+def board_text(board: BriefBoard, wanted: Size | None) -> str:
     """`9×6`, or `8×6 partial (41 of 48)`, or `deltille (98 corners)`; of a board that can't be part of the `wanted` one, what it is instead."""
     if board.pattern != "checker":
-        return f"{board.pattern} ({len(board)} corners)"
+        return f"{board.pattern} ({board.corners} corners)"
     size = size_text(board.size)
     if found(board, wanted):
         return size
@@ -49,10 +82,10 @@ def board_text(board: Board, wanted: Size | None) -> str:
     fits = all(a <= b for a, b in zip(sorted(board.size), sorted(whole), strict=True))
     if not fits:
         return f"{size} partial (not {size_text(whole)})"
-    return f"{size} partial ({len(board)} of {whole[0] * whole[1]})"
+    return f"{size} partial ({board.corners} of {whole[0] * whole[1]})"
 
 
-def line(outcome: ImageResult | Failure, wanted: Size | None) -> tuple[str, str]:
+def line(outcome: Brief | Failure, wanted: Size | None) -> tuple[str, str]:
     """(name, what was found in it) for the list of pictures."""
     if isinstance(outcome, Failure):
         message = outcome.message.removeprefix(f"{outcome.name}: ")
@@ -60,53 +93,84 @@ def line(outcome: ImageResult | Failure, wanted: Size | None) -> tuple[str, str]
     if outcome.boards:
         boards = ", ".join(board_text(b, wanted) for b in outcome.boards)
         return one_line(outcome.path), boards
-    return one_line(outcome.path), f"no board ({len(outcome.corners)} corners)"
+    return one_line(outcome.path), f"no board ({outcome.corners} corners)"
 
 
-def picture_lines(outcomes: Sequence[ImageResult | Failure], wanted: Size | None) -> list[str]:
+def picture_lines(outcomes: Sequence[Brief | Failure], wanted: Size | None) -> list[str]:
     """One line a picture, in columns."""
     rows = [line(o, wanted) for o in outcomes]
     width = max((len(name) for name, _ in rows), default=0)
     return [f"{name:<{width}}  {text}" for name, text in rows]
 
 
-def table(outcomes: Sequence[ImageResult | Failure], wanted: Size | None, seconds: float) -> list[str]:
-    """Two lines: names and numbers. `complete`, `partial`, `none` and `failed` count pictures by their best board."""
-    images = [o for o in outcomes if not isinstance(o, Failure)]
-    counts = Counter(status(i, wanted) for i in images)
-    cells = {
-        "pictures": str(len({o.name if isinstance(o, Failure) else o.path for o in outcomes})),
-        "complete": str(counts["complete"]),
-        "partial": str(counts["partial"]),
-        "none": str(counts["none"]),
-        "failed": str(len(outcomes) - len(images)),
-        "boards": str(sum(len(i.boards) for i in images)),
-        "corners": str(sum(len(i.corners) for i in images)),
-        "seconds": f"{seconds:.1f}",
-    }
-    widths = [max(len(k), len(v)) for k, v in cells.items()]
-    return ["  ".join(f"{c:>{w}}" for c, w in zip(row, widths, strict=True)) for row in (cells, cells.values())]
+class Tally:
+    """Counts what comes, picture by picture. `wanted`: the only size of board that counts as complete; None: any."""
 
+    def __init__(self, wanted: Size | None) -> None:
+        self.images = 0
+        self.failures: list[Failure] = []
+        self._wanted = wanted
+        self._first: list[Brief | Failure] = []
+        self._counts: Counter[str] = Counter()
+        self._failed_only: set[str] = set()
+        self._last = ""
+        self._sizes: set[Size] = set()
+        self._with_complete = 0
 
-def size_hint(images: Sequence[ImageResult], wanted: Size | None) -> str | None:
-    """A guess at what the user meant, if complete boards were found but all of one size that isn't `wanted`.
+    def add(self, outcome: Brief | Failure) -> None:
+        """Count one outcome; a picture with two of them (its drawing failed) is one picture."""
+        if len(self._first) <= LIST_UP_TO:
+            self._first.append(outcome)
+        if isinstance(outcome, Failure):
+            self.failures.append(outcome)
+            if outcome.name != self._last:
+                self._failed_only.add(outcome.name)
+            return
+        self.images += 1
+        self._last = outcome.path
+        self._counts[status(outcome, self._wanted)] += 1
+        self._counts["boards"] += len(outcome.boards)
+        self._counts["corners"] += outcome.corners
+        complete = {_wide(b.size) for b in outcome.boards if b.complete}
+        self._sizes |= complete
+        self._with_complete += bool(complete)
 
-    Most often squares were counted instead of inner corners.
-    """
-    if wanted is None:
-        return None
-    sizes = {_wide(b.size) for i in images for b in i.boards if b.complete}
-    if len(sizes) != 1 or _wide(wanted) in sizes:
-        return None
-    cols, rows = size = sizes.pop()
-    if wanted[0] < wanted[1]:
-        cols, rows = size = rows, cols
-    count = sum(any(b.complete for b in i.boards) for i in images)
-    ask = f"did you mean --board {cols}x{rows}?"
-    seen = f"found {size_text(size)} in {count} of {len(images)} pictures"
-    if same((cols + 1, rows + 1), wanted):
-        return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
-    return f"{seen}, and {size_text(wanted)} in none; {ask}"
+    def lines(self, seconds: float) -> list[str]:
+        """A line for each picture if there are few, the table, and a hint if there is one."""
+        few = len(self._first) <= LIST_UP_TO
+        hint = self._size_hint()
+        listed = [*picture_lines(self._first, self._wanted), ""] if few else []
+        return [*listed, *self._table(seconds), *([f"hint: {hint}"] if hint else [])]
+
+    def _table(self, seconds: float) -> list[str]:
+        """Two lines: names and numbers. `complete`, `partial`, `none` and `failed` count pictures by their best board."""
+        counts = self._counts
+        cells = {
+            "pictures": str(self.images + len(self._failed_only)),
+            **{name: str(counts[name]) for name in ("complete", "partial", "none")},
+            "failed": str(len(self.failures)),
+            **{name: str(counts[name]) for name in ("boards", "corners")},
+            "seconds": f"{seconds:.1f}",
+        }
+        widths = [max(len(k), len(v)) for k, v in cells.items()]
+        return ["  ".join(f"{c:>{w}}" for c, w in zip(row, widths, strict=True)) for row in (cells, cells.values())]
+
+    def _size_hint(self) -> str | None:
+        """A guess at what the user meant, if complete boards were found but all of one size that isn't the wanted one.
+
+        Most often squares were counted instead of inner corners.
+        """
+        wanted = self._wanted
+        if wanted is None or len(self._sizes) != 1 or _wide(wanted) in self._sizes:
+            return None
+        cols, rows = size = next(iter(self._sizes))
+        if wanted[0] < wanted[1]:
+            cols, rows = size = rows, cols
+        ask = f"did you mean --board {cols}x{rows}?"
+        seen = f"found {size_text(size)} in {self._with_complete} of {self.images} pictures"
+        if same((cols + 1, rows + 1), wanted):
+            return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
+        return f"{seen}, and {size_text(wanted)} in none; {ask}"
 
 
 def _wide(size: Size) -> Size:

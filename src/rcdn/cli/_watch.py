@@ -15,6 +15,10 @@ from rcdn.evaluation.bench.resident import resident
 Compute = Callable[..., Generator[Any, None, None]]
 
 
+OFTEN = 0.05
+"""Seconds between two looks at the memory: with many processes a look takes as long as a picture."""
+
+
 def watched(compute: Compute, samples: Path) -> Compute:
     """`compute`, writing a line `seconds,pictures,now MB,peak MB` to `samples` as each picture is done.
 
@@ -24,9 +28,12 @@ def watched(compute: Compute, samples: Path) -> Compute:
 
     def run(*arguments: Any) -> Generator[Any, None, None]:
         with samples.open("w") as file, closing(compute(*arguments)) as results:
+            memory, looked = "", -OFTEN
             for number, done in enumerate(results, start=1):
                 seconds = time.perf_counter() - start
-                file.write(f"{seconds:.4f},{number},{_together('VmRSS')},{_together('VmHWM')}\n")
+                if seconds - looked >= OFTEN:
+                    memory, looked = f"{_together('VmRSS')},{_together('VmHWM')}", seconds
+                file.write(f"{seconds:.4f},{number},{memory}\n")
                 yield done
 
     return run
@@ -40,11 +47,14 @@ def _together(field: str) -> str:
 
 
 def main(folder: str, jobs: str, samples: str) -> None:
-    """Detect in all pictures of `folder`; the detections go beside `samples`."""
+    """Detect in all pictures of `folder`; the detections go beside `samples`, as does the most that this process had."""
     from rcdn.cli import _pool, app
 
     _pool.compute = watched(_pool.compute, Path(samples))
-    app(["detect", folder, "--jobs", jobs, "--json", str(Path(samples).with_suffix(".json"))])
+    try:
+        app(["detect", folder, "--jobs", jobs, "--json", str(Path(samples).with_suffix(".json"))])
+    finally:
+        Path(samples).with_suffix(".end").write_text(str(resident("VmHWM") or ""))
 
 
 if __name__ == "__main__":

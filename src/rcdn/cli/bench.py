@@ -56,8 +56,15 @@ def bench(
     parts: Annotated[str, typer.Option(metavar="NAME,…|none", help="Of speed, first and memory.")] = ",".join(PARTS),
     stages: Annotated[bool, typer.Option("--stages", help="Also what each stage of our detector takes.")] = False,
     folder: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Also `rcdn detect` over N rendered pictures, with 1 and 2 jobs.")
+        int, typer.Option(min=0, metavar="N", help="Also `rcdn detect` over N rendered pictures: time and memory.")
     ] = 0,
+    folder_jobs: Annotated[str, typer.Option(metavar="N,…", help="With --folder: the numbers of jobs.")] = "1,2",
+    folder_plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="With --folder: draw time and memory along the pictures (needs the extra `plot`)."
+        ),
+    ] = None,
     json: Annotated[
         Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
     ] = None,
@@ -88,7 +95,8 @@ def bench(
     wanted = _parts(parts)
     frames, counts = _sizes(sizes), _counts(threads)
     drawn = _prepared(plot, sweep) if plot is not None else None
-    _check(json, csv, markdown, plot, folder)
+    along = _counts(folder_jobs, "--folder-jobs")
+    _check(json, csv, markdown, plot, folder, folder_plot)
     who, skipped = _contestants(preset or ["auto"], peers, counts)
     machine = record.machine()
     if record.busy(machine["load"]):
@@ -98,14 +106,17 @@ def bench(
     if stages:
         _stages(results, preset or ["auto"], frames, board, count, budget)
     if folder:
-        _folder(results, folder)
+        _folder(results, folder, along, folder_plot)
     settings = {
         "count": count, "budget": budget, "sizes": frames, "board": board, "threads": counts,
-        "photographs": None if photographs is None else photographs.name, "folder": folder,
+        "photographs": None if photographs is None else photographs.name, "folder": folder, "folder jobs": along if folder else None,
         "peers": _versions(who), "skipped": skipped, "machine": machine | {"load after": record.load()},
     }  # fmt: skip
     if drawn is not None and plot is not None:
-        _draw(plot, results, drawn)
+        from rcdn.report.bench_plot import draw
+
+        quality, speed = drawn, results.tables.get("speed", [])
+        _draw(plot, lambda figure: draw(figure, speed, quality, results.samples))
     _write(results, settings, json, csv, markdown)
     _show(results)
 
@@ -133,10 +144,10 @@ def _sizes(text: str) -> list[tuple[int, int]]:
     return list(dict.fromkeys(out))
 
 
-def _counts(text: str) -> list[int]:
+def _counts(text: str, option: str = "--threads") -> list[int]:
     words = _words(text)
     if not words or not all(re.fullmatch(r"[1-9]\d{0,2}", word) for word in words):
-        raise ConfigError(f"--threads: {text!r} are none; give numbers from 1, such as 1,2")
+        raise ConfigError(f"{option}: {text!r} are none; give numbers from 1, such as 1,2")
     return list(dict.fromkeys(map(int, words)))
 
 
@@ -144,28 +155,38 @@ def _words(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def _check(json: Path | None, csv: Path | None, markdown: Path | None, plot: Path | None, folder: int) -> None:
+def _check(
+    json: Path | None, csv: Path | None, markdown: Path | None, plot: Path | None, folder: int, along: Path | None
+) -> None:
     """Raise before the work what would spoil it afterwards."""
     from rcdn.io import check_writable
 
     if csv is not None and not folder:
         raise ConfigError("--csv holds the memory along a folder: give --folder N, too")
-    for path in (json, csv, markdown, plot):
+    if along is not None:
+        if not folder:
+            raise ConfigError("--folder-plot draws time and memory along a folder: give --folder N, too")
+        _check_plot("--folder-plot", along)
+    for path in (json, csv, markdown, plot, along):
         if path is not None:
             check_writable(path)
 
 
 def _prepared(plot: Path, sweep: list[Path] | None) -> dict[str, float]:
     """Detector → quality, for the plot. Raises if it can't be drawn."""
-    from importlib.util import find_spec
-
     from rcdn.evaluation.bench.record import quality
 
-    if plot.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise ConfigError(f"--plot {plot}: the name must end in .png, .svg or .pdf")
-    if find_spec("matplotlib") is None:
-        raise RcdnError("--plot needs matplotlib: pip install 'rcdn[plot]'")
+    _check_plot("--plot", plot)
     return quality(sweep or [SWEEP])
+
+
+def _check_plot(option: str, path: Path) -> None:
+    from importlib.util import find_spec
+
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise ConfigError(f"{option} {path}: the name must end in .png, .svg or .pdf")
+    if find_spec("matplotlib") is None:
+        raise RcdnError(f"{option} needs matplotlib: pip install 'rcdn[plot]'")
 
 
 def _contestants(presets: list[str], peers: str, threads: list[int]) -> tuple[list[Any], dict[str, str]]:
@@ -210,12 +231,16 @@ def _stages(
         ]
 
 
-def _folder(results: _Results, count: int) -> None:
+def _folder(results: _Results, count: int, jobs: list[int], plot: Path | None) -> None:
     from rcdn.evaluation.bench.folder import watch
 
     with _telling() as tell:
-        found = watch([sys.executable, "-m", "rcdn.cli._watch"], (1, 2), count, tell)
+        found = watch([sys.executable, "-m", "rcdn.cli._watch"], jobs, count, tell)
     results.tables["folder"], results.samples = found["rows"], found["samples"]
+    if plot is not None:
+        from rcdn.report.bench_plot import draw_folder
+
+        _draw(plot, lambda figure: draw_folder(figure, results.samples))
 
 
 def _telling() -> Any:
@@ -241,14 +266,13 @@ def _versions(who: Sequence[Any]) -> dict[str, str]:
     return {c.name: PEERS[c.name].version() for c in who if c.name in PEERS}
 
 
-def _draw(path: Path, results: _Results, quality: dict[str, float]) -> None:
+def _draw(path: Path, draw: Callable[[Any], None]) -> None:
     from matplotlib.figure import Figure
 
     from rcdn.io import write_bytes
-    from rcdn.report.bench_plot import draw
 
     figure = Figure(layout="constrained")
-    draw(figure, results.tables.get("speed", []), quality, results.samples)
+    draw(figure)
     data = BytesIO()
     figure.savefig(data, format=path.suffix[1:].lower(), dpi=110)
     write_bytes(path, data.getvalue())

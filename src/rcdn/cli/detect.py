@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,15 +17,10 @@ from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
 from rcdn.cli._options import GridSize, Jobs, Pattern, PatternName, parse_size
+from rcdn.cli._outputs import Outputs
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
-
-if TYPE_CHECKING:
-    from rcdn.io import ImageResult
-
-LIST_UP_TO = 20
-"""Up to that many pictures the summary has a line for each."""
 
 
 class Preset(StrEnum):
@@ -35,20 +30,33 @@ class Preset(StrEnum):
     paper = "paper"
 
 
+class Engine(StrEnum):
+    """Where the processes are."""
+
+    local = "local"
+    ray = "ray"
+
+
+class Device(StrEnum):
+    """`rcdn.config.Device`."""
+
+    cpu = "cpu"
+    cuda = "cuda"
+    auto = "auto"
+
+
 @dataclass
 class _Run:
     """What has been done so far, in the order of the inputs, and what ended it early."""
 
-    outcomes: list[ImageResult | _batch.Failure] = field(default_factory=list)
+    tally: _summary.Tally
+    outputs: Outputs
     stopped: KeyboardInterrupt | RcdnError | None = None
 
-    @property
-    def images(self) -> list[ImageResult]:
-        return [o for o in self.outcomes if not isinstance(o, _batch.Failure)]
-
-    @property
-    def errors(self) -> list[tuple[str, str]]:
-        return [(o.name, o.message) for o in self.outcomes if isinstance(o, _batch.Failure)]
+    def add(self, outcome: _summary.Brief | _batch.Failure) -> None:
+        self.tally.add(outcome)
+        if isinstance(outcome, _summary.Brief):
+            self.outputs.add(outcome.line)
 
 
 def detect(
@@ -85,6 +93,23 @@ def detect(
     threads: Annotated[
         int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
     ] = 0,
+    device: Annotated[
+        Device,
+        typer.Option(
+            help="Where the network runs. auto: on a graphics card if there is one that ONNX Runtime can use."
+        ),
+    ] = Device.cpu,
+    engine: Annotated[
+        Engine, typer.Option(help="local: processes of this machine. ray: a Ray cluster's (needs the extra `ray`).")
+    ] = Engine.local,
+    address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            envvar="RAY_ADDRESS",
+            help="With --engine ray: the cluster; `auto`: the one of this machine. Without it one is started here, for this run.",
+        ),
+    ] = None,
     cache: Annotated[
         Path | None,
         typer.Option(
@@ -100,7 +125,7 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    paths, run = _inputs(images)
+    paths, unread = _inputs(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
     if not paths:
@@ -108,26 +133,54 @@ def detect(
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
     _check_pattern(pattern, board, vnl)
-    many = _pool.jobs_for(jobs, paths)
-    config = _pool.one_thread(DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value), many)
-    store = open_cache(config, cache, off=cache is None)
-    _detect_all(run, paths, _batch.Work(partial(_make_detector, config), store), many, overlay)
-    failures = _write(run, json, vnl, board)
-    _print_summary(run, board, time.perf_counter() - start)
+    config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value)
+    team = _team(engine, address, jobs, paths)
+    with closing(Outputs(json, vnl, board)) as outputs:
+        run = _Run(_summary.Tally(board), outputs)
+        for failure in unread:
+            run.add(failure)
+        _detect_all(run, paths, _work(config, team, cache, outputs.wanted), team, overlay)
+        failures = outputs.write(run.tally.failures)
+    for text in run.tally.lines(time.perf_counter() - start):
+        typer.echo(text)
     _finish(run, failures, len(paths))
 
 
 _make_detector = _batch.make_detector
 
 
-def _inputs(arguments: Sequence[str]) -> tuple[list[Path], _Run]:
+@dataclass(frozen=True)
+class _Team:
+    """Who computes: `jobs` processes, or this one alone. `compute` is `rcdn.cli._pool.compute`, or the like elsewhere."""
+
+    jobs: int
+    alone: bool
+    compute: Callable[[Iterator[_batch.Picture], _batch.Work, int], Generator[_batch.Done, None, None]]
+
+
+def _team(engine: Engine, address: str | None, jobs: int, paths: Sequence[Path]) -> _Team:
+    if engine is Engine.local:
+        many = _pool.jobs_for(jobs, paths)
+        return _Team(many, many == 1, lambda *arguments: _pool.compute(*arguments))
+    import rcdn.cli._ray as _ray
+
+    _ray.check()
+    return _Team(jobs, False, partial(_ray.compute, address=address))
+
+
+def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) -> _batch.Work:
+    store = open_cache(config, cache, off=cache is None)
+    make = partial(_make_detector, config if team.alone or config.threads else replace(config, threads=1))
+    return _batch.Work(make, store, partial(_summary.brief, lines=lines))
+
+
+def _inputs(arguments: Sequence[str]) -> tuple[list[Path], list[_batch.Failure]]:
     from rcdn.io import expand
 
     paths, errors = expand(arguments)
-    run = _Run([_batch.Failure(name, message) for name, message in errors])
     for _, message in errors:
         say_error(message)
-    return paths, run
+    return paths, [_batch.Failure(name, message) for name, message in errors]
 
 
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
@@ -161,19 +214,19 @@ def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | Non
         raise ConfigError("--vnl: mrcal's format holds grids of squares only; write --json for a deltille")
 
 
-def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, jobs: int, overlay: Path | None) -> None:
-    """Fill `run`. An interrupt, or a disk that takes no more overlays, ends it early but loses nothing."""
+def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team, overlay: Path | None) -> None:
+    """Fill `run`. An interrupt, or a disk that takes no more, ends it early but loses nothing."""
     names = _batch.OverlayNames(paths) if overlay is not None else None
     try:
         with (
             progress(len(paths)) as bar,
-            closing(_batch.read_ahead(paths, decode=jobs == 1, cache=work.cache)) as pictures,
-            closing(_pool.compute((_placed(p, overlay, names) for p in pictures), work, jobs)) as results,
+            closing(_batch.read_ahead(paths, decode=team.alone, cache=work.cache)) as pictures,
+            closing(team.compute((_placed(p, overlay, names) for p in pictures), work, team.jobs)) as results,
         ):
             for done in results:
                 bar.advance(done.index, done.name)
                 for outcome in done.outcomes:
-                    run.outcomes.append(outcome)
+                    run.add(outcome)
                     if isinstance(outcome, _batch.Failure):
                         bar.say(outcome.message)
                 if done.stop is not None:
@@ -181,7 +234,7 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, jobs: int, 
     except KeyboardInterrupt as stopped:
         run.stopped = stopped
     except RcdnError as stopped:
-        if not run.outcomes:
+        if not run.tally.images and not run.tally.failures:
             raise
         run.stopped = stopped
     if work.cache is not None:
@@ -195,42 +248,14 @@ def _placed(picture: _batch.Picture, folder: Path | None, names: _batch.OverlayN
     return replace(picture, overlay=folder / names.take(picture.name))
 
 
-def _write(run: _Run, json: Path | None, vnl: Path | None, board: GridSize | None) -> list[RcdnError]:
-    """Write what is asked for. One file that can't be written doesn't stop the other; returns what went wrong."""
-    from rcdn.io import write_detections, write_vnl
-
-    failures: list[RcdnError] = []
-    try:
-        if json is not None:
-            write_detections(json, run.images, run.errors)
-    except RcdnError as error:
-        failures.append(error)
-    try:
-        if vnl is not None:
-            write_vnl(vnl, run.images, board)
-    except RcdnError as error:
-        failures.append(error)
-    return failures
-
-
-def _print_summary(run: _Run, board: GridSize | None, seconds: float) -> None:
-    if len(run.outcomes) <= LIST_UP_TO:
-        for text in (*_summary.picture_lines(run.outcomes, board), ""):
-            typer.echo(text)
-    for text in _summary.table(run.outcomes, board, seconds):
-        typer.echo(text)
-    if hint := _summary.size_hint(run.images, board):
-        typer.echo(f"hint: {hint}")
-
-
 def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
     """Say what went wrong outside the pictures, and set the exit code."""
     for failure in failures:
         say_error(str(failure))
     if isinstance(run.stopped, KeyboardInterrupt):
-        say_error(f"stopped by Ctrl-C after {len(run.images)} pictures of {total} files; their results are kept")
+        say_error(f"stopped by Ctrl-C after {run.tally.images} pictures of {total} files; their results are kept")
         raise typer.Exit(INTERRUPTED)
     if run.stopped is not None:
-        say_error(f"{run.stopped} (stopped after {len(run.images)} pictures; --json and --vnl hold these)")
-    if run.stopped is not None or failures or run.errors:
+        say_error(f"{run.stopped} (stopped after {run.tally.images} pictures; --json and --vnl hold these)")
+    if run.stopped is not None or failures or run.tally.failures:
         raise typer.Exit(FAILED)

@@ -48,7 +48,7 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     """Refinement → orientation of the strong peaks; the weak ones wait."""
     grey, strong = plain(grey), found.strong(config)
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
-    score, pitch = found.score[strong], pitches(weak.strong, np.ones(int(strong.sum()), bool))
+    score, pitch = found.score[strong], nearest_other(weak.strong, weak.strong)
     fine, status = refine(grey, response, weak.strong, config.refine, pitch)
     once = first_of_each(fine, score)
     if found.rescued:
@@ -59,15 +59,12 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
 
 
-def pitches(xy: Array, strong: Array) -> Array:
-    """Distance (N,) from each corner to the nearest strong one, px: about the length of a square's side."""
-    return nearest_other(xy[strong], xy)
-
-
 def first_of_each(xy: Array, score: Array) -> Array:
     """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
-    keep = np.ones(len(xy), bool)
     close = pairs(xy, SAME)
+    if not len(close):
+        return np.arange(len(xy))
+    keep = np.ones(len(xy), bool)
     strong, weak = np.where((score[close[:, 0]] >= score[close[:, 1]])[:, None], close, close[:, ::-1]).T
     for i, j in sorted(zip(strong.tolist(), weak.tolist(), strict=True), key=lambda p: (-score[p[0]], p)):
         if keep[i]:

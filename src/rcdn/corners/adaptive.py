@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from rcdn.corners.patches import plain
-from rcdn.corners.saddle import rochade, smooth_fit, surface_fit, surface_fits
+from rcdn.corners.saddle import Fit, rochade, smooth_fit, surface_fit, surface_fits
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
@@ -39,8 +41,8 @@ def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None, careful:
     pitch = nearest_pitch(seeds) if pitch is None else np.asarray(pitch, np.float64)
     pitch = np.where(np.isfinite(pitch), pitch, LONE_PITCH)
     grey = plain(grey)
-    level = np.maximum(np.searchsorted(FIT_LEVELS, FIT_SHARE * pitch, side="right") - 1, 0)
-    xy = surface_fits(grey, seeds, tuple(smooth_fit(half) for half in FIT_LEVELS), level)
+    level = np.searchsorted(FIT_LEVELS[1:], FIT_SHARE * pitch, side="right")
+    xy = surface_fits(grey, seeds, _fits(), level)
     lost = np.isnan(xy[:, 0])  # neighbours in the window, at a steep tilt, or too few pixels in it
     if lost.any():
         xy[lost] = surface_fit(grey, seeds[lost], rochade(2))
@@ -48,6 +50,11 @@ def adaptive_fit(grey: Array, seeds: Array, pitch: Array | None = None, careful:
     if polish.any():
         xy[polish] = _polished(grey, xy[polish], pitch[polish])
     return xy
+
+
+@lru_cache(maxsize=1)
+def _fits() -> tuple[Fit, ...]:
+    return tuple(smooth_fit(half) for half in FIT_LEVELS)
 
 
 def _polished(grey: Array, xy: Array, pitch: Array) -> Array:

@@ -21,8 +21,8 @@ def blurred_axes(rings: Array, radius: Array, start: Array) -> Array:
     decides where noise hides it. Where the fit gets worse or runs away, `start` stands.
     """
     rings = np.ascontiguousarray(rings, np.float32)
-    if rings.shape[1:] != (len(RINGS), HALF_TURN):
-        raise RcdnError(f"rings must be (N, {len(RINGS)}, {HALF_TURN}), not {rings.shape}")
+    if rings.shape[1:] != (RINGS, HALF_TURN):
+        raise RcdnError(f"rings must be (N, {RINGS}, {HALF_TURN}), not {rings.shape}")
     axes = np.array(start, np.float64)
     _kernel(rings, np.ascontiguousarray(radius, np.float64), len(axes), directions(), axes)
     return axes

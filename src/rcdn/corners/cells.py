@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -22,31 +23,60 @@ NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")
 BAND = 16
 """rows of cells that a thread takes at least"""
 
-_cells = bind("rcdn_network", "pfbnnF", result=True)
+LEVELS, WEIGHT_LEVELS = 255, 127
+"""largest input and weight in whole numbers"""
+GROUP = 4
+"""inputs that the kernel multiplies together"""
+BEST = 2
+"""level of the processor's instructions that is taken, if there: 2 VNNI, 1 AVX2, 0 any"""
+
+_network = bind("rcdn_network", "pfcnbnnF", result=True)
 
 
 @dataclass(frozen=True, eq=False)
 class CellNetwork:
-    """A cell network's `weights`, float32, as the kernel reads them: for each layer (height, width, inputs, outputs), then the biases."""
+    """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8.
 
-    weights: Array
+    Hidden layers pass on whole numbers 0..255, one unit of which is a channel's largest value on rendered pictures (`ranges`) ÷ 255; weights
+    have 8 bits, and a scale for each output. Responses differ from the network's own by .005 in the mean where they are over .3.
+    """
+
+    reals: Array
+    whole: Array
 
     @staticmethod
-    def of(graph: Graph) -> CellNetwork | None:
-        """The network of an ONNX file, or None if it is another one."""
-        convolutions = [graph.inputs[k] for k, name in enumerate(graph.nodes) if name == "Conv"]
-        if graph.nodes != NODES or any(len(names) != 3 for names in convolutions):
-            return None
-        tensors = [tuple(graph.tensors[name] for name in names[1:]) for names in convolutions]
-        if tuple(weight.shape for weight, _ in tensors) != SHAPES:
-            return None
-        parts = [part for weight, bias in tensors for part in (weight.transpose(2, 3, 1, 0), bias)]
-        return CellNetwork(np.concatenate([part.ravel() for part in parts]).astype(np.float32))
+    def fits(graph: Graph) -> bool:
+        """Is this the network that the kernel knows?"""
+        return (
+            graph.nodes == NODES and all(len(names) == 3 for names in _convolutions(graph)) and _shapes(graph) == SHAPES
+        )
 
-    def __call__(self, grey: Array, cells: Array, threads: int = 0) -> Array:
+    @staticmethod
+    def of(graph: Graph, ranges: Sequence[Sequence[float]] | None) -> CellNetwork | None:
+        """The network of an ONNX file with the largest values of its hidden layers' channels; None if it is another network, or they are unknown."""
+        if ranges is None or not CellNetwork.fits(graph):
+            return None
+        tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
+        unit = [np.array(values) / LEVELS for values in ranges]
+        weight, bias = tensors[0]
+        reals, whole = [weight.transpose(2, 3, 1, 0) / unit[0], bias / unit[0]], []
+        for k, (weight, bias) in enumerate(tensors[1:]):
+            weight = weight * unit[k][:, None, None]
+            scale = np.abs(weight).max(axis=(1, 2, 3)) / WEIGHT_LEVELS
+            levels = np.rint(weight / scale[:, None, None, None]).astype(np.int8)
+            after = unit[k + 1] if k + 1 < len(unit) else 1.0
+            reals += [scale / after, bias / after]
+            if k + 1 < len(unit):
+                whole.append(_grouped(levels))
+            else:
+                reals.append(levels[:, :, 0, 0].T)
+        return CellNetwork(np.concatenate([r.ravel() for r in reals]).astype(np.float32), np.concatenate(whole))
+
+    def __call__(self, grey: Array, cells: Array, threads: int = 0, level: int = BEST) -> Array:
         """Response (H, W) float32 of `grey` (H, W), uint8 or float32 in 0..255: of `cells` (⌈H/4⌉, ⌈W/4⌉) bool, 0 elsewhere.
 
-        The picture is continued by reflection. `threads`: 0 = all cores. What is computed depends neither on them nor on the other cells.
+        The picture is continued by reflection. `threads`: 0 = all cores. What is computed depends neither on them nor on the other cells. `level`:
+        as `BEST`.
         """
         height = len(cells)
         out = np.zeros(grey.shape, np.float32)
@@ -56,7 +86,7 @@ class CellNetwork:
         edges = np.linspace(0, height, count + 1).astype(int).tolist()
 
         def run(band: tuple[int, int]) -> None:
-            if _cells(grey, self.weights, mask, band[0], band[1] - band[0], out) < 0:
+            if _network(grey, self.reals, self.whole, level, mask, band[0], band[1] - band[0], out) < 0:
                 raise MemoryError("network: no memory for its rows")
 
         bands = list(pairwise(edges))
@@ -66,3 +96,19 @@ class CellNetwork:
         else:
             run(bands[0])
         return out
+
+
+def _convolutions(graph: Graph) -> list[tuple[str, ...]]:
+    """Names of the inputs of each: what it acts on, weights, biases."""
+    return [graph.inputs[k] for k, name in enumerate(graph.nodes) if name == "Conv"]
+
+
+def _shapes(graph: Graph) -> tuple[tuple[int, ...], ...]:
+    return tuple(graph.tensors[names[1]].shape for names in _convolutions(graph))
+
+
+def _grouped(weight: Array) -> Array:
+    """Weights (outputs, inputs, 3, 3) in the order (height, width, group of inputs, output, input of the group), flat."""
+    outputs, inputs = weight.shape[:2]
+    apart = weight.transpose(2, 3, 1, 0).reshape(9, inputs // GROUP, GROUP, outputs)
+    return np.ascontiguousarray(apart.swapaxes(2, 3)).ravel()

@@ -13,12 +13,9 @@ from rcdn.types import Array
 
 HALF_TURN = 48
 """Directions in [0, π) at which the rings are sampled."""
-RINGS = (0.8, 1.0, 1.2)
-"""Radii of the rings, shares of the radius that is asked for. Smaller ones see more blur than direction."""
+RINGS = 3
 MIN_CONTRAST = 1.0
 """Smallest difference of the sectors, grey levels."""
-FAR = 1e9
-"""px; positions are limited to this, which is outside any picture"""
 _axes = bind("rcdn_axes", "pddbnrffDDBD")
 _sample = bind("rcdn_sample_rings", "pddnnfF")
 
@@ -49,13 +46,13 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
     T-junctions score low. Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get that fit (None: all);
     the others keep the start, good to a few degrees.
     """
-    xy = np.asarray(xy, np.float64).reshape(-1, 2)
-    count, radius = len(xy), np.asarray(radius, np.float64)
+    xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
+    count = len(xy)
+    radius = np.full(count, radius, np.float64) if np.ndim(radius) == 0 else np.ascontiguousarray(radius, np.float64)
     axes, contrast, polarity, fit = np.empty((count, 2)), np.empty(count), np.empty(count, np.int8), np.empty(count)
-    careful = np.ones(count, np.uint8) if careful is None else np.asarray(careful, np.uint8)
-    rings = np.broadcast_to(radius[..., None] * np.array(RINGS), (count, len(RINGS)))
+    careful = np.ones(count, bool) if careful is None else np.ascontiguousarray(careful, bool)
     _axes(
-        plain(grey), _somewhere(xy), np.ascontiguousarray(rings), careful, count, MIN_CONTRAST, directions(), _gain(),
+        plain(grey), xy, radius, careful.view(np.uint8), count, MIN_CONTRAST, directions(), _gain(),
         axes, contrast, polarity.view(np.uint8), fit,
     )  # fmt: skip
     return Orientation(axes, contrast, polarity, fit)
@@ -64,14 +61,9 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
 def sample_rings(grey: Array, xy: Array, radius: Array) -> Array:
     """Grey levels (N, R, 2 HALF_TURN) float32 on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
     out = np.empty((*radius.shape, 2 * HALF_TURN), np.float32)
-    count, rings = radius.shape
-    _sample(plain(grey), _somewhere(xy), np.ascontiguousarray(radius, np.float64), count, rings, directions(), out)
+    xy, radius = np.ascontiguousarray(xy, np.float64), np.ascontiguousarray(radius, np.float64)
+    _sample(plain(grey), xy, radius, *radius.shape, directions(), out)
     return out
-
-
-def _somewhere(xy: Array) -> Array:
-    """`xy` (N, 2), with what is no number just outside the picture."""
-    return np.ascontiguousarray(np.clip(np.nan_to_num(xy, nan=-1), -FAR, FAR))
 
 
 @lru_cache(maxsize=1)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -35,13 +33,6 @@ class Peaks:
     grey: Array
     response: Array
     rule: Refine
-
-    @cached_property
-    def tree(self) -> Any:
-        """Of their positions."""
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self.xy)
 
     def look(self, index: Array) -> tuple[Array, Array, Orientation]:
         """Refined positions (K, 2), whether that worked (K,), and edge directions of some of the peaks."""

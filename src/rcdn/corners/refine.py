@@ -37,9 +37,11 @@ def refine(
     if not len(seeds):
         return seeds, np.zeros(0, np.uint8)
     fine = _positions(grey, response, np.rint(seeds).astype(np.int64), rule, pitch, careful)
-    failed = ~np.isfinite(fine).all(axis=1)
-    fine[failed] = seeds[failed]
-    return fine, np.where(failed, Status.SEED, Status.REFINED).astype(np.uint8)
+    status = np.full(len(fine), int(Status.REFINED), np.uint8)
+    failed = np.isnan(fine[:, 0]) | np.isnan(fine[:, 1])
+    if failed.any():
+        fine[failed], status[failed] = seeds[failed], int(Status.SEED)
+    return fine, status
 
 
 def _positions(

@@ -60,7 +60,7 @@ class ResponseModel:
         """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
         if self.device != "cpu" or self.normalisation != "local":
             return None
-        return CellNetwork.of(read_graph(self.data))
+        return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"))
 
     def at_saddles(self, grey: Array, threads: int = 0) -> tuple[Array, Array | None]:
         """Response as by a call, but 0 where no X-corner can be, and the cells (`sieve.cells_with_saddles`) where one can; None: all of them."""
@@ -75,14 +75,14 @@ class ResponseModel:
         The picture is continued by reflection at its border. `threads`: 0 = all cores; `tile`: px, a multiple of `cell`. The result
         depends on neither.
         """
-        if tile < 1 or tile % self.cell:
-            raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
         if self.cells is not None:
             return self.cells(grey, every_cell(grey), threads)
-        return self._in_tiles(grey, threads, tile)
+        return self.by_onnx_runtime(grey, threads, tile)
 
-    def _in_tiles(self, grey: Array, threads: int, tile: int) -> Array:
-        """By ONNX Runtime; on a GPU, tiles of one shape go together."""
+    def by_onnx_runtime(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
+        """As a call, but without the compiled kernel: the network as it was trained. On a GPU, tiles of one shape go together."""
+        if tile < 1 or tile % self.cell:
+            raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
         height, width = grey.shape
         normal = normaliser(grey, self.normalisation)
         padded = self._padded(grey, normal.reach)

@@ -12,13 +12,15 @@ is the same for all d. What it is the same as is no business of the estimate: th
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from rcdn.corners.patches import plain
 from rcdn.native import bind
 from rcdn.types import Array
 
-_room = bind("rcdn_symmetry_room", "n", result=True)
+_room = lru_cache(bind("rcdn_symmetry_room", "n", result=True))
 _kernel = bind("rcdn_symmetry_centre", "pdlnnrnFD")
 
 
@@ -35,7 +37,7 @@ def symmetry_centre(
     xy = np.empty(start.shape)
     if not len(start):
         return xy
-    half = np.ascontiguousarray(np.broadcast_to(half, len(start)), np.int64)
+    half = np.full(len(start), half) if isinstance(half, int) else np.ascontiguousarray(half, np.int64)
     work = np.zeros(_room(int(half.max())), np.float32)
     _kernel(plain(grey), start, half, len(start), repeats, done, anti, work, xy)
     return xy

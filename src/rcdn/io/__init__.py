@@ -12,12 +12,15 @@ from rcdn.io.cameras import (
     write_camera,
     write_stereo,
 )
-from rcdn.io.files import check_writable, expand, is_video, write_bytes, write_text
+from rcdn.io.files import check_writable, expand, is_video, write_bytes, write_chunks, write_text
 from rcdn.io.formats import (
     FormatError,
     ImageResult,
+    image_line,
+    image_of_line,
     read_detections,
     write_detections,
+    write_lines,
 )
 from rcdn.io.images import as_grey, frames, read_image, write_image
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
@@ -33,6 +36,8 @@ __all__ = [
     "check_writable",
     "expand",
     "frames",
+    "image_line",
+    "image_of_line",
     "is_video",
     "read_calibration",
     "read_camera",
@@ -46,8 +51,10 @@ __all__ = [
     "write_bytes",
     "write_calibration",
     "write_camera",
+    "write_chunks",
     "write_detections",
     "write_image",
+    "write_lines",
     "write_stereo",
     "write_text",
     "write_vnl",

@@ -109,18 +109,18 @@ def check_writable(path: str | Path) -> None:
     fills up later is found by the write itself.)
     """
     if os.path.isdir(path):
-        raise _output_error(path, IsADirectoryError(errno.EISDIR, "it is a folder"))
+        raise output_error(path, IsADirectoryError(errno.EISDIR, "it is a folder"))
     if os.path.exists(path) and not os.access(path, os.W_OK):
-        raise _output_error(path, PermissionError(errno.EACCES, "the file may not be written"))
-    if _is_special(path):
+        raise output_error(path, PermissionError(errno.EACCES, "the file may not be written"))
+    if is_special(path):
         return
     folder = Path(os.path.realpath(path)).parent
     while not os.path.exists(folder) and folder != folder.parent:
         folder = folder.parent
     if not folder.is_dir():
-        raise _output_error(path, NotADirectoryError(errno.ENOTDIR, f"{folder} is not a folder"))
+        raise output_error(path, NotADirectoryError(errno.ENOTDIR, f"{folder} is not a folder"))
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise _output_error(path, PermissionError(errno.EACCES, f"the folder {folder} may not be written"))
+        raise output_error(path, PermissionError(errno.EACCES, f"the folder {folder} may not be written"))
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -130,16 +130,22 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
     Raises OutputError with the reason and a fix; then no temporary file stays and an old file is unchanged.
     """
+    write_chunks(path, (data,))
+
+
+def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
+    """`write_bytes` of all `chunks`, one after the other: a file that need not fit into memory."""
     try:
-        if _is_special(path):
-            Path(path).write_bytes(data)
+        if is_special(path):
+            with open(path, "wb") as file:
+                file.writelines(chunks)
             return
         check_writable(path)
         target = Path(os.path.realpath(path))
         target.parent.mkdir(parents=True, exist_ok=True)
-        _replace(target, data)
+        _replace(target, chunks)
     except OSError as error:
-        raise _output_error(path, error) from error
+        raise output_error(path, error) from error
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -147,16 +153,16 @@ def write_text(path: str | Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8"))
 
 
-def _is_special(path: str | Path) -> bool:
+def is_special(path: str | Path) -> bool:
     """A device or a pipe (/dev/stdout): there's nothing to replace, and renaming over it would destroy it."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
-def _replace(target: Path, data: bytes) -> None:
+def _replace(target: Path, chunks: Iterable[bytes]) -> None:
     temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
     try:
         with open(temporary, "xb") as file:
-            file.write(data)
+            file.writelines(chunks)
             file.flush()
             os.fsync(file.fileno())
         if target.exists():
@@ -168,6 +174,7 @@ def _replace(target: Path, data: bytes) -> None:
         raise
 
 
-def _output_error(path: str | Path, error: OSError) -> OutputError:
+def output_error(path: str | Path, error: OSError) -> OutputError:
+    """What to tell the user of `path` that can't be written."""
     fix = _FIXES.get(error.errno or 0, "choose another place")
     return OutputError(f"{path}: can't be written: {error.strerror or error}; {fix}")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -12,7 +13,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, RcdnError
 from rcdn.io.fields import numbers, read_json, read_text, take
-from rcdn.io.files import write_text
+from rcdn.io.files import write_chunks
 from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
 
 VERSION = 1
@@ -47,10 +48,22 @@ def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Se
     `errors`: (path, message) of each file that failed. The same input gives the same bytes. Raises FormatError if a
     position isn't finite, OutputError if the file can't be written.
     """
-    records = [_image_record(image) for image in images]
-    failed = [{"path": name, "error": message} for name, message in errors]
-    text = f'{{"version": {VERSION}, "images": {_lines(records)}, "errors": {_lines(failed)}}}\n'
-    write_text(path, text)
+    write_lines(path, map(image_line, images), errors)
+
+
+def write_lines(path: str | Path, lines: Iterable[str], errors: Iterable[tuple[str, str]] = ()) -> None:
+    """`write_detections` of images whose `image_line`s are there already; they need not fit into memory."""
+    write_chunks(path, (piece.encode("ascii") for piece in _pieces(lines, errors)))
+
+
+def image_line(image: ImageResult) -> str:
+    """What the file holds of one image: a line of JSON, without its end. Raises FormatError if a position isn't finite."""
+    return _line(_image_record(image))
+
+
+def image_of_line(line: str) -> ImageResult:
+    """The image of an `image_line`, equal but for the rounding."""
+    return _image(json.loads(line), "image")
 
 
 def read_detections(path: str | Path) -> tuple[list[ImageResult], list[tuple[str, str]]]:
@@ -75,11 +88,25 @@ def read_detections(path: str | Path) -> tuple[list[ImageResult], list[tuple[str
 # ---- values → JSON
 
 
-def _lines(records: list[dict[str, Any]]) -> str:
-    if not records:
-        return "[]"
+def _pieces(lines: Iterable[str], errors: Iterable[tuple[str, str]]) -> Iterator[str]:
+    yield f'{{"version": {VERSION}, "images": '
+    yield from _list(lines)
+    yield ', "errors": '
+    yield from _list(_line({"path": name, "error": message}) for name, message in errors)
+    yield "}\n"
+
+
+def _list(lines: Iterable[str]) -> Iterator[str]:
+    before = "[\n"
+    for line in lines:
+        yield before + line
+        before = ",\n"
+    yield "[]" if before == "[\n" else "\n]"
+
+
+def _line(record: dict[str, Any]) -> str:
     try:
-        return "[\n" + ",\n".join(json.dumps(r, allow_nan=False) for r in records) + "\n]"
+        return json.dumps(record, allow_nan=False)
     except ValueError as error:
         raise FormatError("detections: a position is not finite, and JSON has no number for it; drop it") from error
 
@@ -90,14 +117,24 @@ def rounded(values: Array) -> Array:
 
 
 def _optional(values: Array | None) -> list[Any] | None:
-    """Rounded numbers, None for those that nobody knows."""
+    """Rounded numbers (N,) or (N, 2), None for those that nobody knows."""
     if values is None:
         return None
-    return [v if np.isfinite(v) else None for v in rounded(values).tolist()]
+    plain: list[Any] = rounded(values).tolist()
+    if np.isfinite(values).all():
+        return plain
+    return [_known(row) for row in plain] if values.ndim > 1 else _known(plain)
+
+
+def _known(values: list[float]) -> list[Any]:
+    return [v if math.isfinite(v) else None for v in values]
+
+
+_STATUS = {int(s): s.name.lower() for s in Status}
 
 
 def _names(status: Array) -> list[str]:
-    return [Status(int(s)).name.lower() for s in status]
+    return [_STATUS[s] for s in status.tolist()]
 
 
 def _image_record(image: ImageResult) -> dict[str, Any]:
@@ -106,7 +143,7 @@ def _image_record(image: ImageResult) -> dict[str, Any]:
         "xy": rounded(corners.xy).tolist(),
         "response": _optional(corners.response),
         "status": _names(corners.status),
-        "axes": None if corners.axes is None else [_optional(row) for row in corners.axes],
+        "axes": _optional(corners.axes),
         "sigma": _optional(corners.sigma),
     }
     return {
@@ -140,7 +177,7 @@ def _common(record: dict[str, Any], where: str) -> dict[str, Any]:
     """The fields that corners and boards share. Without a status a corner counts as refined."""
     xy = numbers(record, "xy", where, finite=True)
     names = take(record, "status", list, where) if "status" in record else ["refined"] * len(xy)
-    known = {s.name.lower(): int(s) for s in Status}
+    known = {name: number for number, name in _STATUS.items()}
     if unknown := [n for n in names if not isinstance(n, str) or n not in known]:
         raise FormatError(f"{where}: 'status' can't be {unknown[0]!r}; it is one of {', '.join(known)}")
     return {

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from rcdn.errors import FormatError, ImageError
 from rcdn.io.fields import read_text
-from rcdn.io.files import write_text
+from rcdn.io.files import write_chunks
 from rcdn.io.formats import DECIMALS, ImageResult, rounded
 from rcdn.io.images import read_image
 from rcdn.types import Array, Board, Corners, Orientation, Status, usual_size
@@ -19,7 +20,7 @@ DECIDED = 3.0
 
 
 def write_vnl(
-    path: str | Path, images: Sequence[ImageResult], size: tuple[int, int] | None = None
+    path: str | Path, images: Iterable[ImageResult], size: tuple[int, int] | None = None
 ) -> tuple[int, int] | None:
     """Write mrcal's corners.vnl, whole or not at all. Returns the grid's (columns, rows), None if there are no boards.
 
@@ -27,20 +28,11 @@ def write_vnl(
     fits has the one line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
     complete boards. A board fits if the box of its labels is the grid's, upright or turned a quarter; of several that
     fit, the one with most corners is written. Raises FormatError if `size` is None and boards were found but none is
-    complete, and for paths that mrcal can't read (white space, non-ASCII, a leading #); OutputError as `write_text`.
+    complete, and for paths that mrcal can't read (white space, non-ASCII, a leading #); OutputError as `write_text`. `images` may be
+    read from somewhere, so that they need not fit into memory: they are gone through twice, once if `size` is given.
     """
     size = size or _usual_size(images)
-    lines = ["# filename x y level"]
-    for image in images:
-        name = _vnl_name(image.path)
-        grids = [g for board in image.boards if size and (g := board.grid_of(size)) is not None]
-        if not grids:
-            lines.append(f"{name} - - -")
-            continue
-        grid = max(grids, key=lambda g: np.isfinite(g[..., 0]).sum())
-        for x, y in rounded(grid).reshape(-1, 2):
-            lines.append(f"{name} - - -" if np.isnan(x) else f"{name} {x:.{DECIMALS}f} {y:.{DECIMALS}f} 0")
-    write_text(path, "\n".join(lines) + "\n")
+    write_chunks(path, chain((b"# filename x y level\n",), (_vnl_lines(image, size) for image in images)))
     return size
 
 
@@ -96,17 +88,36 @@ def read_vnl_boards(
 # ---- boards → corners.vnl
 
 
+def _vnl_lines(image: ImageResult, size: tuple[int, int] | None) -> bytes:
+    """The lines of one image: its largest board that fits, or that there is none."""
+    name = _vnl_name(image.path)
+    missing = f"{name} - - -\n"
+    grids = [g for board in image.boards if size and (g := board.grid_of(size)) is not None]
+    if not grids:
+        return missing.encode()
+    grid = rounded(max(grids, key=lambda g: np.isfinite(g[..., 0]).sum())).reshape(-1, 2)
+    lines = (missing if x != x else f"{name} {x:.{DECIMALS}f} {y:.{DECIMALS}f} 0\n" for x, y in grid.tolist())
+    return "".join(lines).encode()
+
+
 def _vnl_name(path: str) -> str:
     if not path.isascii() or not path or any(c.isspace() or not c.isprintable() for c in path) or path[0] == "#":
         raise FormatError(f"{path!r}: mrcal can't read paths with spaces, non-ASCII letters or a leading #; rename it")
     return path
 
 
-def _usual_size(images: Sequence[ImageResult]) -> tuple[int, int] | None:
+def _usual_size(images: Iterable[ImageResult]) -> tuple[int, int] | None:
     """`usual_size` of all boards; None if there is none."""
-    boards = [board for image in images for board in image.boards]
-    size = usual_size(boards)
-    if boards and size is None:
+    some = False
+
+    def boards() -> Iterator[Board]:
+        nonlocal some
+        for image in images:
+            some = some or bool(image.boards)
+            yield from image.boards
+
+    size = usual_size(boards())
+    if some and size is None:
         raise FormatError(
             "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
         )

@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.precision.fit import Fit, fit_corners
 from rcdn.precision.lattice import lattice
+from rcdn.precision.median import median
 from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
 from rcdn.types import Array, Board, Status
@@ -47,24 +48,28 @@ def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
     if not good.any():
         return board
     xy = np.where(good[:, None], fit.xy, board.xy)
-    plain = np.sqrt(np.trace(fit.cov, axis1=1, axis2=2) / 2)
-    lost = np.maximum(DOUBTFUL * np.median(plain[good]), np.linalg.norm(fit.xy - board.xy, axis=1) / np.sqrt(2))
+    lost = np.maximum(DOUBTFUL * median(_sigma(fit.cov)[good]), np.hypot(*(fit.xy - board.xy).T) / np.sqrt(2))
     cov = np.where(good[:, None, None], fit.cov, (np.nan_to_num(lost, nan=1.0) ** 2)[:, None, None] * np.eye(2))
     if geometry:
         xy, cov = smooth(board.ij, xy, cov, good)
-    return replace(board, xy=xy, sigma=np.sqrt(np.trace(cov, axis1=1, axis2=2) / 2))
+    return replace(board, xy=xy, sigma=_sigma(cov))
+
+
+def _sigma(cov: Array) -> Array:
+    """Standard deviations (M,) along an axis, of covariances (M, 2, 2)."""
+    return np.sqrt((cov[:, 0, 0] + cov[:, 1, 1]) / 2)
 
 
 def _good(board: Board, fit: Fit) -> Array:
     """Fits (M,) that may be believed."""
     pitch = nearest_pitch(board.xy)
-    move = np.linalg.norm(fit.xy - board.xy, axis=1)
+    move = np.hypot(*(fit.xy - board.xy).T)
     contrast = fit.state[:, CONTRAST] * (1 - 2.0 * (board.ij.sum(axis=1) % 2))
-    typical = float(np.median(contrast))
+    typical = median(contrast)
     good = np.isfinite(fit.xy).all(axis=1) & np.isfinite(fit.cov).all(axis=(1, 2)) & (fit.kept > KEPT)
     good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
     good &= contrast * np.sign(typical) > max(FAINT * abs(typical), NOTHING)
-    good &= fit.variance < NOISY * np.median(fit.variance)
+    good &= fit.variance < NOISY * median(fit.variance)
     return good & ~_astray(board, fit)
 
 
@@ -72,5 +77,5 @@ def _astray(board: Board, fit: Fit) -> Array:
     """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
     xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
     alone, every = lattice(board.ij, xy, own=0.0), np.arange(len(xy))
-    after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))
+    after, before = (np.hypot(*alone(every, at).T) for at in (xy, board.xy))
     return np.asarray(after > ASTRAY[0] * before + ASTRAY[1])

@@ -6,16 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.geometry import apply_homography, homography
+from rcdn.geometry import homography
+from rcdn.native import bind
+from rcdn.precision.median import median
 from rcdn.types import Array
+
+_neighbours = bind("rcdn_lattice_neighbours", "nlnnnII")
+_lattice = bind("rcdn_lattice", "nlddnirrdDD")
+_map = bind("rcdn_lattice_map", "nnlddddDD")
+_pixels = bind("rcdn_lattice_pixels", "nldndddD", result=True)
 
 REACH = 2
 """neighbours up to this many squares away tell a corner's map"""
 FAR = 0.05
 """weight of those two squares away against those next to it"""
-STIFF = 1e-3
-"""pull of the quadratic terms towards 0, which decides where neighbours lack on one side"""
 TERMS = 6
+STIFF = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
+"""pull of the terms towards 0: of the quadratic ones it decides where neighbours lack on one side"""
+RING = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+"""steps to a corner's neighbours and itself, in the order of `neighbours`"""
 HORIZON = 0.1
 """least ratio of depths on the board under which its homography is not used"""
 
@@ -38,20 +47,9 @@ class Lattice:
 
     def with_slopes(self, which: Array, xy: Array) -> tuple[Array, Array]:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
-        lift = (len(which),) + (1,) * (xy.ndim - 2)
-        H, x, y = self.flat, xy[..., 0], xy[..., 1]
-        depth = 1 / (H[2, 0] * x + H[2, 1] * y + H[2, 2])
-        flat = [(H[k, 0] * x + H[k, 1] * y + H[k, 2]) * depth for k in (0, 1)]
-        s, t = (flat[k] - self.origin[which, k].reshape(lift) for k in (0, 1))
         uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
-        for k in (0, 1):
-            a = [self.terms[which, n, k].reshape(lift) for n in range(TERMS)]
-            by_s, by_t = a[1] + 2 * a[3] * s + a[4] * t, a[2] + a[4] * s + 2 * a[5] * t
-            uv[..., k] = a[0] + 0.5 * (s * (a[1] + by_s) + t * (a[2] + by_t))
-            for axis in (0, 1):
-                slopes[..., k, axis] = depth * (
-                    by_s * (H[0, axis] - flat[0] * H[2, axis]) + by_t * (H[1, axis] - flat[1] * H[2, axis])
-                )
+        which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
+        _map(len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes)
         return uv, slopes
 
     def around(self, which: Array, centre: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -83,28 +81,24 @@ class Lattice:
         return out[0][0], out[1][0], out[0][1], out[1][1]
 
     def pixels(self, which: Array, uv: Array, start: Array, repeats: int = 4) -> Array:
-        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px."""
-        xy = start.copy()
-        for _ in range(repeats):
-            at, slopes = self.with_slopes(which, xy)
-            xy += np.linalg.solve(slopes, (uv - at)[..., None])[..., 0]
+        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
+
+        Raises LinAlgError where a map folds.
+        """
+        xy = np.array(start, float, order="C")
+        which, uv = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(uv, float)
+        if not _pixels(len(which), which, uv, repeats, self.flat, self.origin, self.terms, xy):
+            raise np.linalg.LinAlgError("a map folds")
         return xy
 
 
 def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map."""
-    flat = _rectifier(ij, xy)
-    origin = apply_homography(flat, xy)
-    near, there = neighbours(ij)
-    step = (ij[near] - ij[:, None]).astype(float)
-    s, t = (origin[near] - origin[:, None]).transpose(2, 0, 1)
-    basis = np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=-1)
-    weight = np.where(np.abs(step).max(axis=-1) > 1, FAR, 1.0) * there
-    weight = np.where((step == 0).all(axis=-1), own, weight)
-    normal = np.einsum("nk,nki,nkj->nij", weight, basis, basis)
-    normal += np.diag([1e-9, 1e-9, 1e-9, STIFF, STIFF, STIFF])
-    pull = np.einsum("nk,nki,nkc->nic", weight, basis, step)
-    return Lattice(flat, origin, np.linalg.solve(normal, pull))
+    xy = np.ascontiguousarray(xy, float)
+    flat, near = _rectifier(ij, xy), neighbours(ij)
+    origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
+    _lattice(len(xy), np.ascontiguousarray(ij, np.int64), xy, flat, 2 * REACH + 1, near, own, FAR, STIFF, origin, terms)
+    return Lattice(flat, origin, terms)
 
 
 def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
@@ -112,13 +106,13 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
 
     Of corners with all eight neighbours, and beyond what `noise` (variance of positions, squares²) explains; 0 if there are none.
     """
-    near, there = neighbours(ij, 1)
-    inner = np.flatnonzero(there.all(axis=1))
+    near = neighbours(ij, 1)
+    inner = np.flatnonzero(near.min(axis=1) >= 0)
     if not len(inner):
         return 0.0
-    off = maps(inner, xy[near[inner]]) - (ij[near[inner]] - ij[inner, None])
-    left = (off**2).sum(axis=(1, 2)) / (2 * (near.shape[1] - TERMS))
-    return float(np.sqrt(max(np.median(left) - noise, 0.0)))
+    off = maps(inner, xy[near[inner]]) - RING
+    left = (off**2).sum(axis=(1, 2)) / (2 * (len(RING) - TERMS))
+    return float(np.sqrt(max(median(left) - noise, 0.0)))
 
 
 def _rectifier(ij: Array, xy: Array) -> Array:
@@ -126,7 +120,8 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     try:
         flat = np.linalg.inv(homography(ij, xy))
         depth = xy @ flat[2, :2] + flat[2, 2]
-        if (depth > HORIZON * np.abs(depth).max()).all() or (-depth > HORIZON * np.abs(depth).max()).all():
+        low, high = float(depth.min()), float(depth.max())
+        if max(low, -high) > HORIZON * max(-low, high):
             return flat
     except np.linalg.LinAlgError:
         pass
@@ -134,11 +129,10 @@ def _rectifier(ij: Array, xy: Array) -> Array:
     return np.vstack([affine, [0, 0, 1]])
 
 
-def neighbours(ij: Array, reach: int = REACH) -> tuple[Array, Array]:
-    """Indices (N, K) of the corners within `reach` squares, itself included, and whether each exists, (N, K) bool."""
-    ij = ij - ij.min(axis=0)
-    grid = np.full(ij.max(axis=0) + 1 + 2 * reach, -1)
-    grid[tuple((ij + reach).T)] = np.arange(len(ij))
-    span = np.arange(2 * reach + 1)
-    near = grid[ij[:, 0, None, None] + span[:, None], ij[:, 1, None, None] + span].reshape(len(ij), -1)
-    return np.maximum(near, 0), near >= 0
+def neighbours(ij: Array, reach: int = REACH) -> Array:
+    """Indices (N, K) int32 of the corners within `reach` squares, itself included, column by column; -1 where there is none."""
+    ij = np.ascontiguousarray(ij - ij.min(axis=0), np.int64)
+    grid = np.empty(ij.max(axis=0) + 1 + 2 * reach, np.int32)
+    near = np.empty((len(ij), (2 * reach + 1) ** 2), np.int32)
+    _neighbours(len(ij), ij, reach, *grid.shape, grid, near)
+    return near

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.native import bind
 from rcdn.precision.lattice import neighbours
+from rcdn.precision.median import median, medians
 from rcdn.precision.model import BLEED, BLUR, CONTRAST, COUNT, CURVE, LIGHT, MEAN, TURN
 from rcdn.types import Array
 
 LOUD = 3.0
 """standard deviations from the prior beyond which a corner's own pixels are believed"""
+MAD = 1.4826
+"""standard deviation of a normal distribution, × its median absolute deviation"""
 DOUBT = 1.25
 """the spread that noise explains, with what chance adds to it, × its variance"""
-PAIRS = ((2, 3), (4, 5), (6, 7), (8,), (11, 12), (13, 14))
+PAIRS = np.array([(2, 3), (4, 5), (6, 7), (8, 8), (11, 12), (13, 14)])
 """parameters that stray alike"""
 FEW = 8
 """corners of a kind whose spread is not measured"""
+
+
+_slopes = bind("rcdn_lattice_slopes", "nidD")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +39,7 @@ def first_prior(state: Array) -> Prior:
     """Weak beliefs for the first round: maps are nearly right, the blur is about that of the start, light is smooth."""
     sd = np.full_like(state, np.inf)
     sd[:, TURN], sd[:, CURVE], sd[:, BLUR], sd[:, BLEED] = 0.05, 0.02, 0.5, 0.3
-    sd[:, LIGHT] = 0.1 * max(float(np.median(np.abs(state[:, CONTRAST]))), 1.0)
+    sd[:, LIGHT] = 0.1 * max(median(np.abs(state[:, CONTRAST])), 1.0)
     return Prior(state.copy(), sd)
 
 
@@ -46,41 +52,49 @@ def board_prior(ij: Array, state: Array, variance: Array, before: Prior) -> Prio
     go. So a board in even light gains all the information that free slopes would cost, and one in a patchy shadow
     keeps its freedom.
     """
-    near, there = neighbours(ij, 1)
-    mean, sd = np.zeros_like(state), np.full_like(state, np.inf)
-    mean[:, 6:9] = np.median(state[:, 6:9], axis=0)
-    mean[:, LIGHT] = _light(ij[near] - ij[:, None], there, state[near])
-    inner = there.all(axis=1)
-    least = _least(state)
-    for pair, mine in itertools.product(PAIRS, (inner, ~inner)):
-        at = np.ix_(np.flatnonzero(mine), np.array(pair))
-        sd[at] = before.sd[at]
-        if mine.sum() >= FEW:
-            sd[at] = np.minimum(_spread(state[at] - mean[at], variance[at], float(least[pair[0]])), sd[at])
+    near = neighbours(ij, 1)
+    mean, sd = _mean(near, state), np.full_like(state, np.inf)
+    inner, stray, least = near.min(axis=1) >= 0, np.abs(state - mean), _least(state)[PAIRS]
+    for mine in (np.flatnonzero(inner), np.flatnonzero(~inner)):
+        at = mine[:, None, None], PAIRS
+        believed = before.sd[at]
+        if len(mine) >= FEW:
+            believed = np.minimum(_spread(stray[at], variance[at], least[:, 0]), believed)
+        sd[at] = believed
     return Prior(mean, sd)
+
+
+def board_mean(ij: Array, state: Array) -> Array:
+    """What the corners at `ij` (N, 2) have in common: the means (N, COUNT) of `board_prior`."""
+    return _mean(neighbours(ij, 1), state)
+
+
+def _mean(near: Array, state: Array) -> Array:
+    mean = np.zeros_like(state)
+    mean[:, 6:9] = medians(state[:, 6:9].T)
+    mean[:, LIGHT] = _light(near, state)
+    return mean
 
 
 def _least(state: Array) -> Array:
     """Smallest believable spread of each parameter, (COUNT,); inf for those without a prior."""
     least = np.full(COUNT, np.inf)
     least[TURN], least[CURVE], least[BLUR], least[BLEED] = 0.003, 0.001, 0.02, 0.005
-    least[LIGHT] = 0.002 * max(float(np.median(np.abs(state[:, CONTRAST]))), 1.0)
+    least[LIGHT] = 0.002 * max(median(np.abs(state[:, CONTRAST])), 1.0)
     return least
 
 
-def _spread(stray: Array, variance: Array, least: float) -> Array:
-    """Standard deviation of the true values about the prior's mean, (N, K): common to all but those that stray."""
-    common = max((1.4826 * float(np.median(np.abs(stray)))) ** 2 - DOUBT * float(np.median(variance)), least**2)
-    loud = np.abs(stray) > LOUD * np.sqrt(variance + common)
-    return np.where(loud, np.abs(stray), np.sqrt(common))
+def _spread(stray: Array, variance: Array, least: Array) -> Array:
+    """Standard deviation of the true values about the prior's mean, (N, K, 2): common to both parameters of a pair and to all corners but those that
+    stray. `stray` (N, K, 2) how far they do; `least` (K,).
+    """
+    typical, noise = (medians(np.swapaxes(a, 0, 1).reshape(len(least), -1)) for a in (stray, variance))
+    common = np.maximum((MAD * typical) ** 2 - DOUBT * noise, least**2)[:, None]
+    return np.where(stray > LOUD * np.sqrt(variance + common), stray, np.sqrt(common))
 
 
-def _light(step: Array, there: Array, state: Array) -> Array:
-    """Slopes (N, 4) of level and contrast along u and v, from planes through the neighbours' (N, K, ...) values."""
-    sign = 1 - 2.0 * (step.sum(axis=-1) % 2)  # of the contrast, which alternates from corner to corner
-    levels = np.stack([state[..., MEAN], sign * state[..., CONTRAST]], axis=-1)
-    basis = np.concatenate([np.ones((*there.shape, 1)), step], axis=-1)
-    weight = there.astype(float)
-    normal = np.einsum("nk,nki,nkj->nij", weight, basis, basis) + 1e-6 * np.eye(3)
-    planes = np.linalg.solve(normal, np.einsum("nk,nki,nkc->nic", weight, basis, levels))
-    return np.concatenate([planes[:, 1:, 0], planes[:, 1:, 1]], axis=1)
+def _light(near: Array, state: Array) -> Array:
+    """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9)."""
+    slopes = np.empty((len(state), 4))
+    _slopes(len(state), near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)
+    return slopes

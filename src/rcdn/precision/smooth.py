@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.linalg.lapack import dpotrf
 
-from rcdn.geometry import apply_homography, homography
+from rcdn.geometry import homography
+from rcdn.native import bind
+from rcdn.precision.median import median
 from rcdn.types import Array
 
 LEAST_CORNERS, LEAST_LINES = 16, 4
@@ -33,22 +34,91 @@ FREE = 1e3
 MISFIT = 3.5
 """standard deviations off the smooth board beyond which a corner doesn't belong to it"""
 
+TILE = 8
+"""kernels take polynomials by so many"""
+FEW = 24
+"""polynomials, those of low degrees, with which the coarse grid of widths is judged"""
+CANDIDATES = 4
+"""places of that grid, the likeliest, that are judged again with all polynomials"""
+
 _Spot = tuple[int, int, int]
+STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
+"""to the neighbours of a place"""
+CHUNK = 128
+"""corners whose posterior a kernel reckons at once"""
+
+_PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(TOTAL + 1) - 2.0)
+"""standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
+
+_tangent = bind("rcdn_smooth_tangent", "nddDD")
+_normal = bind("rcdn_smooth_normal", "nnddddrrDDD")
+_evidence = bind("rcdn_smooth_evidence", "nndndDD")
+_settle = bind("rcdn_smooth_posterior", "nnddddrddDDDDD")
 
 
 @dataclass(frozen=True, eq=False)
-class _Choice:
-    """The likeliest widths: unevenness `rough` px, prior `root` (D,) of the coefficients, and `gram` (D + 1, D + 1) of `_whitened`."""
+class _Sheet:
+    """What may move a board's corners: `tangent` (N, 2, 8) by the parameters of its homography, orthonormal columns × √N, and
+    `bent` (N, T) along x, along y, by orthonormal polynomials of `degree` (T,), rising, of the labels. Zeros fill T up to a
+    multiple of `TILE`. `off` (N, 2): the data, px off the homography; `cov` (N, 2, 2) of their errors.
+    """
 
-    rough: float
-    root: Array
-    gram: Array
+    tangent: Array
+    bent: Array
+    degree: Array
+    off: Array
+    cov: Array
 
-    def posterior(self) -> tuple[Array, Array]:
-        """Mean (D,) and covariance (D, D) of the coefficients."""
-        matrix = np.eye(len(self.root)) + self.root[:, None] * self.gram[:-1, :-1] * self.root
-        spread = self.root[:, None] * np.linalg.inv(matrix) * self.root
-        return spread @ self.gram[:-1, -1], spread
+
+class _Evidence:
+    """How likely a sheet's data are under widths of the prior, `scale` px the unit. What was asked once is remembered."""
+
+    def __init__(self, sheet: _Sheet, scale: float) -> None:
+        self.sheet, self.scale = sheet, scale
+        self._known: dict[_Spot, float] = {}
+        self._normals: dict[int, tuple[Array, Array, float]] = {}
+        terms = len(sheet.degree)
+        self._work = np.empty(2 * (2 * terms + 2) * (2 * terms + TILE) + TILE)
+
+    def normal(self, rough: int) -> tuple[Array, Array, float]:
+        """Normal matrix (D + 1, D + 8) of all coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
+        what is left of it without the homography; and what log likelihoods have besides."""
+        if rough not in self._normals:
+            s, size = self.sheet, TILE + 2 * len(self.sheet.degree)
+            gram, rest, fixed = np.empty((size + 1, size + TILE)), np.empty((size + 2 - TILE, size)), np.empty(1)
+            _normal(
+                len(s.off), len(s.degree), s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, FREE * self.scale,
+                gram, rest, fixed,
+            )  # fmt: skip
+            self._normals[rough] = gram, rest, float(fixed[0])
+        return self._normals[rough]
+
+    def ask(self, spots: list[_Spot]) -> list[float]:
+        """Log marginal likelihoods of `spots`, but for a constant."""
+        new = sorted(set(spots) - self._known.keys())
+        self._known.update(zip(new, self.judge(new, len(self.sheet.degree)), strict=True))
+        return [self._known[s] for s in spots]
+
+    def judge(self, spots: list[_Spot], terms: int) -> list[float]:
+        """As `ask`, of `spots` in rising order, with the first `terms` polynomials only."""
+        known: list[float] = []
+        for rough, group in itertools.groupby(spots, key=lambda s: s[0]):
+            root = self._roots(list(group), terms)
+            _, rest, fixed = self.normal(rough)
+            out = np.empty(len(root))
+            _evidence(len(self.sheet.degree), terms, rest, len(root), root, self._work, out)
+            known += (out + fixed).tolist()
+        return known
+
+    def root(self, spot: _Spot) -> Array:
+        """Prior standard deviations (D,) of all coefficients, px."""
+        return np.concatenate([np.full(TILE, FREE * self.scale), self._roots([spot], len(self.sheet.degree))[0]])
+
+    def _roots(self, spots: list[_Spot], terms: int) -> Array:
+        """Prior standard deviations (len(spots), 2 terms) of the polynomials' coefficients along x, along y."""
+        degree = self.sheet.degree[:terms]
+        by_degree = self.scale * _PRIORS[[s[1] for s in spots], [s[2] for s in spots]]
+        return np.take(by_degree, np.concatenate([degree, degree]), axis=1)
 
 
 def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Array]:
@@ -60,11 +130,11 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
     """
     use, spread = trusted.copy(), cov.copy()
     for again in (True, False):
-        lines = [len(np.unique(ij[use, k])) for k in (0, 1)]
+        lines = [len(set(ij[use, k].tolist())) for k in (0, 1)]
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
-        flat, off, (known, noise) = _posterior(ij[use], xy[use], cov[use])
-        alien = np.einsum("na,nab,nb->n", off, np.linalg.inv(noise), off) > 2 * MISFIT**2
+        flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
+        alien = beyond > 2 * MISFIT**2
         if not alien.any() or not again:
             break
         out = np.flatnonzero(use)[alien]
@@ -75,84 +145,66 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
     return moved, spread
 
 
-def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Positions, distances of the data from the smooth board, and covariances of both."""
-    base, design, degree = _design(ij, xy)
-    scale = float(np.sqrt(np.median(np.trace(cov, axis1=1, axis2=2)) / 2))
-    best = _likeliest(design, degree, xy - base, cov, scale)
-    coefficient, spread = best.posterior()
-    flat = design @ coefficient
-    known = (design.reshape(-1, len(spread)) @ spread).reshape(design.shape) @ design.swapaxes(1, 2)
-    noise = cov + best.rough**2 * np.eye(2)
-    stay = best.rough**2 * np.linalg.inv(noise)
-    go = np.eye(2) - stay
-    off = xy - base - flat
-    moved = base + flat + np.einsum("nab,nb->na", stay, off)
-    return moved, off, (stay @ cov + go @ known @ go.swapaxes(1, 2), noise)
+def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, Array]:
+    """Positions (N, 2) and their covariances (N, 2, 2); the data's distances (N, 2) px from the smooth board, and squared (N,) in standard deviations."""
+    base, sheet = _sheet(ij, xy, cov)
+    full = _Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
+    best = _likeliest(full)
+    count, terms, root = len(xy), len(sheet.degree), full.root(best)
+    work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
+    moved, known, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
+    _settle(
+        count, terms, sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.normal(best[0])[0],
+        root, work, moved, known, off, beyond,
+    )  # fmt: skip
+    return base + moved, known, off, beyond
 
 
-def _design(ij: Array, xy: Array) -> tuple[Array, Array, Array]:
-    """A homography's positions (N, 2), and columns (N, 2, D) of what may change them, with the degree (D,) of each.
+def _sheet(ij: Array, xy: Array, cov: Array) -> tuple[Array, _Sheet]:
+    """Positions (N, 2) px by a homography, and what may lead away from them."""
+    base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, TILE))
+    _tangent(len(xy), ij.astype(float), homography(ij, xy), base, tangent)
+    at = ij - ij.min(axis=0)
+    columns, rows = at.max(axis=0).tolist()
+    along, down, degree = _pairs(min(DEGREE, columns), min(DEGREE, rows))
+    one, two = _polynomials(columns + 1)[at[:, 0]], _polynomials(rows + 1)[at[:, 1]]
+    bent = np.take(one, along, axis=1) * np.take(two, down, axis=1)
+    return base, _Sheet(tangent, bent, degree, xy - base, np.ascontiguousarray(cov, float))
 
-    Degree 0: the eight parameters of the homography; from 2 on: orthonormal polynomials of the labels, px.
+
+@functools.lru_cache(maxsize=32)
+def _polynomials(size: int) -> Array:
+    """Orthonormal polynomials (size, DEGREE + 2) of labels 0 … size - 1; the last column is 0."""
+    top = min(DEGREE, size - 1)
+    out = np.zeros((size, DEGREE + 2))
+    out[:, : top + 1] = legvander(2 * np.arange(size) / max(size - 1, 1) - 1, top) * np.sqrt(2 * np.arange(top + 1) + 1)
+    return out
+
+
+@functools.cache
+def _pairs(columns: int, rows: int) -> tuple[Array, Array, Array]:
+    """Degrees along both axes, and together, of all polynomials up to degrees `columns` and `rows`, the lowest first, (T,); filled up with zeros."""
+    every = itertools.product(range(columns + 1), range(rows + 1))
+    pairs = sorted((a + b, a, b) for a, b in every if 2 <= a + b <= TOTAL)
+    pairs += [(TOTAL, DEGREE + 1, DEGREE + 1)] * (-len(pairs) % TILE)
+    degree, a, b = np.array(pairs).T
+    return a, b, degree
+
+
+def _likeliest(full: _Evidence) -> _Spot:
+    """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again.
+
+    On the grid, polynomials of low degrees tell the few places that come into question.
     """
-    H = homography(ij, xy)
-    points = ij.astype(float)
-    base = apply_homography(H, points)
-    depth = (points @ H[2, :2] + H[2, 2])[:, None]
-    row = np.column_stack([points, np.ones(len(points))]) / depth * abs(float(np.median(depth)))
-    zero = np.zeros_like(row)
-    tangent = np.stack([
-        np.concatenate([row, zero, -base[:, :1] * row[:, :2]], axis=1),
-        np.concatenate([zero, row, -base[:, 1:] * row[:, :2]], axis=1),
-    ], axis=1)  # fmt: skip
-    tangent = np.linalg.qr(tangent.reshape(-1, 8))[0].reshape(-1, 2, 8) * np.sqrt(len(points))
-    at = 2 * (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1) - 1
-    one, two = (legvander(at[:, k], min(DEGREE, int(np.ptp(ij[:, k])))) for k in (0, 1))
-    pairs = [(a, b) for a in range(one.shape[1]) for b in range(two.shape[1]) if 2 <= a + b <= TOTAL]
-    bent = np.stack([one[:, a] * two[:, b] * np.sqrt((2 * a + 1) * (2 * b + 1)) for a, b in pairs], axis=1)
-    both = np.concatenate([np.stack([bent, 0 * bent], axis=1), np.stack([0 * bent, bent], axis=1)], axis=2)
-    order = np.array([a + b for a, b in pairs])
-    return base, np.concatenate([tangent, both], axis=2), np.concatenate([np.zeros(8, int), order, order])
-
-
-def _likeliest(design: Array, degree: Array, off: Array, cov: Array, scale: float) -> _Choice:
-    """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again."""
-    grid = tuple(itertools.product(range(0, len(ROUGH), 2), range(0, len(DECAYS), 2), range(0, len(WIDTHS), 2)))
-    whitened = functools.cache(lambda k: _whitened(design, off, cov, ROUGH[k] * scale))
-    likelihood = functools.cache(lambda at: _evidence(*whitened(at[0]), _root(degree, at, scale)))
-
-    best = max(grid, key=likelihood)
+    lengths = len(ROUGH), len(DECAYS), len(WIDTHS)
+    grid = list(itertools.product(*(range(0, length, 2) for length in lengths)))
+    order = np.argsort(-np.array(full.judge(grid, min(FEW, len(full.sheet.degree)))), kind="stable")[:CANDIDATES]
+    near = [grid[k] for k in order]
+    best = near[int(np.argmax(full.ask(near)))]
     while True:
-        a, b, c = best
-        steps = [(a - 1, b, c), (a + 1, b, c), (a, b - 1, c), (a, b + 1, c), (a, b, c - 1), (a, b, c + 1)]
-        lengths = (len(ROUGH), len(DECAYS), len(WIDTHS))
-        near = [s for s in steps if all(0 <= n < length for n, length in zip(s, lengths, strict=True))]
-        after = max([best, *near], key=likelihood)
+        steps = [(best[0] + a, best[1] + b, best[2] + c) for a, b, c in STEPS]
+        near = [best, *(s for s in steps if all(0 <= n < length for n, length in zip(s, lengths, strict=True)))]
+        after = near[int(np.argmax(full.ask(near)))]
         if after == best:
-            return _Choice(ROUGH[a] * scale, _root(degree, best, scale), whitened(a)[0])
+            return best
         best = after
-
-
-def _root(degree: Array, at: _Spot, scale: float) -> Array:
-    """Prior standard deviations of all coefficients, px."""
-    return scale * np.where(degree > 0, WIDTHS[at[2]] * DECAYS[at[1]] ** (degree - 2.0), FREE)
-
-
-def _whitened(design: Array, off: Array, cov: Array, rough: float) -> tuple[Array, float]:
-    """Normal matrix of the coefficients under noise `cov` and unevenness, with their right side and sum of squares below it, and a constant.
-
-    (D + 1, D + 1): what is left of the last diagonal element after elimination is the squared distance to the best fit, and one.
-    """
-    white = np.linalg.inv(np.linalg.cholesky(cov + rough**2 * np.eye(2)))
-    A = (white @ design).reshape(-1, design.shape[2])
-    y = (white @ off[..., None]).reshape(-1, 1)
-    both = np.concatenate([A, y], axis=1)
-    return both.T @ both, 0.5 + float(np.log(np.diagonal(white, axis1=1, axis2=2)).sum())
-
-
-def _evidence(gram: Array, fixed: float, root: Array) -> float:
-    """Log marginal likelihood of the data, but for a constant."""
-    scale = np.append(root, 1)
-    factor = dpotrf(scale[:, None] * gram * scale + np.eye(len(scale)), lower=1)[0].diagonal()
-    return -0.5 * float(factor[-1] ** 2) - float(np.log(factor[:-1]).sum()) + fixed

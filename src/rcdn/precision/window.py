@@ -1,4 +1,10 @@
-"""The pixels around each corner of a board, with their board coordinates."""
+"""The pixels around each corner of a board, with their board coordinates: what the kernels of the fit see.
+
+A corner's window is a parallelogram in its affine frame: half a square to each side, so that windows of neighbours touch
+but share no pixel and their errors are independent; at most 30 px along an edge, further out, its course is less certain
+than its pixels are worth; less where it would reach beyond the board's outermost squares. Of it, the pixels within a band
+along either edge are taken: 4 blurs + 3 px away they tell nothing.
+"""
 
 from __future__ import annotations
 
@@ -6,112 +12,63 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.native import bind
 from rcdn.precision.lattice import Lattice
-from rcdn.precision.model import Windows
 from rcdn.types import Array
 
-HALF = 0.5
-"""squares; windows of neighbours touch but share no pixel, so that their errors are independent"""
-LONGEST = 30.0
-"""px along an edge: further out, its course is less certain than its pixels are worth"""
-BAND = (4.0, 3.0)
-"""pixels further from both edges than (blurs, + px) tell nothing"""
-RIM = 2.2
-"""blurs that a window stays away from what lies beyond the board's outermost squares"""
-LEAST = 0.25
-"""squares; no window is cut shorter than that"""
-BATCH = 1 << 14
-"""pixels of the corners that are fitted together: what they need at once fits into a core's cache"""
+FRAME = 13
+"""numbers that tell a window, see `frames`"""
+THIN = 12
+"""the last of them: every how many-th pixel is taken"""
+FULL = 3968
+"""pixels that no window exceeds"""
+
+_frames = bind("rcdn_fit_frames", "nddddbrD", result=True)
+_windows = bind("rcdn_fit_windows", "pnddddnLF", result=True)
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
-    """Pixels of some corners: `which` (n,) of the board's; `spot` (2, n, P) px from `centre` (n, 2); `value`, `weight` (n, P).
+class Windows:
+    """The pixels of N corners, P a corner, float32, as the kernels see them.
 
-    float32; `weight` is 0 where a corner has fewer than P pixels.
+    `spot` (2, N, P): where, px from `centre` (N, 2); `value` (N, P) grey levels; `u`, `v` (N, P) squares from the corner;
+    `gu`, `gv` (N, P) lengths of their gradients, squares a px; `mask` (N, P) bool: False where a corner has fewer pixels.
     """
 
-    which: Array
     centre: Array
     spot: Array
     value: Array
-    weight: Array
+    u: Array
+    v: Array
+    gu: Array
+    gv: Array
+    mask: Array
 
 
-def extent(maps: Lattice, xy: Array, rim: Array, blur: float) -> tuple[Array, Array, Array]:
-    """Half extents (N, 2) of windows along u and v, squares; px (N, 2, 2) by squares; half sizes (N, 2) px of boxes that hold them.
+def parts(maps: Lattice) -> tuple[Array, Array, Array]:
+    """The maps as kernels take them: homography, origins, terms."""
+    flat, origin, terms = (np.ascontiguousarray(a, np.float64) for a in (maps.flat, maps.origin, maps.terms))
+    return flat, origin, terms
 
-    `rim` (N, 2) bool: no corner follows on one side along u, v. Raises LinAlgError where a map folds.
+
+def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.inf) -> Array:
+    """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2), squares; centre (2) and
+    half size (2) of a box that holds the window, px; and every how many-th pixel is taken.
+
+    `rim` (N, 2) bool: no corner follows on one side along u, v. `blur` px, about that of the picture. Where a window holds more
+    than `most` pixels, every second, third, … is taken. Raises LinAlgError where a map folds.
     """
-    step = np.linalg.inv(maps.with_slopes(np.arange(len(xy)), xy)[1])
-    if not np.isfinite(step).all():
+    out = np.empty((len(xy), FRAME))
+    if _frames(len(xy), *parts(maps), np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
         raise np.linalg.LinAlgError("a map folds on a corner")
-    length = np.linalg.norm(step, axis=1)
-    width = np.abs(np.linalg.det(step))[:, None] / length[:, ::-1]  # of a square, across the edge
-    reach = np.minimum(HALF, LONGEST / length)
-    reach = np.where(rim, np.clip(1 - RIM * blur / width, LEAST, reach), reach)
-    return reach, step, np.ceil((np.abs(step) * reach[:, None]).sum(axis=2)).astype(np.int64)
-
-
-def batches(grey: Array, maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.inf) -> list[Batch]:
-    """The pixels that tell of the corners of a board at `xy` (N, 2) px of `grey` (H, W), corners with about as many of them together.
-
-    `blur` px, about that of the picture, bounds the band along the edges from which pixels are taken. Pixels outside the
-    image have none. `rim` as in `extent`. Where windows hold more than `most` pixels, every second, third, … is left.
-    """
-    reach, step, half = extent(maps, xy, rim, blur)
-    slope = np.linalg.inv(step)
-    band = np.minimum((BAND[0] * blur + BAND[1]) * np.linalg.norm(slope, axis=2), reach)
-    area = 4 * (reach.prod(axis=1) - (reach - band).prod(axis=1)) * np.abs(np.linalg.det(step))
-    thin = max(1, round(float(np.median(area)) / most))
-    centre = np.rint(xy).astype(np.int64)
-    order, out = np.argsort(-area, kind="stable"), []
-    while len(order):
-        which, order = np.split(order, [max(1, int(BATCH * thin / max(area[order[0]], 1)))])
-        spots = _lattice_points(half[which].max(axis=0), thin)
-        inside = _inside(slope[which], reach[which], band[which], spots)
-        out.append(_batch(grey, which, centre[which], spots, inside))
+    out[:, THIN] = max(1, round(float(np.median(out[:, THIN])) / most))
     return out
 
 
-def _lattice_points(half: Array, thin: int) -> Array:
-    """Pixels (2, K) of a box, or every `thin`-th on a slanted lattice; x, y from its middle."""
-    y, x = np.mgrid[-half[1] : half[1] + 1, -half[0] : half[0] + 1]
-    keep = (x + (thin + 1) // 2 * y) % thin == 0
-    return np.stack([x[keep], y[keep]])
-
-
-def _inside(slope: Array, reach: Array, band: Array, spots: Array) -> Array:
-    """Which `spots` (2, K) lie in the windows (n) and near one of their edges, (n, K), by the affine part of the maps."""
-    uv = np.abs(slope.astype(np.float32) @ spots.astype(np.float32))
-    reach, band = reach.astype(np.float32)[..., None], band.astype(np.float32)[..., None]
-    return np.asarray((uv <= reach).all(axis=1) & (uv <= band).any(axis=1))
-
-
-def _batch(grey: Array, which: Array, centre: Array, spots: Array, inside: Array) -> Batch:
-    height, width = grey.shape
-    low, high = centre + spots.min(axis=1), centre + spots.max(axis=1)
-    if (low < 0).any() or (high >= (width, height)).any():
-        x, y = centre[:, :, None].swapaxes(0, 1) + spots[:, None]
-        inside = inside & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    count = inside.sum(axis=1)
-    most = max(int(count.max()), 1)
-    row, column = np.nonzero(inside)
-    place = np.arange(len(row)) + np.repeat(np.arange(len(which)) * most - np.cumsum(count) + count, count)
-    spread = lambda a: _scattered(a, place, (len(which), most))  # noqa: E731
-    at = (centre[:, 1] * width + centre[:, 0])[row] + (spots[1] * width + spots[0])[column]
-    spot = spots.astype(np.float32)[:, column]
-    there = np.ones(len(row), np.float32)
-    return Batch(which, centre, np.stack([spread(spot[0]), spread(spot[1])]), spread(grey.ravel()[at]), spread(there))
-
-
-def _scattered(values: Array, place: Array, shape: tuple[int, int]) -> Array:
-    out = np.zeros(shape, np.float32)
-    out.ravel()[place] = values
-    return out
-
-
-def windows(maps: Lattice, batch: Batch) -> Windows:
-    """The windows of a batch as `maps` see them."""
-    u, v, gu, gv = maps.around(batch.which, batch.centre, *batch.spot)
-    return Windows(batch.value, u, v, gu, gv, batch.weight, batch.spot)
+def windows(grey: Array, maps: Lattice, frame: Array) -> Windows:
+    """The pixels of `grey` (H, W) in the windows `frame` (N, FRAME), as `maps` see them. Those outside the picture have no mask."""
+    count, out = np.empty(len(frame), np.int64), np.zeros((8, len(frame), FULL), np.float32)
+    if _windows(grey, len(frame), frame, *parts(maps), FULL, count, out):
+        raise MemoryError
+    x, y, value, u, v, gu, gv, mask = out[..., : max(int(count.max(initial=0)), 1)]
+    return Windows(frame[:, 8:10].astype(np.int64), np.stack([x, y]), value, u, v, gu, gv, mask > 0)

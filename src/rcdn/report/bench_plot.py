@@ -59,16 +59,29 @@ def draw_size(axes: Any, rows: Sequence[Row], quality: Mapping[str, float], name
     axes.grid(alpha=0.3)
 
 
+def draw_folder(figure: Any, samples: Sequence[Row]) -> None:
+    """Time and memory side by side, as the pictures of a folder get done."""
+    figure.set_size_inches(WIDE * 2, HIGH)
+    left, right = figure.subplots(1, 2)
+    _along(left, samples, "seconds")
+    left.set_ylabel("time, s")
+    left.set_title("rcdn detect over a folder")
+    draw_memory(right, samples)
+    right.set_title("all processes together")
+
+
 def draw_memory(axes: Any, samples: Sequence[Row]) -> None:
     """Memory of all processes together as the pictures of a folder get done, a line for each number of jobs."""
-    for jobs in dict.fromkeys(s["jobs"] for s in samples):
-        mine = [s for s in samples if s["jobs"] == jobs and s["now MB"] is not None]
-        axes.plot(
-            [s["pictures"] for s in mine], [s["now MB"] for s in mine], label=f"{jobs} job{'' if jobs == 1 else 's'}"
-        )
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel("pictures done")
+    _along(axes, samples, "now MB")
     axes.set_ylabel("memory, MB")
     axes.set_title("rcdn detect over a folder")
+
+
+def _along(axes: Any, samples: Sequence[Row], what: str) -> None:
+    for jobs in dict.fromkeys(s["jobs"] for s in samples):
+        mine = [s for s in samples if s["jobs"] == jobs and s[what] is not None]
+        axes.plot([s["pictures"] for s in mine], [s[what] for s in mine], label=f"{jobs} job{'' if jobs == 1 else 's'}")
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("pictures done")
     axes.legend(fontsize=7)
     axes.grid(alpha=0.3)

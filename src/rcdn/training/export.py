@@ -15,6 +15,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from rcdn.corners.cells import CellNetwork
+from rcdn.corners.onnx_file import read_graph
 from rcdn.corners.response import ResponseModel
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_bytes, write_text
@@ -23,6 +25,7 @@ from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, folded, load_run, parameter_count
+from rcdn.training.ranges import ranges
 from rcdn.training.validate import torch_response
 from rcdn.types import Array
 
@@ -93,7 +96,7 @@ def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | No
     config = facts["training"]
     model = ResponseModel(data, config["normalisation"], net.architecture.margins, net.architecture.cell, facts)
     expected = torch_response(net, image, config["loss"], config["normalisation"])
-    return float(np.abs(model(image, tile=128) - expected).max())
+    return float(np.abs(model.by_onnx_runtime(image, tile=128) - expected).max())
 
 
 def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
@@ -106,6 +109,9 @@ def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
     net, report = load_run(run)
     data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
     facts = provenance(report, net, data)
+    if CellNetwork.fits(read_graph(data)):
+        layers = [(*folded(b), s) for b, (_, _, s) in zip(net.blocks, net.architecture.layers, strict=True)]
+        facts["ranges"] = ranges(layers, facts["normalisation"], facts["training"]["pool"]["ranges"])
     gap = parity(net, data, facts)
     if not gap <= PARITY:
         raise RcdnError(

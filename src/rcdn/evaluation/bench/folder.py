@@ -23,6 +23,8 @@ SEED = 9_200_000
 SIZE = (640, 480)
 DISTINCT = 50
 """pictures rendered, at most; after these come copies of them: no detector remembers any"""
+KEPT = 500
+"""samples of a run that are kept, at most"""
 
 
 def fill(folder: Path, count: int) -> None:
@@ -34,7 +36,15 @@ def fill(folder: Path, count: int) -> None:
             write_image(path, render(random_scene(np.random.default_rng((SEED, k)), ORDINARY, SIZE), samples=2))
             rendered.append(path)
         else:
-            shutil.copyfile(rendered[k % DISTINCT], path)
+            _again(rendered[k % DISTINCT], path)
+
+
+def _again(source: Path, path: Path) -> None:
+    """The same picture under another name, without its bytes where the disk can do that."""
+    try:
+        os.link(source, path)
+    except OSError:  # no such links here, or too many of them
+        shutil.copyfile(source, path)
 
 
 def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callable[[str], None] | None = None) -> Row:
@@ -62,8 +72,8 @@ def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callabl
             if done.returncode:
                 raise RcdnError(f"--folder: rcdn detect failed: {done.stderr.strip()[-300:]}")
             lines = read_samples(seen)
-            rows.append(folder_row(lines, many, count, seconds))
-            samples += [{"jobs": many} | line for line in lines]
+            rows.append(folder_row(lines, many, count, seconds) | {"first process, peak MB": _end(seen)})
+            samples += [{"jobs": many} | line for line in thinned(lines)]
     return {"rows": rows, "samples": samples}
 
 
@@ -79,14 +89,29 @@ def read_samples(path: Path) -> list[Row]:
         ]  # fmt: skip
 
 
+def _end(seen: Path) -> float | None:
+    """What the command wrote at its very end: the most that its first process had, with the files written."""
+    path = seen.with_suffix(".end")
+    text = path.read_text() if path.exists() else ""
+    return round(float(text), 1) if text else None
+
+
+def thinned(lines: Sequence[Row], most: int = KEPT) -> list[Row]:
+    """At most that many of the lines, evenly over the run; the first and the last stay."""
+    if len(lines) <= most:
+        return list(lines)
+    return [lines[k] for k in np.linspace(0, len(lines) - 1, most).round().astype(int).tolist()]
+
+
 def folder_row(lines: Sequence[Row], jobs: int, count: int, seconds: float) -> Row:
     """`a second`: over the whole run with its start; `steady a second`: from a tenth of the pictures on.
 
+    `ms, first half` and `second half`: a picture's from a tenth of them to the middle, and from there on: equal if time is linear.
     MB, all processes together: `peak`; `at 10 %` and `at the end` of the pictures: what grows between them would grow on.
     """
     if len(lines) != count:
         raise RcdnError(f"--folder: {len(lines)} of {count} pictures were seen")
-    early, late = lines[len(lines) // 10], lines[-1]
+    early, middle, late = lines[len(lines) // 10], lines[len(lines) * 11 // 20], lines[-1]
     between = late["seconds"] - early["seconds"]
     pictures = late["pictures"] - early["pictures"]
     peaks = [line["peak MB"] for line in lines if line["peak MB"] is not None]
@@ -94,5 +119,12 @@ def folder_row(lines: Sequence[Row], jobs: int, count: int, seconds: float) -> R
         "pictures": count, "jobs": jobs, "cores": os.cpu_count(), "seconds": round(seconds, 2),
         "a second": round(count / seconds, 2),
         "steady a second": round(pictures / between, 2) if between > 0 else None,
+        "ms, first half": _each(early, middle), "ms, second half": _each(middle, late),
         "MB at 10 %": early["now MB"], "MB at the end": late["now MB"], "peak MB": max(peaks, default=None),
     }  # fmt: skip
+
+
+def _each(start: Row, end: Row) -> float | None:
+    """ms a picture between two lines."""
+    pictures = end["pictures"] - start["pictures"]
+    return round(1e3 * (end["seconds"] - start["seconds"]) / pictures, 2) if pictures else None

@@ -1,0 +1,212 @@
+/* The parametric fit of corners of a board, each by itself. See rcdn/precision/fit.py. */
+#include "fit_model.h"
+
+/* Blocks of a window: pixels are at most 2 · ROW / 2 px from the mean of all, and those of one half are mirrored to the other. */
+enum { BLOCKS = (ROW + 2) * (2 * ROW + 3) };
+
+/* bytes; arrays that start so are read a cache line at a time */
+enum { ALIGNED = 64 };
+
+typedef struct {
+    Rows rows;
+    float lever[2][PIXELS];
+    Window window;
+    int32_t at[PIXELS];
+    float block[2][BLOCKS][4];
+} Room;
+
+/* Least variance of grey levels (they are whole numbers); parameters that the pixels of one corner really settle. */
+#define ROUNDING 0.08
+#define FREEDOM 8
+/* Residuals beyond the larger of (noise, × contrast) have no weight. */
+#define OUTLIER_NOISE 6.0
+#define OUTLIER_CONTRAST 0.15
+/* Least pivot of a matrix with ones on its diagonal. */
+#define LEAST 1e-13
+/* px, blurs */
+#define SHARPEST 0.25
+#define SOFTEST 20.0
+
+/* px, sides of blocks */
+#define SMALLEST 1.0
+#define LARGEST 8.0
+
+static const double STEP[COUNT] = {0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.4, 0.4, 0.3, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+
+INLINE double clip(double x, double low, double high) {
+    return x < low ? low : x > high ? high : x;
+}
+
+INLINE void eliminate(double *restrict row, const double *restrict pivot, double share) {
+    for (int j = 0; j < ROWS; j++)
+        row[j] -= share * pivot[j];
+}
+
+INLINE void rescale(double m[ROWS][ROWS], const double *size) {
+    for (int k = 0; k < COUNT; k++)
+        for (int j = 0; j < ROWS; j++)
+            m[k][j] *= size[k] * size[j];
+}
+
+/* The inverse of a symmetric positive definite matrix in the first COUNT rows and columns of `m`, in place. Where rounding has left a
+ * direction without stiffness, it gets a little. */
+INLINE void invert(double m[ROWS][ROWS]) {
+    double size[ROWS], row[ROWS];
+    for (int k = 0; k < ROWS; k++)
+        size[k] = k < COUNT ? 1 / sqrt(m[k][k]) : 0;
+    rescale(m, size);
+    for (int k = 0; k < COUNT; k++) {
+        const double share = 1 / (m[k][k] > LEAST ? m[k][k] : LEAST);
+        for (int j = 0; j < ROWS; j++) {
+            row[j] = m[k][j] * share;
+            m[k][j] = 0;
+        }
+        row[k] = 1 + share; /* so that what is left in column k is - share × what was there */
+        for (int i = 0; i < COUNT; i++)
+            eliminate(m[i], row, m[i][k]);
+        row[k] = share;
+        for (int j = 0; j < ROWS; j++)
+            m[k][j] = row[j];
+    }
+    rescale(m, size);
+}
+
+/* One pass over the pixels: the inverse normal matrix in `m`, and the step of the parameters towards the best fit. */
+INLINE Sums look(Room *room, const double *state, const double *mean, const double *tie, double noise, int robust, int others,
+                 double m[ROWS][ROWS], double *step) {
+    const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
+    const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
+    const Sums sums = others ? model_rows(&room->window, state, limit, 1, room->rows) : model_rows(&room->window, state, limit, 0, room->rows);
+    products(room->rows, room->window.padded, m);
+    const index_t loose = room->window.count - FREEDOM;
+    const double stiff = clip(sums.square / (double)(loose > 1 ? loose : 1), ROUNDING, 4 * noise);
+    double pull[COUNT];
+    for (int k = 0; k < COUNT; k++) {
+        pull[k] = m[k][RESIDUAL] + stiff * tie[k] * (mean[k] - state[k]);
+        m[k][k] += stiff * tie[k] + 1e-6;
+        m[k][RESIDUAL] = 0;
+    }
+    invert(m);
+    for (int k = 0; k < COUNT; k++) {
+        step[k] = 0;
+        for (int j = 0; j < COUNT; j++)
+            step[k] += m[k][j] * pull[j];
+    }
+    return sums;
+}
+
+/* Squares a px across the narrower side of a window's square. */
+INLINE double steepest(const double *frame) {
+    const double u = hypot(frame[SLOPE], frame[SLOPE + 1]), v = hypot(frame[SLOPE + 2], frame[SLOPE + 3]);
+    return u > v ? u : v;
+}
+
+/* The block of each pixel in `room->at`, and the number of blocks. Those of one half of the window are mirrored to the other. */
+INLINE index_t blocks(Room *room, float side) {
+    const Window *w = &room->window;
+    const index_t n = w->padded;
+    const float count = w->count > 1 ? (float)w->count : 1, share = 1 / side;
+    float x0 = 0, y0 = 0, far_x = 0, far_y = 0;
+    for (index_t i = 0; i < n; i++) {
+        x0 += w->x[i];
+        y0 += w->y[i];
+    }
+    x0 /= count;
+    y0 /= count;
+    for (index_t i = 0; i < n; i++) {
+        const float x = fabsf(w->x[i] - x0) * share, y = fabsf(w->y[i] - y0) * share;
+        far_x = x > far_x ? x : far_x;
+        far_y = y > far_y ? y : far_y;
+    }
+    const int32_t reach_x = (int32_t)(far_x + 0.5f) + 1, reach_y = (int32_t)(far_y + 0.5f) + 1, span = 2 * reach_x + 1;
+    for (index_t i = 0; i < n; i++) {
+        const float x = (w->x[i] - x0) * share, y = (w->y[i] - y0) * share;
+        const int32_t at = (int32_t)rintf(y) * span + (int32_t)rintf(x);
+        room->at[i] = at < 0 ? -at : at;
+    }
+    return (index_t)span * reach_y + reach_x + 1;
+}
+
+/* Sums over blocks of pixels: `scores` (2) squared pulls on the position, and what white noise of variance 1 would give. The fit makes the
+ * pulls of all blocks add up to nothing, which the second allows for. `m`: inverse normal matrix. `side` of a block, px. */
+INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *scores) {
+    const index_t size = blocks(room, side), n = room->window.padded;
+    float unit[2][COUNT];
+    for (int j = 0; j < 2 * COUNT; j++)
+        unit[j / COUNT][j % COUNT] = (float)m[j / COUNT][j % COUNT];
+    INDEPENDENT
+    for (index_t i = 0; i < n; i++) {
+        float one = 0, two = 0;
+        for (int k = 0; k < COUNT; k++) {
+            one += unit[0][k] * room->rows[k][i];
+            two += unit[1][k] * room->rows[k][i];
+        }
+        room->lever[0][i] = one;
+        room->lever[1][i] = two;
+    }
+    for (int half = 0; half < 2; half++)
+        memset(room->block[half], 0, (size_t)size * sizeof(room->block[0][0]));
+    for (index_t i = 0; i < n; i++) { /* by turns into two halves: sums need not wait for each other */
+        float *to = room->block[i % 2][room->at[i]];
+        const float one = room->lever[0][i], two = room->lever[1][i], off = room->rows[RESIDUAL][i];
+        to[0] += one * one;
+        to[1] += two * two;
+        to[2] += one * off;
+        to[3] += two * off;
+    }
+    double sum[2] = {0, 0}, even[2] = {0, 0}, pull = 0;
+    for (index_t b = 0; b < size; b++)
+        for (int k = 0; k < 2; k++) {
+            const double share = room->block[0][b][k] + room->block[1][b][k], by = room->block[0][b][2 + k] + room->block[1][b][2 + k];
+            sum[k] += share;
+            even[k] += share * share;
+            pull += by * by;
+        }
+    scores[0] = pull;
+    scores[1] = 0;
+    for (int k = 0; k < 2; k++)
+        scores[1] += sum[k] - even[k] / (sum[k] > 1e-12 ? sum[k] : 1e-12);
+}
+
+/* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led `steps` on, bound
+ * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. `noise`: variance of the residuals of the board. `robust`: pixels that
+ * disagree lose their weight. `board`: next corners have edges too. Out: inverse normal matrices: diagonals `own` (n, COUNT), and `unit`
+ * (n, 2, 2) of the shift; `variance` (n) of the residuals with weights; `kept` (n), mean weight; `scores` (n, 2) of blocks
+ * whose sides are `share` of a square's, none if 0. Returns 1 where memory lacks. */
+FAST EXPORT index_t rcdn_fit(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
+                             const double *flat, const double *origin, const double *terms, double *state, const double *mean,
+                             const double *tie, double noise, index_t steps, index_t robust, index_t board, double *own, double *unit,
+                             double *variance, double *kept, double share, double *scores) {
+    const Picture picture = {data, height, width, real};
+    void *memory = malloc(sizeof(Room) + ALIGNED);
+    if (!memory)
+        return 1;
+    Room *room = (Room *)(((uintptr_t)memory + ALIGNED - 1) / ALIGNED * ALIGNED);
+    for (index_t k = 0; k < n; k++) {
+        const Map map = map_of(flat, origin, terms, k);
+        const double *frame = frames + FRAME * k;
+        double *p = state + COUNT * k, m[ROWS][ROWS], step[COUNT];
+        window_pixels(&picture, frame, &room->window);
+        window_coordinates(&map, frame, &room->window);
+        const int others = board && crowded(&room->window, p);
+        Sums sums = {0, 0, 0};
+        for (index_t s = 0; s <= steps; s++) {
+            sums = look(room, p, mean + COUNT * k, tie + COUNT * k, noise, (int)robust, others, m, step);
+            for (int j = 0; j < COUNT && s < steps; j++)
+                p[j] += clip(step[j], -STEP[j], STEP[j]);
+            for (int j = BLUR; j < BLUR + 2; j++)
+                p[j] = clip(p[j], log(SHARPEST), log(SOFTEST));
+        }
+        for (int j = 0; j < COUNT; j++)
+            own[COUNT * k + j] = m[j][j];
+        for (int j = 0; j < 4; j++)
+            unit[4 * k + j] = m[j / 2][j % 2];
+        if (share > 0)
+            block_scores(room, m, (float)clip(share / steepest(frame), SMALLEST, LARGEST), scores + 2 * k);
+        const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
+        variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;
+        kept[k] = sums.weight / (double)(room->window.count > 1 ? room->window.count : 1);
+    }
+    free(memory);
+    return 0;
+}

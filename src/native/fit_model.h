@@ -1,0 +1,116 @@
+/* What the surroundings of a corner look like, and how that changes with the parameters. See rcdn/precision/model.py for both. */
+#ifndef RCDN_FIT_MODEL_H
+#define RCDN_FIT_MODEL_H
+
+#include "fit_window.h"
+#include "maths.h"
+
+enum { BLUR = 6, BLEED = 8, MEAN = 9, CONTRAST = 10, COUNT = 15, RESIDUAL = 15, ROWS = 16 };
+
+/* blurs at which an edge is no longer felt: erf is 1 to 1e-4 */
+#define FELT 4.0f
+#define PEAK 1.1283792f
+#define WHITE 255.0f
+
+/* Of each pixel: its slopes by the COUNT parameters, then its residual, all × the root of its weight. */
+typedef float Rows[ROWS][PIXELS];
+
+/* Sums over the pixels: of squared residuals without and with weights, of the weights. */
+typedef struct {
+    double square, heavy, weight;
+} Sums;
+
+/* Do the edges of the next corners reach into the window? */
+INLINE int crowded(const Window *w, const double *state) {
+    const float blur_u = FELT * (float)exp(state[BLUR]), blur_v = FELT * (float)exp(state[BLUR + 1]);
+    int felt = 0;
+    for (index_t i = 0; i < w->count; i++)
+        felt |= (1 - fabsf(w->u[i]) < blur_u * w->gu[i]) | (1 - fabsf(w->v[i]) < blur_v * w->gv[i]);
+    return felt;
+}
+
+/* What an edge of a next corner, `z` blurs away, takes from a wave and adds to its slope by log blur. */
+INLINE void next_edge(float z, float *wave, float *by_blur) {
+    *wave -= erf_near(z);
+    *by_blur += PEAK * bell_near(z) * z;
+}
+
+/* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the next corners. Levels beyond
+ * the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
+ * the pixel's squares ± 1 - push = 0: bleed moves edges by turns one way and the other. */
+INLINE Sums model_rows(const Window *w, const double *state, float limit, const int others, Rows rows) {
+    float p[COUNT];
+    for (int k = 0; k < COUNT; k++)
+        p[k] = (float)state[k];
+    const float sharp_u = (float)exp(-state[BLUR]), sharp_v = (float)exp(-state[BLUR + 1]);
+    const float contrast = fabsf(p[CONTRAST]), bleed = p[CONTRAST] > 0 ? p[BLEED] : p[CONTRAST] < 0 ? -p[BLEED] : 0;
+    const float strict = 1 / limit;
+    const index_t n = w->padded;
+    float square = 0, heavy = 0, total = 0;
+    INDEPENDENT
+    for (index_t i = 0; i < n; i++) {
+        const float u = w->u[i], v = w->v[i], uu = u * u, vv = v * v;
+        const float scale_u = sharp_u * w->iu[i], scale_v = sharp_v * w->iv[i];
+        const float own_u = u - p[0] - p[2] * v - p[4] * vv, own_v = v - p[1] - p[3] * u - p[5] * uu;
+        const float side_u = erf_near(own_v * scale_v) * w->gu[i], side_v = erf_near(own_u * scale_u) * w->gv[i];
+        const float push_u = bleed * side_u, push_v = bleed * side_v;
+        const float z_u = (own_u + push_u) * scale_u, z_v = (own_v + push_v) * scale_v;
+        const float bell_u = PEAK * bell_near(z_u), bell_v = PEAK * bell_near(z_v);
+        float wave_u = erf_near(z_u), wave_v = erf_near(z_v), soft_u = -bell_u * z_u, soft_v = -bell_v * z_v;
+        if (others) {
+            next_edge((u - 1 - push_u) * scale_u, &wave_u, &soft_u);
+            next_edge((u + 1 - push_u) * scale_u, &wave_u, &soft_u);
+            next_edge((v - 1 - push_v) * scale_v, &wave_v, &soft_v);
+            next_edge((v + 1 - push_v) * scale_v, &wave_v, &soft_v);
+        }
+        const float shape = wave_u * wave_v, amplitude = p[CONTRAST] + p[13] * u + p[14] * v;
+        const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
+        const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
+        const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
+        const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
+        const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
+        const float move_u = -amplitude * by_u * live, move_v = -amplitude * by_v * live;
+        rows[0][i] = move_u;
+        rows[1][i] = move_v;
+        rows[2][i] = move_u * v;
+        rows[3][i] = move_v * u;
+        rows[4][i] = move_u * vv;
+        rows[5][i] = move_v * uu;
+        rows[6][i] = amplitude * soft_u * wave_v * live;
+        rows[7][i] = amplitude * wave_u * soft_v * live;
+        rows[8][i] = contrast * (by_u * side_u + by_v * side_v) * live;
+        rows[9][i] = live;
+        rows[10][i] = shape * live;
+        rows[11][i] = u * live;
+        rows[12][i] = v * live;
+        rows[13][i] = u * shape * live;
+        rows[14][i] = v * shape * live;
+        rows[15][i] = off * root;
+        square += off * off * w->mask[i];
+        heavy += off * off * root * root;
+        total += root * root;
+    }
+    const Sums out = {square, heavy, total};
+    return out;
+}
+
+/* Products of four rows with four others, summed over n pixels, to both sides of the diagonal of a matrix (ROWS, ROWS). */
+INLINE void products_4x4(const float *a, const float *b, index_t n, double *out, double *mirror) {
+    float s[16] = {0};
+    for (index_t i = 0; i < n; i++)
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < 4; k++)
+                s[4 * j + k] += a[j * PIXELS + i] * b[k * PIXELS + i];
+    for (int j = 0; j < 4; j++)
+        for (int k = 0; k < 4; k++)
+            out[j * ROWS + k] = mirror[k * ROWS + j] = s[4 * j + k];
+}
+
+/* The products of all rows with each other, summed over the pixels. */
+INLINE void products(Rows rows, index_t n, double out[ROWS][ROWS]) {
+    for (int a = 0; a < ROWS; a += 4)
+        for (int b = a; b < ROWS; b += 4)
+            products_4x4(rows[a], rows[b], n, &out[a][b], &out[b][a]);
+}
+
+#endif

@@ -1,0 +1,129 @@
+/* Homography by the normalised DLT (Hartley 1997). See rcdn.geometry.homography. */
+#include "rcdn.h"
+
+enum { UNKNOWNS = 9, ROWS = 64, SWEEPS = 30 };
+
+/* Mean (2) of points (count, 2), and what makes their mean distance from it √2. Returns whether both are finite. */
+INLINE int normaliser(index_t count, const double *points, double *mean, double *scale) {
+    double x = 0, y = 0, far = 0;
+    for (index_t k = 0; k < count; k++) {
+        x += points[2 * k];
+        y += points[2 * k + 1];
+    }
+    mean[0] = x / count;
+    mean[1] = y / count;
+    for (index_t k = 0; k < count; k++) {
+        const double dx = points[2 * k] - mean[0], dy = points[2 * k + 1] - mean[1];
+        far += sqrt(dx * dx + dy * dy);
+    }
+    far /= count;
+    *scale = 1.4142135623730951 / (far > 1e-12 ? far : 1e-12);
+    return far < INFINITY;
+}
+
+/* The upper triangle of `rows` rows, by Householder reflections; columns are ROWS + UNKNOWNS apart. */
+INLINE void triangle(double a[UNKNOWNS][ROWS + UNKNOWNS], index_t rows) {
+    for (index_t k = 0; k < UNKNOWNS && k < rows; k++) {
+        double length = 0, *restrict v = a[k];
+        for (index_t r = k; r < rows; r++)
+            length += v[r] * v[r];
+        if (!(length > 0))
+            continue;
+        const double end = v[k] > 0 ? -sqrt(length) : sqrt(length), lift = v[k] - end, factor = 1 / (end * lift);
+        v[k] = lift;
+        for (index_t c = k + 1; c < UNKNOWNS; c++) {
+            double dot = 0, *restrict b = a[c];
+            for (index_t r = k; r < rows; r++)
+                dot += v[r] * b[r];
+            dot *= factor;
+            for (index_t r = k; r < rows; r++)
+                b[r] += dot * v[r];
+        }
+        v[k] = end;
+        for (index_t r = k + 1; r < rows; r++)
+            v[r] = 0;
+    }
+}
+
+/* Turns columns p, q of a matrix whose columns lie `stride` apart. */
+INLINE void turn(double *p, double *q, double c, double s) {
+    for (index_t r = 0; r < UNKNOWNS; r++) {
+        const double x = p[r], y = q[r];
+        p[r] = c * x - s * y;
+        q[r] = s * x + c * y;
+    }
+}
+
+/* The unit vector that the triangle shortens most, by one-sided Jacobi rotations. */
+INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
+    double v[UNKNOWNS][UNKNOWNS] = {{0}}, total = 0, least = INFINITY;
+    for (index_t k = 0; k < UNKNOWNS; k++) {
+        v[k][k] = 1;
+        for (index_t r = 0; r < UNKNOWNS; r++)
+            total += a[k][r] * a[k][r];
+    }
+    for (int again = 1, sweep = 0; again && sweep < SWEEPS; sweep++) {
+        again = 0;
+        for (index_t p = 0; p < UNKNOWNS - 1; p++)
+            for (index_t q = p + 1; q < UNKNOWNS; q++) {
+                double pp = 0, pq = 0, qq = 0;
+                for (index_t r = 0; r < UNKNOWNS; r++) {
+                    pp += a[p][r] * a[p][r];
+                    pq += a[p][r] * a[q][r];
+                    qq += a[q][r] * a[q][r];
+                }
+                if (!(fabs(pq) > 1e-16 * sqrt(pp * qq) + 1e-32 * total))
+                    continue;
+                const double ratio = (qq - pp) / (2 * pq), root = sqrt(1 + ratio * ratio);
+                const double t = 1 / (ratio + (ratio < 0 ? -root : root)), c = 1 / sqrt(1 + t * t);
+                turn(a[p], a[q], c, c * t);
+                turn(v[p], v[q], c, c * t);
+                again |= fabs(pq) > 1e-15 * sqrt(pp * qq) + 1e-31 * total;
+            }
+    }
+    for (index_t k = 0; k < UNKNOWNS; k++) {
+        double length = 0;
+        for (index_t r = 0; r < UNKNOWNS; r++)
+            length += a[k][r] * a[k][r];
+        if (length < least) {
+            least = length;
+            memcpy(out, v[k], UNKNOWNS * sizeof(double));
+        }
+    }
+}
+
+/* H (3, 3) that takes from (count, 2) to `to` (count, 2). Returns 0 where they aren't finite. */
+FAST EXPORT index_t rcdn_homography(index_t count, const double *from, const double *to, double *out) {
+    double mean[2], other[2], scale, size, a[UNKNOWNS][ROWS + UNKNOWNS], upper[UNKNOWNS][UNKNOWNS], h[UNKNOWNS] = {0};
+    if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
+        return 0;
+    memset(a, 0, sizeof a);
+    for (index_t first = 0; first < count; first += ROWS / 2) { /* each time below the triangle of what came before */
+        const index_t n = count - first < ROWS / 2 ? count - first : ROWS / 2;
+        for (index_t k = 0; k < n; k++) {
+            const double *p = from + 2 * (first + k), *q = to + 2 * (first + k);
+            const double x = (p[0] - mean[0]) * scale, y = (p[1] - mean[1]) * scale;
+            const double u = (q[0] - other[0]) * size, v = (q[1] - other[1]) * size;
+            const double rows[2][UNKNOWNS] = {{x, y, 1, 0, 0, 0, -u * x, -u * y, -u}, {0, 0, 0, x, y, 1, -v * x, -v * y, -v}};
+            for (index_t c = 0; c < UNKNOWNS; c++) {
+                a[c][UNKNOWNS + 2 * k] = rows[0][c];
+                a[c][UNKNOWNS + 2 * k + 1] = rows[1][c];
+            }
+        }
+        triangle(a, UNKNOWNS + 2 * n);
+    }
+    for (index_t c = 0; c < UNKNOWNS; c++)
+        memcpy(upper[c], a[c], UNKNOWNS * sizeof(double));
+    shortest(upper, h);
+    for (index_t r = 0; r < 3; r++) { /* h · (from, normalised) */
+        h[3 * r + 2] -= scale * (h[3 * r] * mean[0] + h[3 * r + 1] * mean[1]);
+        h[3 * r] *= scale;
+        h[3 * r + 1] *= scale;
+    }
+    for (index_t c = 0; c < 3; c++) { /* (to, normalised)⁻¹ · h */
+        out[c] = h[c] / size + other[0] * h[6 + c];
+        out[3 + c] = h[3 + c] / size + other[1] * h[6 + c];
+        out[6 + c] = h[6 + c];
+    }
+    return 1;
+}

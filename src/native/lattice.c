@@ -1,0 +1,164 @@
+/* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
+#include "rcdn.h"
+
+enum { TERMS = 6, NEAR = 32 };
+
+/* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y; returns 1 / depth. */
+INLINE double rectify(const double *flat, double x, double y, double *out) {
+    const double depth = 1 / (flat[6] * x + flat[7] * y + flat[8]);
+    out[0] = (flat[0] * x + flat[1] * y + flat[2]) * depth;
+    out[1] = (flat[3] * x + flat[4] * y + flat[5]) * depth;
+    return depth;
+}
+
+/* Board coordinates uv (2) of pixels x, y, and their derivatives (2, 2), under the map with `origin` (2) and `terms` (TERMS, 2). */
+INLINE void map(const double *flat, const double *origin, const double *terms, double x, double y, double *uv, double *slopes) {
+    double at[2];
+    const double depth = rectify(flat, x, y, at), s = at[0] - origin[0], t = at[1] - origin[1];
+    for (index_t k = 0; k < 2; k++) {
+        const double *a = terms + k;
+        const double by_s = a[2] + 2 * a[6] * s + a[8] * t, by_t = a[4] + a[8] * s + 2 * a[10] * t;
+        uv[k] = a[0] + 0.5 * (s * (a[2] + by_s) + t * (a[4] + by_t));
+        for (index_t axis = 0; axis < 2; axis++)
+            slopes[2 * k + axis] =
+                depth * (by_s * (flat[axis] - at[0] * flat[6 + axis]) + by_t * (flat[3 + axis] - at[1] * flat[6 + axis]));
+    }
+}
+
+/* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 where there is none.
+ * ij (count, 2): labels from 0 on; grid (rows, columns): room for all of them and `reach` more on every side. */
+FAST EXPORT void rcdn_lattice_neighbours(index_t count, const int64_t *ij, index_t reach, index_t rows, index_t columns, int32_t *grid,
+                                         int32_t *near) {
+    for (index_t k = 0; k < rows * columns; k++)
+        grid[k] = -1;
+    for (index_t k = 0; k < count; k++)
+        grid[(ij[2 * k] + reach) * columns + ij[2 * k + 1] + reach] = (int32_t)k;
+    const index_t side = 2 * reach + 1;
+    for (index_t k = 0; k < count; k++)
+        for (index_t i = 0; i < side; i++)
+            memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1], side * sizeof(int32_t));
+}
+
+/* Solves normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; `normal` counts on and above its diagonal. */
+INLINE void solve(double normal[TERMS][TERMS], double *pull) {
+    for (index_t k = 0; k < TERMS; k++) {
+        const double inverse = 1 / normal[k][k];
+        for (index_t r = k + 1; r < TERMS; r++) {
+            const double c = normal[k][r] * inverse;
+            for (index_t j = r; j < TERMS; j++)
+                normal[r][j] -= c * normal[k][j];
+            pull[2 * r] -= c * pull[2 * k];
+            pull[2 * r + 1] -= c * pull[2 * k + 1];
+        }
+    }
+    for (index_t k = TERMS - 1; k >= 0; k--)
+        for (index_t a = 0; a < 2; a++) {
+            double sum = pull[2 * k + a];
+            for (index_t j = k + 1; j < TERMS; j++)
+                sum -= normal[k][j] * pull[2 * j + a];
+            pull[2 * k + a] = sum / normal[k][k];
+        }
+}
+
+/* Normal matrix, on and above its diagonal, and right sides pull (TERMS, 2), of weighted quadratics in s and t of i and j. */
+INLINE void moments(const double *weight, const double *s, const double *t, const double *i, const double *j, double normal[TERMS][TERMS],
+                    double *pull) {
+    double w = 0, ws = 0, wt = 0, ss = 0, st = 0, tt = 0, sss = 0, sst = 0, stt = 0, ttt = 0, s4 = 0, s3t = 0, sstt = 0, st3 = 0, t4 = 0;
+    double i0 = 0, is = 0, it = 0, iss = 0, ist = 0, itt = 0, j0 = 0, js = 0, jt = 0, jss = 0, jst = 0, jtt = 0;
+    for (index_t n = 0; n < NEAR; n++) {
+        const double a = weight[n], as = a * s[n], at = a * t[n], ass = as * s[n], ast = as * t[n], att = at * t[n];
+        const double s2 = s[n] * s[n], p = s[n] * t[n], t2 = t[n] * t[n];
+        w += a, ws += as, wt += at, ss += ass, st += ast, tt += att;
+        sss += ass * s[n], sst += ass * t[n], stt += att * s[n], ttt += att * t[n];
+        s4 += ass * s2, s3t += ass * p, sstt += ass * t2, st3 += ast * t2, t4 += att * t2;
+        i0 += a * i[n], is += as * i[n], it += at * i[n], iss += ass * i[n], ist += ast * i[n], itt += att * i[n];
+        j0 += a * j[n], js += as * j[n], jt += at * j[n], jss += ass * j[n], jst += ast * j[n], jtt += att * j[n];
+    }
+    const double all[TERMS][TERMS] = {
+        {w, ws, wt, ss, st, tt}, {ws, ss, st, sss, sst, stt}, {wt, st, tt, sst, stt, ttt},
+        {ss, sss, sst, s4, s3t, sstt}, {st, sst, stt, s3t, sstt, st3}, {tt, stt, ttt, sstt, st3, t4},
+    };
+    const double right[2 * TERMS] = {i0, j0, is, js, it, jt, iss, jss, ist, jst, itt, jtt};
+    memcpy(normal, all, sizeof all);
+    memcpy(pull, right, sizeof right);
+}
+
+/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels ij (count, 2) around each corner,
+ * by least squares over `near` (count, side²), at most NEAR. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
+FAST EXPORT void rcdn_lattice(index_t count, const int64_t *ij, const double *xy, const double *flat, index_t side, const int32_t *near,
+                              double own, double far, const double *stiff, double *origin, double *terms) {
+    for (index_t k = 0; k < count; k++)
+        rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
+    for (index_t k = 0; k < count; k++) {
+        double weight[NEAR] = {0}, s[NEAR] = {0}, t[NEAR] = {0}, i[NEAR] = {0}, j[NEAR] = {0}, normal[TERMS][TERMS];
+        for (index_t n = 0; n < side * side; n++) {
+            const index_t at = near[k * side * side + n];
+            i[n] = (double)(n / side - side / 2);
+            j[n] = (double)(n % side - side / 2);
+            if (at < 0)
+                continue;
+            s[n] = origin[2 * at] - origin[2 * k];
+            t[n] = origin[2 * at + 1] - origin[2 * k + 1];
+            weight[n] = at == k ? own : fabs(i[n]) > 1 || fabs(j[n]) > 1 ? far : 1;
+            if (at == k && k == 0) /* the first corner stands for what isn't there, too */
+                for (index_t m = 0; m < side * side; m++)
+                    weight[n] += near[m] < 0 ? own : 0;
+        }
+        moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
+        for (index_t a = 0; a < TERMS; a++)
+            normal[a][a] += stiff[a];
+        solve(normal, terms + 2 * TERMS * k);
+    }
+}
+
+/* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2), two kinds one after the other; from one corner to
+ * the next the second kind changes its sign. near (count, 9): as from rcdn_lattice_neighbours. */
+FAST EXPORT void rcdn_lattice_slopes(index_t count, const int32_t *near, const double *levels, double *out) {
+    for (index_t k = 0; k < count; k++) {
+        double n = 1e-6, i1 = 0, j1 = 0, ii = 1e-6, ij = 0, jj = 1e-6, sums[3][2] = {{0}};
+        for (index_t place = 0; place < 9; place++) {
+            const index_t at = near[9 * k + place];
+            if (at < 0)
+                continue;
+            const double i = (double)(place / 3 - 1), j = (double)(place % 3 - 1), sign = place % 2 ? -1 : 1;
+            const double value[2] = {levels[2 * at], sign * levels[2 * at + 1]};
+            n += 1, i1 += i, j1 += j, ii += i * i, ij += i * j, jj += j * j;
+            for (index_t a = 0; a < 2; a++) {
+                sums[0][a] += value[a];
+                sums[1][a] += i * value[a];
+                sums[2][a] += j * value[a];
+            }
+        }
+        ii -= i1 * i1 / n, ij -= i1 * j1 / n, jj -= j1 * j1 / n;
+        const double det = ii * jj - ij * ij;
+        for (index_t a = 0; a < 2; a++) {
+            const double u = sums[1][a] - i1 * sums[0][a] / n, v = sums[2][a] - j1 * sums[0][a] / n;
+            out[4 * k + 2 * a] = (jj * u - ij * v) / det;
+            out[4 * k + 2 * a + 1] = (ii * v - ij * u) / det;
+        }
+    }
+}
+
+/* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
+FAST EXPORT void rcdn_lattice_map(index_t count, index_t each, const int64_t *which, const double *xy, const double *flat, const double *origin,
+                                  const double *terms, double *uv, double *slopes) {
+    for (index_t k = 0; k < count; k++)
+        for (index_t n = k * each; n < (k + 1) * each; n++)
+            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * n], xy[2 * n + 1], uv + 2 * n, slopes + 4 * n);
+}
+
+/* Moves pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton's steps. Returns 0 where a map folds. */
+FAST EXPORT index_t rcdn_lattice_pixels(index_t count, const int64_t *which, const double *uv, index_t repeats, const double *flat,
+                                        const double *origin, const double *terms, double *xy) {
+    for (index_t k = 0; k < count; k++)
+        for (index_t n = 0; n < repeats; n++) {
+            double at[2], s[4];
+            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * k], xy[2 * k + 1], at, s);
+            const double u = uv[2 * k] - at[0], v = uv[2 * k + 1] - at[1], det = s[0] * s[3] - s[1] * s[2];
+            if (det == 0)
+                return 0;
+            xy[2 * k] += (s[3] * u - s[1] * v) / det;
+            xy[2 * k + 1] += (s[0] * v - s[2] * u) / det;
+        }
+    return 1;
+}

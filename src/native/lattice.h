@@ -1,0 +1,34 @@
+/* The map of one corner of a board, pixels to squares from the corner, as `rcdn.precision.lattice.Lattice` keeps it. */
+#ifndef RCDN_LATTICE_H
+#define RCDN_LATTICE_H
+
+#include "rcdn.h"
+
+enum { TERMS = 6 };
+
+/* `flat` (3, 3): pixels to rectified squares; `origin` (2): the corner there; `terms` (6, 2): 1, s, t, s², st, t². */
+typedef struct {
+    const double *flat, *origin, *terms;
+} Map;
+
+INLINE Map map_of(const double *flat, const double *origin, const double *terms, index_t k) {
+    const Map m = {flat, origin + 2 * k, terms + 2 * TERMS * k};
+    return m;
+}
+
+/* Squares `uv` from the corner of the pixel (x, y), and the derivatives `slopes` (2, 2) by pixels. */
+INLINE void map_pixel(const Map *m, double x, double y, double uv[2], double slopes[4]) {
+    const double *H = m->flat;
+    const double depth = 1 / (H[6] * x + H[7] * y + H[8]);
+    const double a = (H[0] * x + H[1] * y + H[2]) * depth, b = (H[3] * x + H[4] * y + H[5]) * depth;
+    const double s = a - m->origin[0], t = b - m->origin[1];
+    for (int k = 0; k < 2; k++) {
+        const double *c = m->terms + k;
+        const double by_s = c[2] + 2 * c[6] * s + c[8] * t, by_t = c[4] + c[8] * s + 2 * c[10] * t;
+        uv[k] = c[0] + 0.5 * (s * (c[2] + by_s) + t * (c[4] + by_t));
+        for (int axis = 0; axis < 2; axis++)
+            slopes[2 * k + axis] = depth * (by_s * (H[axis] - a * H[6 + axis]) + by_t * (H[3 + axis] - b * H[6 + axis]));
+    }
+}
+
+#endif

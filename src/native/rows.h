@@ -1,0 +1,163 @@
+/* Rows of the cell network's 3×3 convolutions in whole numbers: inputs of 8 bits without a sign, weights of 8 bits, sums of 32. Sums are exact,
+ * so that every processor gets the same. */
+#ifndef ROWS_H
+#define ROWS_H
+
+#include "rcdn.h"
+
+#define WIDE 32  /* channels of a cell */
+#define GROUP 4  /* channels that are multiplied together */
+#define SLACK 8  /* cells that may be computed beyond the end of a row */
+
+/* Weights of a convolution: (tap, group of inputs, output, input); what turns sums into the next inputs. */
+typedef struct {
+    const int8_t *weight;
+    const float *scale, *bias;
+} Convolution;
+
+/* The next cells from `x` on that are needed: their begin, and the end in *end; `width` if there are none. */
+INLINE index_t next_run(const uint8_t *mask, index_t x, index_t width, index_t *end) {
+    const uint8_t *at = x < width ? memchr(mask + x, 1, (size_t)(width - x)) : NULL;
+    if (!at)
+        return width;
+    const uint8_t *stop = memchr(at, 0, (size_t)(width - (at - mask)));
+    *end = stop ? stop - mask : width;
+    return at - mask;
+}
+
+/* Compute the cells of a row that are needed from three rows of the layer before. */
+typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out);
+
+/* A row kernel out of the blocks of one processor: `count` cells at a time, channels of the layer before, stride. */
+#define ROW_KERNEL(name, target, block, most, channels, stride)                                                                     \
+    target static void name(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out) { \
+        for (index_t x = 0, end; (x = next_run(mask, x, width, &end)) < width; x = end) {                                            \
+            for (; end - x > most / 2; x += most)                                                                                    \
+                block(from, c, channels, stride, x, most, out + x * WIDE);                                                           \
+            for (; x < end; x += most / 2)                                                                                           \
+                block(from, c, channels, stride, x, most / 2, out + x * WIDE);                                                       \
+        }                                                                                                                            \
+    }
+
+/* What a sum becomes: the next layer's input, rounded, 0..255. */
+INLINE uint8_t rescaled(int32_t sum, float scale, float bias) {
+    const float value = rintf((float)sum * scale + bias);
+    return value > 0 ? value < 255 ? (uint8_t)value : 255 : 0;
+}
+
+INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+    for (int k = 0; k < count; k++) {
+        int32_t sum[WIDE] = {0};
+        const int8_t *weight = c->weight;
+        for (int j = 0; j < 3; j++)
+            for (int i = 0; i < 3; i++)
+                for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
+                    const uint8_t *value = from[j] + (stride * (x + k) + i) * channels + g;
+                    for (int o = 0; o < WIDE; o++)
+                        sum[o] += value[0] * weight[4 * o] + value[1] * weight[4 * o + 1] + value[2] * weight[4 * o + 2] + value[3] * weight[4 * o + 3];
+                }
+        for (int o = 0; o < WIDE; o++)
+            out[k * WIDE + o] = rescaled(sum[o], c->scale[o], c->bias[o]);
+    }
+}
+
+ROW_KERNEL(plain_strided, , plain_block, 2, 16, 2)
+ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
+
+#if (defined(__x86_64__) || defined(_M_X64)) && defined(__GNUC__)
+#define X86 1
+#include <immintrin.h>
+
+#define AVX2 __attribute__((target("avx2,fma")))
+#define VNNI __attribute__((target("avx512f,avx512bw,avx512vl,avx512vnni,fma")))
+
+/* Four bytes of `value` are two numbers of 16 bits, twice: no product runs over. */
+AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+    for (int o = 0; o < WIDE; o += 16) {
+        __m256i low[4], high[4];
+        for (int k = 0; k < count; k++)
+            low[k] = high[k] = _mm256_setzero_si256();
+        const int8_t *weight = c->weight + GROUP * o;
+        for (int j = 0; j < 3; j++)
+            for (int i = 0; i < 3; i++)
+                for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
+                    const __m256i a = _mm256_loadu_si256((const __m256i *)weight), b = _mm256_loadu_si256((const __m256i *)(weight + 32));
+                    const __m256i a_even = _mm256_srai_epi16(_mm256_slli_epi16(a, 8), 8), a_odd = _mm256_srai_epi16(a, 8);
+                    const __m256i b_even = _mm256_srai_epi16(_mm256_slli_epi16(b, 8), 8), b_odd = _mm256_srai_epi16(b, 8);
+                    for (int k = 0; k < count; k++) {
+                        int32_t value;
+                        memcpy(&value, from[j] + (stride * (x + k) + i) * channels + g, sizeof value);
+                        const __m256i even = _mm256_set1_epi32(value & 0xff00ff), odd = _mm256_set1_epi32((value >> 8) & 0xff00ff);
+                        low[k] = _mm256_add_epi32(low[k], _mm256_add_epi32(_mm256_madd_epi16(even, a_even), _mm256_madd_epi16(odd, a_odd)));
+                        high[k] = _mm256_add_epi32(high[k], _mm256_add_epi32(_mm256_madd_epi16(even, b_even), _mm256_madd_epi16(odd, b_odd)));
+                    }
+                }
+        for (int k = 0; k < count; k++) {
+            int32_t sum[16];
+            _mm256_storeu_si256((__m256i *)sum, low[k]);
+            _mm256_storeu_si256((__m256i *)(sum + 8), high[k]);
+            for (int n = 0; n < 16; n++)
+                out[k * WIDE + o + n] = rescaled(sum[n], c->scale[o + n], c->bias[o + n]);
+        }
+    }
+}
+
+AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
+AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
+
+VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
+    const __m512 value = _mm512_fmadd_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale), _mm512_loadu_ps(bias));
+    return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
+}
+
+VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+    __m512i low[8], high[8];
+    for (int k = 0; k < count; k++)
+        low[k] = high[k] = _mm512_setzero_si512();
+    const int8_t *weight = c->weight;
+    for (int j = 0; j < 3; j++) {
+        const uint8_t *row = from[j] + stride * x * channels;
+        for (int i = 0; i < 3; i++)
+            for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
+                const __m512i a = _mm512_loadu_si512(weight), b = _mm512_loadu_si512(weight + 64);
+                for (int k = 0; k < count; k++) {
+                    int32_t value;
+                    memcpy(&value, row + (stride * k + i) * channels + g, sizeof value);
+                    const __m512i same = _mm512_set1_epi32(value);
+                    low[k] = _mm512_dpbusd_epi32(low[k], same, a);
+                    high[k] = _mm512_dpbusd_epi32(high[k], same, b);
+                }
+            }
+    }
+    for (int k = 0; k < count; k++) {
+        _mm_storeu_si128((__m128i *)(out + k * WIDE), vnni_rescaled(low[k], c->scale, c->bias));
+        _mm_storeu_si128((__m128i *)(out + k * WIDE + 16), vnni_rescaled(high[k], c->scale + 16, c->bias + 16));
+    }
+}
+
+VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2)
+VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
+#endif
+
+/* The kernels of this processor: of the strided convolution, of the others. `level`: at most 2: VNNI, 1: AVX2, 0: plain C. */
+static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
+    *strided = plain_strided;
+    *conv = plain_conv;
+#ifdef X86
+    if (level >= 2 && __builtin_cpu_supports("avx512vnni") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl")) {
+        *strided = vnni_strided;
+        *conv = vnni_conv;
+        return 2;
+    }
+    if (level >= 1 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+        *strided = avx2_strided;
+        *conv = avx2_conv;
+        return 1;
+    }
+#else
+    (void)level;
+#endif
+    return 0;
+}
+
+#endif

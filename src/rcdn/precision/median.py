@@ -1,0 +1,19 @@
+"""The median of few values, without the ceremony of the library's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.types import Array
+
+
+def median(values: Array) -> float:
+    """Median of all values (…), at least one; NaN where one of them is."""
+    return float(medians(values.reshape(1, -1))[0])
+
+
+def medians(values: Array) -> Array:
+    """Median (K,) of each row of `values` (K, N), N ≥ 1; NaN where one of them is."""
+    rows, count = np.sort(values, axis=1), values.shape[1]
+    middle = 0.5 * (rows[:, (count - 1) // 2] + rows[:, count // 2])
+    return np.where(np.isnan(rows[:, -1]), np.nan, middle)

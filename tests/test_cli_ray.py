@@ -1,0 +1,78 @@
+"""`rcdn detect --engine ray`: the same files as the local engine's, whatever dies on the way."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from detector_stand_in import BROKEN, KILL, KILL_ONCE, MARKS, picture, video
+from rcdn.cli import _ray, app
+from rcdn.errors import DependencyError
+from rcdn.io import read_detections
+
+with_ray = pytest.mark.skipif(find_spec("ray") is None, reason="Ray isn't installed: pip install 'rcdn[ray]'")
+COMMAND = """
+import detector_stand_in, sys
+from rcdn.cli import app, detect
+detect._make_detector = getattr(detector_stand_in, sys.argv[1])
+if __name__ == "__main__":
+    app(["detect", *sys.argv[2:]], prog_name="rcdn")
+"""
+
+
+def detect(folder, detector, *arguments):
+    """The command in `folder` with a stand-in: its result, and how often each picture was looked at."""
+    marks = folder.parent / f"marks{len(list(folder.parent.iterdir()))}"
+    marks.mkdir()
+    (folder.parent / "command.py").write_text(COMMAND)
+    paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("RAY_")} | {"PYTHONPATH": paths}
+    done = subprocess.run(
+        [sys.executable, "../command.py", detector, *arguments], cwd=folder, env=environment | {MARKS: str(marks)}, text=True,
+        capture_output=True, timeout=240, check=False,
+    )  # fmt: skip
+    return done, Counter(p.name.rsplit(" ", 2)[0] for p in marks.iterdir())
+
+
+@with_ray
+def test_a_killed_worker_loses_nothing_and_the_bytes_are_the_local_engine_s(tmp_path):
+    home = tmp_path / "home"
+    for k in range(20):
+        cols = {4: BROKEN, 9: KILL_ONCE, 15: KILL}.get(k, 5)
+        picture(home / f"in/{k:02d}.png", cols=cols, rows=6, missing=k)
+    (home / "in/zero.png").write_bytes(b"")
+    video(home / "in/clip.avi", [None] * 3)
+    found = {}
+    for engine in ("local", "ray"):
+        options = ["--jobs", "2", "--engine", engine, "--json", f"{engine}.json", "--vnl", f"{engine}.vnl"]
+        done, looks = detect(home, "StandIn", "in", "missing.png", *options)
+        assert done.returncode == 1, done.stderr
+        frames = [what for what in looks if not what.startswith(("5 6", f"{BROKEN} ", f"{KILL_ONCE} ", f"{KILL} "))]
+        assert sum(looks[what] for what in frames) == 3
+        once = {f"5 6 {k}": 1 for k in range(20) if k not in (4, 9, 15)}
+        assert {what: n for what, n in looks.items() if what not in frames} == once | {
+            f"{BROKEN} 6 4": 1, f"{KILL_ONCE} 6 9": 2, f"{KILL} 6 15": 2,
+        }  # fmt: skip
+        found[engine] = [
+            (home / f"{engine}.json").read_bytes(), (home / f"{engine}.vnl").read_bytes(), done.stderr
+        ]  # fmt: skip
+    assert found["ray"] == found["local"]
+    images, errors = read_detections(home / "ray.json")
+    assert len(images) == 18 + 3
+    assert [name for name, _ in errors] == ["missing.png", "in/04.png", "in/15.png", "in/zero.png"]
+
+
+def test_without_ray_the_error_names_the_extra(tmp_path, monkeypatch):
+    monkeypatch.setattr(_ray, "find_spec", lambda name: None)
+    with pytest.raises(DependencyError, match=r"pip install 'rcdn\[ray\]'"):
+        _ray.check()
+    result = CliRunner().invoke(app, ["detect", str(picture(tmp_path / "a.png")), "--engine", "ray"])
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr == "error: --engine ray needs Ray: pip install 'rcdn[ray]'\n"
