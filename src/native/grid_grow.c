@@ -16,23 +16,23 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
     return (int)(other ? -polarity : polarity);
 }
 
-/* Votes for a grid's colouring, out[0]: side colour of the u axis times (-1)^(u + v), of the corners whose axes (n, 2) lie within `far` of
- * their step along u. 0, or -1 without memory. */
-EXPORT index_t rcdn_grid_sign(const int64_t *labels, const double *xy, const double *axes, const int64_t *polarity, index_t n, double far, int64_t *out) {
+/* Votes for the colouring of a grid of corners number `members` (n) of `xy`: side colour of the u axis times (-1)^(u + v), of those whose axes lie
+ * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). 0, or -1 without memory. */
+EXPORT index_t rcdn_grid_sign(const int64_t *labels, const int64_t *members, index_t n, const double *xy, const double *axes, const int64_t *polarity, index_t known, double far, int64_t *votes) {
     Table t;
     if (!open_table(&t, labels, n))
         return -1;
-    *out = 0;
+    *votes = 0;
     for (index_t k = 0; k < n; k++) {
         const int32_t *row = t.row + cell_of(&t, labels + 2 * k);
         const int32_t ahead = row[t.height], behind = row[-t.height];
-        if (ahead < 0 && behind < 0)
+        if ((ahead < 0 && behind < 0) || members[k] >= known)
             continue;
-        const double *to = xy + 2 * (ahead >= 0 ? ahead : k), *from = xy + 2 * (ahead >= 0 ? k : behind);
+        const double *to = xy + 2 * members[ahead >= 0 ? ahead : k], *from = xy + 2 * members[ahead >= 0 ? k : behind];
         double turn;
-        const int colour = side_colour(axes + 2 * k, polarity[k], to[0] - from[0], to[1] - from[1], &turn);
+        const int colour = side_colour(axes + 2 * members[k], polarity[members[k]], to[0] - from[0], to[1] - from[1], &turn);
         if (turn < far)
-            *out += (labels[2 * k] + labels[2 * k + 1]) & 1 ? -colour : colour;
+            *votes += (labels[2 * k] + labels[2 * k + 1]) & 1 ? -colour : colour;
     }
     free(t.row);
     return 0;
@@ -48,13 +48,19 @@ typedef struct {
     index_t count;
 } Rim;
 
-/* The corners of a picture (n), where they are known: `fit` and the like as `boards.graph.Field` says. */
+/* The corners of a picture as `boards.graph.Field` has them; which are `free`; the least response x fit of a new one. */
 typedef struct {
     const double *xy, *axes;
     const int64_t *polarity;
-    const double *contrast;
-    const uint8_t *strong;
+    const double *contrast, *response, *fit;
+    const uint8_t *strong, *refined, *free;
+    double level;
 } Corners;
+
+/* May a corner be taken, by what it looks like? */
+INLINE int usable(const Corners *all, index_t c) {
+    return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= all->level;
+}
 
 /* Corners that the spots were offered before and that were refused: (count, 3), u, v, corner. */
 static int was_refused(const int64_t *refused, index_t count, const int64_t *spot, int64_t corner) {
@@ -89,13 +95,13 @@ static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, inde
     return edges;
 }
 
-/* Corners that might take one of the open spots, as far as `room` lets: which are `usable` (corners), not refused, and no further than `near`
- * squares from the prediction, `near_weak` if they aren't strong. `offers` (total, 2): number of the spot and of the corner; `gap`, squares;
+/* Corners that might take one of the open spots, as far as `room` lets: which are usable, not refused, and no further than `near`
+ * squares from the prediction, `near_weak` if they aren't strong. `offers` (total, 3): u, v and number of the corner; `gap`, squares;
  * `fits`: 1 if axes and colours fit the board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
- * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`. Returns how many, or -1 without memory. */
-EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, index_t n, const int64_t *spots, const double *maps, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const double *contrast, const uint8_t *strong, const uint8_t *usable, index_t corners, const int64_t *refused, index_t refusals, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, double *start, double *end, double *level, index_t room) {
+ * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edge_count` (1). Returns how many, or -1 without memory. */
+EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, index_t n, const int64_t *spots, const double *maps, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const double *contrast, const double *response, const double *fit, const uint8_t *strong, const uint8_t *refined, const uint8_t *unused, index_t corners, double least_quality, const int64_t *refused, index_t refusals, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, double *start, double *end, double *level, int64_t *edge_count, index_t room) {
     const Rim rim = {labels, members, n, spots, maps, pitch, count};
-    const Corners all = {xy, axes, polarity, contrast, strong};
+    const Corners all = {xy, axes, polarity, contrast, response, fit, strong, refined, unused, least_quality};
     Table t;
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     if (!open_table(&t, labels, n))
@@ -108,7 +114,7 @@ EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, i
     index_t total = 0, edges = 0;
     for (index_t c = 0; c < corners; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
-        if (!usable[c] || !(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]))
+        if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c))
             continue;
         for (index_t k = 0; k < count; k++) {
             const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
@@ -120,8 +126,9 @@ EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, i
                 continue;
             if (total < room) {
                 const int colour = (spot[0] + spot[1]) & 1 ? (int)-sign : (int)sign;
-                offers[2 * total] = k;
-                offers[2 * total + 1] = c;
+                offers[3 * total] = spot[0];
+                offers[3 * total + 1] = spot[1];
+                offers[3 * total + 2] = c;
                 gap[total] = distance;
                 fits[total] = fits_steps(&all, c, maps + 6 * k, colour, far) ? (strong[c] ? 2 : 1) : 0;
                 edges = edges_of(&t, &rim, &all, c, spot, colour, edges, start, end, level, beside + 4 * total);
@@ -129,6 +136,7 @@ EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, i
             total++;
         }
     }
+    *edge_count = edges;
     free(t.row);
     return total;
 }

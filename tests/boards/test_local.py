@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from rcdn.boards.local import Grid
+from rcdn.boards.local import Grid, median, windows
 
 SPOTS = [(u, v) for v in range(5) for u in range(6)]
 
@@ -128,3 +130,84 @@ def test_a_grid_copies_its_labels():
     grid = Grid(labels, np.zeros((1, 2)))
     del grid.at[0, 0]
     assert labels == {(0, 0): 0}
+
+
+def by_singular_values(near):
+    """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, as `Grid.predictions` says; None if there are none."""
+    u, v = np.array(near, float).reshape(-1, 2).T
+    columns, rows = len(np.unique(u)), len(np.unique(v))
+    if len(u) < 3 or min(columns, rows) < 2:
+        return None
+    terms = [np.ones(len(u)), u, v, u * v, u * u, v * v]
+    used = [True, True, True, len(u) >= 4, len(u) >= 6 and columns >= 3, len(u) >= 7 and rows >= 3]
+    weight = 1 / (1 + u * u + v * v)
+    basis = np.stack([t for t, has in zip(terms, used, strict=True) if has], axis=1) * weight[:, None]
+    if np.linalg.matrix_rank(basis) < 3:
+        return None
+    return (np.linalg.pinv(basis, rcond=1e-6) * weight)[:3]
+
+
+OFFSETS = [(d, e) for d in range(-3, 4) for e in range(-3, 4) if d or e]
+
+
+@settings(max_examples=400, deadline=None, derandomize=True)
+@given(st.data(), st.integers(0, 10_000))
+def test_predictions_are_least_squares_whatever_is_there(data, seed):
+    """Few neighbours leave many maps, of which the smallest counts; in lines and crosses some terms are all alike."""
+    most = data.draw(st.sampled_from([3, 4, 5, 6, 8, 12, 48]))
+    spots = data.draw(st.lists(st.sampled_from(OFFSETS), unique=True, max_size=most))
+    close = [s for s in spots if max(map(abs, s)) <= 2]
+    near = close if len(close) >= 6 else spots
+    solver = by_singular_values(near)
+    rng = np.random.default_rng(seed)
+    where = rng.uniform(0, 2000, 2) + np.array(spots, float).reshape(-1, 2) @ rng.normal(0, 20, (2, 2))
+    where += rng.normal(0, 1, where.shape)
+    shift = rng.integers(-9, 9, 2)
+    grid = Grid({(s[0] + int(shift[0]), s[1] + int(shift[1])): k for k, s in enumerate(spots)}, where)
+    guess = grid.predictions([(int(shift[0]), int(shift[1]))])
+    if solver is None:
+        assert guess.support[0] == 0
+        assert np.isnan(guess.maps).all()
+        assert np.isnan(guess.pitch).all()
+        return
+    assert guess.support[0] == len(near)
+    expected = solver @ where[[spots.index(s) for s in near]]
+    np.testing.assert_allclose(guess.maps[0], expected.ravel(), rtol=0, atol=1e-8)
+    assert guess.pitch[0] == pytest.approx(np.linalg.norm(expected[1:], axis=1).min())
+
+
+@pytest.mark.parametrize("pitch", [30.0, 1.9])
+def test_open_spots_lie_beside_the_corners(pitch):
+    """In order, each once, with the predictions that they would have if asked for; none of squares under 2 px."""
+    spots = [s for s in SPOTS if s not in ((2, 2), (5, 4))]
+    grid = grid_of(lambda uv: uv @ [[pitch, 0.0], [0.0, 30.0]], spots)
+    beside, guess = grid.beside()
+    ways = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    expected = sorted({(u + d, v + e) for u, v in spots for d, e in ways} - set(spots)) if pitch > 2 else []
+    assert list(map(tuple, beside.tolist())) == expected
+    for mine, asked in zip(guess, grid.predictions(expected), strict=True):
+        np.testing.assert_array_equal(mine, asked)
+
+
+def test_nothing_is_beside_an_empty_grid():
+    beside, guess = Grid({}, np.zeros((0, 2))).beside()
+    assert beside.shape == (0, 2)
+    assert guess.maps.shape == (0, 6)
+
+
+def test_labels_may_lie_anywhere():
+    far = 2**40
+    grid = grid_of(lambda uv: uv - [far, -far], [(u + far, v - far) for u, v in SPOTS])
+    np.testing.assert_allclose(grid.predict((far + 2, 2 - far)).xy, [2, 2], atol=1e-9)
+    assert (windows(grid.labels, [(0, 0), (-far, far)], 1) == -1).all()
+
+
+def test_labels_far_apart_are_refused():
+    grid = grid_of(affine, [(0, 0), (2**40, 0)])
+    with pytest.raises(MemoryError):
+        grid.predict((0, 1))
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1))
+def test_median(values):
+    assert median(np.array(values)) == pytest.approx(np.median(values))

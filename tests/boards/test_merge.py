@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from rcdn.boards.graph import Field
+from rcdn.boards.local import Grid
+from rcdn.boards.merge import merge
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.metrics import match
@@ -40,3 +43,51 @@ def test_two_boards_a_square_apart_stay_two(detector):
     right = BoardSpec(5, 6, (0.1, 0.1, 0), (0.5, -2.5, 20.3), margin=0.2)
     boards = detector.boards(render(scene(boards=(left, right))))
     assert sorted(b.size for b in boards) == [(5, 6), (5, 6)] or sorted(b.size for b in boards) == [(6, 5), (6, 5)]
+
+
+def halves(turns, shift, gap, off, colour=1):
+    """A bent lattice of 5 × 9 corners in two grids with `gap` rows between them: the second has labels of its own, and lies `off` squares aside."""
+    ij = np.array([(u, v) for v in range(9) for u in range(5)])
+    lower = ij[:, 1] >= 4 + gap
+    xy = (ij + lower[:, None] * [off, 0]) @ [[21.0, 3.0], [-2.0, 19.0]] + 0.1 * ij**2 + 50
+    one = np.ones(len(ij))
+    parity = 1 - 2 * (ij.sum(axis=1) % 2)
+    axes = np.tile(np.arctan2([3.0, 19.0], [21.0, -2.0]), (len(ij), 1))
+    field = Field(np.zeros((9, 9)), xy, axes, np.where(lower, colour, 1) * parity, one, one, one, one > 0, one > 0)
+    own = ij.copy()
+    for _ in range(turns):
+        own = np.stack([own[:, 1], -own[:, 0]], axis=1)
+    own += shift
+    upper = ij[:, 1] < 4
+    return field, [
+        Grid({(int(u), int(v)): k for k, (u, v) in enumerate(ij) if upper[k]}, xy),
+        Grid({(int(u), int(v)): k for k, (u, v) in enumerate(own) if lower[k]}, xy),
+    ]
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize("gap", [0, 1, 2])
+def test_halves_join_whatever_their_own_labels_are(turns, gap):
+    field, grids = halves(turns, [7, -4], gap, 0.0)
+    (joined,) = merge(field, grids)
+    expected = {s: k for k, s in enumerate((u, v) for v in range(9) for u in range(5)) if not 4 <= s[1] < 4 + gap}
+    start = next(s for s, k in joined.at.items() if k == 0)
+    step = next(s for s, k in joined.at.items() if k == 1)
+    d, e = step[0] - start[0], step[1] - start[1]
+    assert {(start[0] + d * u - e * v, start[1] + e * u + d * v): k for (u, v), k in expected.items()} == joined.at
+
+
+@pytest.mark.parametrize(
+    ("gap", "off", "colour"),
+    [(3, 0.0, 1), (1, 0.5, 1), (1, 0.25, 1), (1, 0.0, -1)],
+    ids=["too far apart", "half a square aside", "a quarter aside", "colours don't alternate"],
+)
+def test_what_is_not_one_lattice_stays_apart(gap, off, colour):
+    field, grids = halves(1, [7, -4], gap, off, colour)
+    assert [len(g) for g in merge(field, grids)] == [len(g) for g in grids]
+
+
+def test_one_grid_is_left_as_it_is():
+    field, (grid, _) = halves(0, [0, 0], 1, 0.0)
+    assert merge(field, [grid]) == [grid]
+    assert merge(field, []) == []

@@ -1,5 +1,7 @@
 """Drop-only validation."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from board_scene import view
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid
-from rcdn.boards.validate import believable, cell_count, distinct, plain, prune
+from rcdn.boards.validate import STEPS, believable, cell_count, distinct, plain, predicted_excess, prune
 
 COLS, ROWS, PITCH = 7, 5, 20.0
 
@@ -134,6 +136,69 @@ def test_what_is_left_fits(seed):
     left = dict(grid.at)
     prune(grid, field)
     assert grid.at == left
+
+
+def dropped_by_rule(grid, field):
+    """What `prune` leaves, spelled out: {label: corner}."""
+    at, before = dict(grid.at), -1
+    step = range(-2, 3)
+    while before != len(at):
+        before = len(at)
+        while at:
+            spots = sorted(at)
+            excess = predicted_excess(Grid(at, grid.xy), spots)
+            worst = int(excess.argmax())
+            if excess[worst] <= 1:
+                break
+            del at[spots[worst]]
+        while at:
+            quality = {s: field.response[c] * field.fit[c] for s, c in at.items()}
+            usual, poor = max(np.median(list(quality.values())), 1e-9), []
+            for u, v in at:
+                ways = [[(u + d * k, v + e * k) in at for k in (1, 2, 3)] for d, e in STEPS]
+                near = [field.contrast[at[s]] for d in step for e in step if (d or e) and (s := (u + d, v + e)) in at]
+                share = np.clip(field.contrast[at[u, v]] / max(np.median(near), 1e-9), 0.45, 1) if near else 1
+                if not all(map(any, ways)) and quality[u, v] / usual * share < 0.3:
+                    poor.append((u, v))
+            if not poor:
+                break
+            at = {s: c for s, c in at.items() if s not in poor}
+        whole = [(u, v) for u, v in at if all((u + a, v + b) in at for a in (0, 1) for b in (0, 1))]
+        held = {(u + a, v + b) for u, v in whole for a in (0, 1) for b in (0, 1)}
+        at = {s: c for s, c in at.items() if s in held}
+    return at
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_prune_does_what_it_says(seed):
+    """Rough lattices with gaps and poor corners; what falls off in parts counts, too."""
+    rng = np.random.default_rng(seed)
+    field, grid = lattice(9, 7)
+    field.xy[:] += rng.normal(0, rng.choice([0.02, 0.08, 0.15]) * PITCH, field.xy.shape)
+    for column in (field.response, field.fit, field.contrast):
+        column[:] = rng.uniform(rng.choice([0.2, 0.7]), 1, len(column))
+    shift = rng.integers(-50, 50, 2)
+    kept = [(s, k) for s, k in grid.at.items() if rng.random() < 0.9]
+    grid = Grid({(s[0] + int(shift[0]), s[1] + int(shift[1])): k for s, k in kept}, grid.xy)
+    expected = dropped_by_rule(grid, field)
+    order = list(grid.at)
+    rest = prune(grid, field)
+    assert all(len(a) >= len(b) for a, b in pairwise([grid, *rest]))
+    assert grid.at | {s: c for part in rest for s, c in part.at.items()} == expected
+    assert len(grid) + sum(map(len, rest)) == len(expected)
+    assert list(grid.at) == [s for s in order if s in grid.at]
+
+
+def test_excess_is_the_distance_from_the_prediction():
+    """A corner off by a fifth of a square: 0.15 of one is allowed between neighbours, 0.18 at a corner of the grid."""
+    for spot, limit in (((3, 2), 0.15), ((3, 0), 0.15), ((0, 0), 0.18)):
+        field, grid = lattice()
+        field.xy[grid.at[spot]] += [0, 0.2 * PITCH]
+        steps = np.hypot(PITCH, 0.1 * PITCH)
+        assert predicted_excess(grid, [spot])[0] == pytest.approx(0.2 * PITCH / (limit * steps))
+    _, alone = lattice(spots=[(0, 0), (1, 0)])
+    assert predicted_excess(alone, [(0, 0), (1, 0)]).tolist() == [2, 2]
+    assert predicted_excess(alone, []).shape == (0,)
 
 
 def test_an_empty_grid():

@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
-from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, windows
+from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, median, windows
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
@@ -82,7 +82,7 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
     """
     if sign == 0:
         return
-    plain = free & (field.response >= ANSWER * float(np.median(field.response[grid.corners])))
+    plain = free & (field.response >= ANSWER * median(field.response[grid.corners]))
     known = _set_right(field.grey, grid, sign)
     added: list[Label] = []
     for _ in range(ROUNDS):

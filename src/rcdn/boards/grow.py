@@ -6,20 +6,20 @@ import numpy as np
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, Predictions, checked
+from rcdn.boards.local import Grid, Predictions, beside, checked, median
 from rcdn.boards.validate import LEAST_QUALITY
 from rcdn.native import bind
 from rcdn.types import Array
 
-_sign = bind("rcdn_grid_sign", "lddlnrL", result=True)
-_offers = bind("rcdn_grid_offers", "llnlddnddldbbnlnnrrrLDBLDDDn", result=True)
+_sign = bind("rcdn_grid_sign", "llnddlnrL", result=True)
+_offers = bind("rcdn_grid_offers", "llnlddnddldddbbbnrlnnrrrLDBLDDDLn", result=True)
 _seen = bind("rcdn_grid_seen", "ddlbnrrB")
 ROUNDS = 40
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
 PLAIN = 5
 """corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
-ROOM = 16
+ROOM = 64
 """corners near an open spot that are usual"""
 SLACK = 3.0
 """px by which refinement may move a peak"""
@@ -52,10 +52,8 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
 
 def board_sign(field: Field, grid: Grid) -> int:
     """The board's colouring: side colour of the u axis times (−1)^(u+v), by majority; 0 if undecided."""
-    labels, corners, votes = grid.labels, grid.corners, np.zeros(1, np.int64)
-    own = np.minimum(corners, len(field.xy) - 1)
-    polarity = np.where(corners < len(field.xy), field.polarity[own], 0)  # filled corners have no colours
-    checked(_sign(labels, grid.xy[corners], field.axes[own], polarity, len(labels), FAR_AXIS, votes))
+    labels, votes, known = grid.labels, np.zeros(1, np.int64), len(field.xy)  # filled corners have no colours
+    checked(_sign(labels, grid.corners, len(labels), grid.xy, field.axes, field.polarity, known, FAR_AXIS, votes))
     return int(np.sign(votes[0]))
 
 
@@ -69,8 +67,9 @@ class _Growth:
     def __init__(self, field: Field, grid: Grid, sign: int, free: Array) -> None:
         self.field, self.grid, self.sign, self.free = field, grid, sign, free
         corners = grid.corners
-        self.level = LEAST_QUALITY * float(np.median(field.response[corners] * field.fit[corners]))
+        self.level = LEAST_QUALITY * median(field.response[corners] * field.fit[corners])
         self.refused = np.zeros((0, 3), np.int64)
+        self._room = _room(ROOM)
 
     def offers(self) -> list[Offer]:
         """Acceptable corners for the empty spots beside the grid: their edges to its corners are in the picture.
@@ -78,49 +77,42 @@ class _Growth:
         One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
         where the axes don't fit (motion blur bends them).
         """
-        spots, guess = self.grid.beside()
+        labels, members = self.grid.labels, self.grid.corners
+        spots, guess = beside(labels, self.grid.xy[members])
         if not len(spots):
             return []
-        if len(self.grid) >= PLAIN:
+        if len(labels) >= PLAIN:
             self.field.look(guess.xy, NEAR * guess.pitch + SLACK)
-        offers, gap, fits, beside, start, end, level = self._near(spots, guess)
-        if not len(offers):
+        asked, gap, fits, near, start, end, level = self._near(labels, members, spots, guess)
+        if not len(asked):
             return []
-        shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(offers), np.uint8)
-        _seen(shown, level, beside, fits, len(offers), SHOWN, SHOWN_WEAK, seen)
-        asked = np.concatenate([spots[offers[:, 0]], offers[:, 1:]], axis=1)
-        self.refused = np.concatenate([self.refused, asked[seen == 0]])
+        shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(asked), np.uint8)
+        _seen(shown, level, near, fits, len(asked), SHOWN, SHOWN_WEAK, seen)
+        if not seen.all():
+            self.refused = np.concatenate([self.refused, asked[seen == 0]])
         rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
         return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
 
-    def _near(self, spots: Array, guess: Predictions) -> tuple[Array, ...]:
-        """What the open `spots` (K, 2) may be offered: numbers of spots and corners (M, 2); their distance from the prediction (M,), squares;
-        do their own axes and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for
-        none. Of these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.
+    def _near(self, labels: Array, members: Array, spots: Array, guess: Predictions) -> tuple[Array, ...]:
+        """What the open `spots` (K, 2) may be offered: u, v and corners (M, 3); their distance from the prediction (M,), squares; do their own axes
+        and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for none. Of
+        these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.
         """
-        field, labels, members, room = self.field, self.grid.labels, self.grid.corners, ROOM + len(spots)
-        usable = self.free & (field.refined | field.strong) & (field.response * field.fit >= self.level)
-        while True:
-            offers, gap, fits = np.empty((room, 2), np.int64), np.empty(room), np.empty(room, np.uint8)
-            beside, level = np.empty((room, 4), np.int64), np.empty(4 * room)
-            start, end = np.empty((4 * room, 2)), np.empty((4 * room, 2))
-            count = checked(
-                _offers(
-                    labels, members, len(labels), spots, guess.maps, guess.pitch, len(spots),
-                    field.xy, field.axes, field.polarity, field.contrast, field.strong.view(np.uint8), usable.view(np.uint8), len(usable),
-                    self.refused, len(self.refused), self.sign, NEAR, NEAR_WEAK, FAR_AXIS,
-                    offers, gap, fits, beside, start, end, level, room,
-                )
-            )  # fmt: skip
-            if count <= room:
-                edges = int(beside[:count].max(initial=-1)) + 1
-                return (
-                    offers[:count],
-                    gap[:count],
-                    fits[:count],
-                    beside[:count],
-                    start[:edges],
-                    end[:edges],
-                    level[:edges],
-                )
-            room = count
+        field, edges = self.field, np.zeros(1, np.int64)
+        flags = (flag.view(np.uint8) for flag in (field.strong, field.refined, self.free))
+        given = (
+            labels, members, len(labels), spots, guess.maps, guess.pitch, len(spots), field.xy, field.axes, field.polarity, field.contrast,
+            field.response, field.fit, *flags, len(self.free), self.level, self.refused, len(self.refused), self.sign, NEAR, NEAR_WEAK, FAR_AXIS,
+        )  # fmt: skip
+        while (count := checked(_offers(*given, *self._room, edges, len(self._room[0])))) > len(self._room[0]):
+            self._room = _room(count)
+        each, of_edges = self._room[:4], self._room[4:]
+        return *(a[:count] for a in each), *(a[: edges[0]] for a in of_edges)
+
+
+def _room(count: int) -> tuple[Array, ...]:
+    """For what so many offers are, as `_Growth._near` has it."""
+    return (
+        np.empty((count, 3), np.int64), np.empty(count), np.empty(count, np.uint8), np.empty((count, 4), np.int64),
+        np.empty((4 * count, 2)), np.empty((4 * count, 2)), np.empty(4 * count),
+    )  # fmt: skip

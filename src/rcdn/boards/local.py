@@ -22,11 +22,10 @@ Labels = Array | Sequence[Label]
 
 
 class Grid:
-    """A labelled grid over corners: {(u, v): corner} with the positions at hand. `settled`: labels that `validate.prune` left as they are."""
+    """A labelled grid over corners: {(u, v): corner} with the positions at hand."""
 
     def __init__(self, at: dict[Label, int], xy: Array) -> None:
         self.at, self.xy = dict(at), xy
-        self.settled: dict[Label, int] | None = None
 
     def __len__(self) -> int:
         return len(self.at)
@@ -64,10 +63,15 @@ class Grid:
 
     def beside(self) -> tuple[Array, Predictions]:
         """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions, of steps of 2 px and more."""
-        labels, room = self.labels, 4 * len(self.at)
-        spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
-        count = checked(_beside(labels, self.xy[self.corners], len(labels), LEAST_PITCH, spots, *guess))
-        return spots[:count], guess.take(slice(count))
+        return beside(self.labels, self.xy[self.corners])
+
+
+def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
+    """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
+    room = 4 * len(labels)
+    spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
+    count = checked(_beside(labels, xy, len(labels), LEAST_PITCH, spots, *guess))
+    return spots[:count], guess.take(slice(count))
 
 
 def as_labels(spots: Iterable[Label] | Array) -> Array:
@@ -83,6 +87,12 @@ def windows(labels: Array, spots: Labels, reach: int) -> Array:
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
     checked(_around(labels, len(labels), spots, len(spots), reach, out))
     return out
+
+
+def median(values: Array) -> float:
+    """Of one and more values (K,); np.median takes longer to get ready than a grid's few need."""
+    ranked = np.sort(values)
+    return float((ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2)
 
 
 def checked(result: int) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, checked
+from rcdn.boards.local import Grid, checked, median
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.native import bind
 from rcdn.types import Array
@@ -38,16 +38,15 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
     Of parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest first: whether they belong
     to the same board is for `merge` to say.
     """
-    if grid.at == grid.settled:
-        return []
     labels, corners = grid.labels, grid.corners
     part = np.empty(len(labels), np.int64)
     quality, contrast = field.response[corners] * field.fit[corners], field.contrast[corners]
     limits = RESIDUAL, RESIDUAL_LOOSE, LEAST_QUALITY, LEAST_SHARE
     count = checked(_prune(labels, grid.xy[corners], quality, contrast, len(labels), *limits, part))
+    if count == 1 and part.max() == part.min():
+        return []
     members = list(zip(part.tolist(), grid.at.items(), strict=True))
     grid.at = {spot: corner for number, (spot, corner) in members if number == 0}
-    grid.settled = dict(grid.at) if count < 2 else None
     rest: list[dict[Label, int]] = [{} for _ in range(count - 1)]
     for number, (spot, corner) in members:
         if number > 0:
@@ -79,7 +78,7 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     if len(grid) < least or cell_count(grid) < 4:
         return False
     spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
-    pitch = float(np.median(nearest_pitch(xy))) / scale
+    pitch = median(nearest_pitch(xy)) / scale
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
@@ -93,8 +92,8 @@ FEW, FEW_FAINT = 16, 0.6
 
 def plain(grid: Grid, response: Array, usual: float) -> bool:
     """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
-    median = float(np.median(response[list(grid.at.values())]))
-    return median >= FAINT * usual and (len(grid) >= FEW or median >= FEW_FAINT)
+    own = median(response[grid.corners])
+    return own >= FAINT * usual and (len(grid) >= FEW or own >= FEW_FAINT)
 
 
 SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8
