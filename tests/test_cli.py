@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import subprocess
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 
 import rcdn
 from detector_stand_in import BROKEN, STOP, StandIn, picture
-from rcdn.cli import _batch, _pool, _summary, app
+from rcdn.cli import _batch, _outputs, _pool, _summary, app
 from rcdn.cli import detect as verb
 from rcdn.cli._options import parse_size
 from rcdn.errors import DependencyError, OutputError
@@ -184,8 +185,18 @@ def test_options_reach_the_configuration(run, monkeypatch):
     seen = []
     monkeypatch.setattr(verb, "_make_detector", lambda config: seen.append(config) or StandIn(config))
     picture(Path("a.png"))
-    run("detect", "a.png", "--preset", "paper", "--threads", "3")
-    assert (seen[0].model, seen[0].threads) == ("paper", 3)
+    run("detect", "a.png", "--preset", "paper", "--threads", "3", "--device", "auto")
+    assert (seen[0].model, seen[0].threads, seen[0].device) == ("paper", 3, "auto")
+
+
+def test_a_graphics_card_that_onnx_runtime_can_not_use_is_told(run, monkeypatch):
+    monkeypatch.setattr(verb, "_make_detector", _batch.make_detector)
+    monkeypatch.setattr("onnxruntime.get_available_providers", lambda: ["CPUExecutionProvider"])
+    picture(Path("a.png"))
+    result = run("detect", "a.png", "--device", "cuda")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert result.stderr.startswith("error: --device cuda: this ONNX Runtime has no CUDA, only CPUExecutionProvider; ")
+    assert "pip install onnxruntime-gpu" in result.stderr
 
 
 def test_errors_on_purpose_are_one_line_and_1(run, monkeypatch):
@@ -276,6 +287,30 @@ def test_no_space_for_one_output_leaves_the_others_and_the_summary(run, monkeypa
     assert counts(result.stdout)["complete"] == "1"
     assert Path("out.vnl").exists()
     assert not Path("out.json").exists()
+
+
+def test_results_wait_on_the_disk_and_leave_nothing_there(run, monkeypatch):
+    for k in range(3):
+        picture(Path(f"in/{k}.png"))
+    seen = []
+    monkeypatch.setattr(verb.Outputs, "write", lambda self, _: seen.append(list(self._kept())) or [])
+    assert run("detect", "in", "--json", "out/a.json").exit_code == 0
+    assert [json.loads(line)["path"] for line in seen[0]] == [f"in/{k}.png" for k in range(3)]
+    assert [p.name for p in Path().iterdir()] == ["in"]
+
+
+def test_a_disk_that_fills_up_on_the_way_ends_the_run(run, monkeypatch):
+    for k in range(3):
+        picture(Path(f"{k}.png"))
+
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(_outputs, "_nameless", full)
+    result = run("detect", "*.png", "--json", "out.json")
+    assert result.exit_code == 1
+    assert "out.json: can't be written: No space left on device; make room" in result.stderr
+    assert "stopped after 1 pictures" in result.stderr
 
 
 def test_no_space_for_overlays_stops_but_keeps_what_is_done(run, monkeypatch):

@@ -21,7 +21,7 @@ from rcdn.evaluation.bench.resident import resident
 from rcdn.evaluation.bench.run import SB, Contestant, cells_of, contestants, in_turn, table
 from rcdn.io import write_image
 from rcdn.peers import PEERS, Grid, Peer
-from rcdn.report.bench_plot import draw
+from rcdn.report.bench_plot import draw, draw_folder
 
 SMALL = (200, 160)
 BLANK = np.zeros((160, 200), np.uint8)
@@ -343,6 +343,25 @@ def test_the_steady_rate_leaves_the_start_out():
     row = folder.folder_row(lines, 2, 20, 10.0)
     assert (row["steady a second"], row["a second"], row["peak MB"]) == (4, 2, 200)
     assert (row["MB at 10 %"], row["MB at the end"]) == (102, 119)
+    assert (row["ms, first half"], row["ms, second half"]) == (250, 250)
+
+
+def test_samples_are_thinned_evenly():
+    lines = [{"pictures": k} for k in range(1001)]
+    few = [line["pictures"] for line in folder.thinned(lines, 11)]
+    assert few == list(range(0, 1001, 100))
+    assert folder.thinned(lines[:11], 11) == lines[:11]
+
+
+def test_time_and_memory_along_a_folder_are_drawn():
+    figures = pytest.importorskip("matplotlib.figure", reason="plots need matplotlib")
+    samples = [{"jobs": j, "seconds": k / j, "pictures": k, "now MB": 100.0 * j} for j in (1, 2) for k in (1, 50, 100)]
+    figure = figures.Figure()
+    draw_folder(figure, samples)
+    time, memory = figure.axes
+    assert [line.get_label() for line in time.lines] == ["1 job", "2 jobs"]
+    assert time.lines[1].get_ydata().tolist() == [0.5, 25, 50]
+    assert memory.lines[1].get_ydata().tolist() == [200, 200, 200]
 
 
 def test_a_folder_through_rcdn_detect(tmp_path):
@@ -414,7 +433,8 @@ def test_the_command_leaves_table_json_markdown_and_plot(command, tmp_path):
     [
         (("--sizes", "640"), "--sizes: '640'"), (("--sizes", "10x10"), "160 to 10000"), (("--sizes", ","), "at least one"),
         (("--threads", "0"), "--threads"), (("--threads", "x"), "--threads"), (("--parts", "all"), "known: speed"),
-        (("--csv", "a.csv"), "--folder"), (("--plot", "a.txt"), "must end in"),
+        (("--csv", "a.csv"), "--folder"), (("--folder-plot", "a.png"), "--folder N"),
+        (("--folder-jobs", "0"), "--folder-jobs"), (("--plot", "a.txt"), "must end in"),
     ],
 )  # fmt: skip
 def test_wrong_words_are_told(command, words, told):
