@@ -7,14 +7,12 @@
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC optimize("no-associative-math")
 #endif
+#include "contrast.h"
 #include "rows.h"
 
 #define CELL 4
 #define CONVS 5   /* 3×3 convolutions from WIDE to WIDE channels at a quarter of the resolution */
 #define NARROW 16 /* channels at half resolution, and outputs a cell */
-#define BEFORE 22 /* px that the network sees to the left of and above a cell */
-#define HALF 12   /* px to either side of the window of local contrast */
-#define FLOOR 6.0f
 #define RING 4    /* rows of a layer that are kept */
 #define SEEN 8    /* rows of the normalised picture that are kept */
 
@@ -51,16 +49,13 @@ typedef struct {
 } Seen;
 
 typedef struct {
-    Picture picture;
+    Contrast contrast;
     const Reals *reals;
     const Bytes *bytes;
     RowKernel *strided, *conv;
     Seen seen;
     Layer layer[CONVS + 2];  /* at half resolution; strided; the convolutions */
-    double *sum, *square;    /* over the 2 HALF + 1 rows around the next one, (width + 2 HALF) */
-    double *part;            /* room for four rows more, and a mask */
-    index_t summed;          /* the row whose sums these are, or −1 */
-    index_t top;             /* row of the picture at which the rows of cells begin */
+    uint8_t *need;           /* room for a mask of the first layer's width */
     index_t time;            /* steps of `advance` so far */
 } Network;
 
@@ -100,81 +95,12 @@ INLINE vec sigmoid(vec x) {
     return 1 / (1 + part * (vec)((whole + 127) << 23));
 }
 
-INLINE index_t mirrored(index_t k, index_t n) {
-    if (n == 1)
-        return 0;
-    while (k < 0 || k >= n)
-        k = k < 0 ? -k : 2 * n - 2 - k;
-    return k;
-}
-
 INLINE uint8_t *row_of(const Layer *l, index_t y) {
     return l->rows + (y & (l->ring - 1)) * (l->width + SLACK) * l->channels;
 }
 
 INLINE float *seen_row(const Seen *s, index_t y) {
     return s->rows + (y & (SEEN - 1)) * (s->width + SLACK);
-}
-
-/* Row `y` of the picture, continued by reflection, with HALF columns more on either side than is seen. Reals become whole 256ths, so that sums
- * are exact, and don't depend on where they begin. */
-INLINE void continued(const Network *n, index_t y, double *out) {
-    const Picture *p = &n->picture;
-    const index_t start = -BEFORE - HALF, stop = n->seen.width + 2 * HALF + start, at = mirrored(n->top + y - BEFORE, p->height) * p->width;
-    const index_t inner = stop < p->width ? stop : p->width;
-    double *row = out - start; /* row[x] is the pixel at column x */
-    if (p->real)
-        for (index_t x = 0; x < inner; x++)
-            row[x] = rint((double)((const float *)p->data)[at + x] * 256);
-    else
-        for (index_t x = 0; x < inner; x++)
-            row[x] = ((const uint8_t *)p->data)[at + x];
-    for (index_t x = start; x < 0; x++)
-        row[x] = row[mirrored(x, p->width)];
-    for (index_t x = inner; x < stop; x++)
-        row[x] = row[mirrored(x, p->width)];
-}
-
-/* Add (sign 1) or take away (−1) a row to the sums over rows. */
-INLINE void count_row(Network *n, index_t y, double sign) {
-    const index_t count = n->seen.width + 2 * HALF;
-    continued(n, y, n->part);
-    for (index_t x = 0; x < count; x++) {
-        n->sum[x] += sign * n->part[x];
-        n->square[x] += sign * n->part[x] * n->part[x];
-    }
-}
-
-/* Sums over 2 HALF + 1 = 25 = 16 + 8 + 1 neighbours along a row. `room` as long as the row. In place. */
-INLINE void sums_along(double *row, index_t count, double *room) {
-    const index_t whole = count - 2 * HALF;
-    for (index_t x = 0; x < count - 1; x++)
-        room[x] = row[x] + row[x + 1];
-    for (index_t x = 0; x < count - 3; x++)
-        room[x] += room[x + 2];
-    for (index_t x = 0; x < count - 7; x++)
-        room[x] += room[x + 4]; /* sums of 8 */
-    for (index_t x = 0; x < whole; x++)
-        row[x] = room[x] + room[x + 8] + room[x + 16] + row[x + 24];
-}
-
-/* Local contrast normalisation of row `y` of the continued picture between columns `from` and `to`. */
-INLINE void normalise(Network *n, index_t y, index_t from, index_t to) {
-    const float unit = n->picture.real ? 1 / 256.f : 1;
-    const index_t count = to - from + 2 * HALF, area = (2 * HALF + 1) * (2 * HALF + 1), width = n->seen.width + 2 * HALF;
-    double *sum = n->part, *square = n->part + width, *room = n->part + 2 * width;
-    memcpy(sum, n->sum + from, (size_t)count * sizeof *sum);
-    memcpy(square, n->square + from, (size_t)count * sizeof *square);
-    sums_along(sum, count, room);
-    sums_along(square, count, room);
-    const double *grey = n->part + 3 * width + from + HALF;
-    float *out = seen_row(&n->seen, y) + from;
-    const double mean = unit / (double)area;
-    for (index_t x = 0; x < to - from; x++) {
-        const double spread = (double)area * square[x] - sum[x] * sum[x];
-        const float deviation = sqrtf((float)(spread > 0 ? spread : 0)) * (float)mean;
-        out[x] = ((float)grey[x] * unit - (float)(sum[x] * mean)) / (deviation + FLOOR);
-    }
 }
 
 INLINE void joined(const uint8_t *restrict mask, index_t width, uint8_t *restrict into) {
@@ -185,7 +111,7 @@ INLINE void joined(const uint8_t *restrict mask, index_t width, uint8_t *restric
 /* Make rows of the normalised picture up to `y`, as far as rows of the first layer need them. */
 INLINE void see(Network *n, index_t y) {
     const Layer *first = &n->layer[0];
-    uint8_t *need = (uint8_t *)(n->part + 4 * (n->seen.width + 2 * HALF));
+    uint8_t *need = n->need;
     for (; n->seen.done <= y; n->seen.done++) {
         const index_t row = n->seen.done;
         const index_t from = row > 4 ? (row - 3) / 2 : 0, to = row / 2 < first->height ? row / 2 : first->height - 1;
@@ -194,24 +120,13 @@ INLINE void see(Network *n, index_t y) {
             joined(first->mask + k * first->width, first->width, need);
         if (!memchr(need, 1, (size_t)first->width))
             continue;
-        if (n->summed < 0 || row - n->summed > 2 * HALF) {
-            memset(n->sum, 0, (size_t)(n->seen.width + 2 * HALF) * sizeof *n->sum);
-            memset(n->square, 0, (size_t)(n->seen.width + 2 * HALF) * sizeof *n->square);
-            for (index_t k = row - HALF; k <= row + HALF; k++)
-                count_row(n, k, 1);
-        } else
-            for (index_t k = n->summed + 1; k <= row; k++) {
-                count_row(n, k - HALF - 1, -1);
-                count_row(n, k + HALF, 1);
-            }
-        n->summed = row;
-        continued(n, row, n->part + 3 * (n->seen.width + 2 * HALF));
+        slide(&n->contrast, row);
         for (index_t x = 0, end; (x = next_run(need, x, first->width, &end)) < first->width; x = end) {
             index_t later; /* gaps shorter than a window aren't worth a new start */
             for (index_t next; (next = next_run(need, end, first->width, &later)) < first->width && next - end < HALF;)
                 end = later;
             const index_t stop = 2 * end + 3 + 2 * SLACK;
-            normalise(n, row, 2 * x, stop < n->seen.width ? stop : n->seen.width);
+            normalise(&n->contrast, 2 * x, stop < n->contrast.to ? stop : n->contrast.to, seen_row(&n->seen, row) + 2 * x);
         }
     }
 }
@@ -273,9 +188,9 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
             d += load(last[k + 3]) * value[k + 3];
         }
         store(out, sigmoid(((a + b) + (c + d)) * scale + bias));
-        for (index_t j = 0; j < CELL && n->top + CELL * y + j < n->picture.height; j++)
-            for (index_t i = 0; i < CELL && CELL * x + i < n->picture.width; i++)
-                response[(n->top + CELL * y + j) * n->picture.width + CELL * x + i] = out[CELL * j + i];
+        for (index_t j = 0; j < CELL && n->contrast.top + CELL * y + j < n->contrast.picture.height; j++)
+            for (index_t i = 0; i < CELL && CELL * x + i < n->contrast.picture.width; i++)
+                response[(n->contrast.top + CELL * y + j) * n->contrast.picture.width + CELL * x + i] = out[CELL * j + i];
     }
 }
 
@@ -320,11 +235,27 @@ INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width
     }
 }
 
+/* The columns of the picture that any row of the first layer needs. */
+INLINE void columns_needed(Network *n) {
+    const Layer *first = &n->layer[0];
+    memset(n->need, 0, (size_t)first->width);
+    for (index_t y = 0; y < first->height; y++)
+        joined(first->mask + y * first->width, first->width, n->need);
+    index_t from = 0, to = first->width;
+    while (from < to && !n->need[from])
+        from++;
+    while (to > from && !n->need[to - 1])
+        to--;
+    const index_t stop = 2 * to + 3 + 2 * SLACK;
+    n->contrast.from = 2 * from;
+    n->contrast.to = stop < n->seen.width ? stop : n->seen.width;
+}
+
 /* Bytes that hold all rings, sums and masks for so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
     const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW, floats = SEEN * (seen + SLACK) + 8 * SLACK;
-    const index_t doubles = 6 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
+    const index_t doubles = 5 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
     return (size_t)(8 * doubles + 4 * floats + bytes + masks) + 64 * 32;
 }
 
@@ -342,7 +273,7 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
     if (!memory)
         return -1;
     room += 64 - (uintptr_t)room % 64;
-    Network n = {.picture = {data, height, width, real}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes, .summed = -1, .top = CELL * first};
+    Network n = {.contrast = {.picture = {data, height, width, real}, .top = CELL * first, .summed = -1}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
     row_kernels((int)level, &n.strided, &n.conv);
     index_t h = rows, w = across;
     cells += first * across;
@@ -364,12 +295,14 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
         w = k == 1 ? 2 * w + 1 : w + 2;
     }
     n.seen = (Seen){2 * h + 3, 2 * w + 3, 0, NULL};
-    const index_t wide = n.seen.width + 2 * HALF, ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
+    const index_t wide = (n.seen.width + 2 * HALF) * (index_t)(real ? sizeof(double) : sizeof(float)), ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
     n.seen.rows = taken(&room, ring * 4);
     memset(n.seen.rows, 0, (size_t)ring * 4);
-    n.sum = taken(&room, wide * 8);
-    n.square = taken(&room, wide * 8);
-    n.part = taken(&room, 4 * wide * 8 + w);
+    void **const row[] = {&n.contrast.sum, &n.contrast.square, &n.contrast.out, &n.contrast.in, &n.contrast.room};
+    for (int k = 0; k < 5; k++)
+        *row[k] = taken(&room, wide);
+    n.need = taken(&room, w);
+    columns_needed(&n);
     for (index_t y = 0; y < rows; y++) {
         if (!memchr(cells + y * across, 1, (size_t)across))
             continue;

@@ -1,0 +1,59 @@
+/* Local contrast normalisation, row by row: (I − mean) / (standard deviation + FLOOR) over (2 HALF + 1)² px, of a picture continued by reflection. */
+#ifndef CONTRAST_H
+#define CONTRAST_H
+
+#include "rcdn.h"
+
+#define HALF 12 /* px to either side of the window */
+#define SIDE (2 * HALF + 1)
+#define FLOOR 6.0f
+#define BEFORE 22 /* px that are seen above and to the left of the picture */
+
+/* What slides down a picture. Columns and rows are those that are seen: BEFORE less in the picture, whose row `top` is where they begin. */
+typedef struct {
+    Picture picture;
+    index_t top, from, to; /* columns that are ever asked for */
+    index_t summed;        /* the row around which sums are, or −1 */
+    void *sum, *square;    /* of each column over SIDE rows, from column `from` − HALF to `to` + HALF */
+    void *out, *in, *room; /* room for rows */
+} Contrast;
+
+INLINE index_t mirrored(index_t k, index_t n) {
+    if (n == 1)
+        return 0;
+    while (k < 0 || k >= n)
+        k = k < 0 ? -k : 2 * n - 2 - k;
+    return k;
+}
+
+/* Sums are of whole numbers, and exact, so that it doesn't matter where they begin: of bytes less 128 in float (all under 2^24), of reals in 256ths
+ * in double. */
+#define NUMBER float
+#define OF(name) name##_of_bytes
+#define LEVEL(at) ((float)((const uint8_t *)c->picture.data)[at] - 128)
+#define UNIT 1
+#include "contrast_rows.h"
+
+#define NUMBER double
+#define OF(name) name##_of_reals
+#define LEVEL(at) rint((double)((const float *)c->picture.data)[at] * 256)
+#define UNIT (1 / 256.f)
+#include "contrast_rows.h"
+
+/* Bring the sums to row `y`. */
+INLINE void slide(Contrast *c, index_t y) {
+    if (c->picture.real)
+        slide_of_reals(c, y);
+    else
+        slide_of_bytes(c, y);
+}
+
+/* The normalised row to which the sums were brought, from column `from` to `to`. */
+INLINE void normalise(const Contrast *c, index_t from, index_t to, float *out) {
+    if (c->picture.real)
+        normalise_of_reals(c, from, to, out);
+    else
+        normalise_of_bytes(c, from, to, out);
+}
+
+#endif

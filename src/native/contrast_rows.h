@@ -1,0 +1,79 @@
+/* The part of contrast.h that depends on the picture's type: included once for each, with NUMBER (what sums are of), OF (names), LEVEL (a pixel as a
+ * whole number) and UNIT (grey levels of one). */
+
+/* Columns `from` .. `to` of a row that is seen. */
+INLINE void OF(levels)(const Contrast *c, index_t y, index_t from, index_t to, NUMBER *out) {
+    const index_t at = mirrored(c->top + y - BEFORE, c->picture.height) * c->picture.width, width = c->picture.width;
+    const index_t first = from < BEFORE ? BEFORE : from, last = to - BEFORE < width ? to : width + BEFORE;
+    for (index_t x = from; x < first && x < to; x++)
+        out[x - from] = LEVEL(at + mirrored(x - BEFORE, width));
+    for (index_t x = first; x < last; x++)
+        out[x - from] = LEVEL(at + x - BEFORE);
+    for (index_t x = last > from ? last : from; x < to; x++)
+        out[x - from] = LEVEL(at + mirrored(x - BEFORE, width));
+}
+
+INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const NUMBER *restrict in, const NUMBER *restrict out, index_t count) {
+    for (index_t x = 0; x < count; x++) {
+        const NUMBER change = in[x] - out[x];
+        sum[x] += change;
+        square[x] += change * (in[x] + out[x]);
+    }
+}
+
+INLINE void OF(slide)(Contrast *c, index_t y) {
+    const index_t from = c->from - HALF, to = c->to + HALF;
+    NUMBER *sum = c->sum, *square = c->square, *in = c->in, *out = c->out;
+    index_t next = c->summed + 1;
+    if (c->summed < 0 || y - c->summed > SIDE) {
+        memset(sum, 0, (size_t)(to - from) * sizeof *sum);
+        memset(square, 0, (size_t)(to - from) * sizeof *square);
+        memset(out, 0, (size_t)(to - from) * sizeof *out);
+        for (index_t k = y - HALF; k <= y + HALF; k++) {
+            OF(levels)(c, k, from, to, in);
+            OF(exchanged)(sum, square, in, out, to - from);
+        }
+        next = y + 1;
+    }
+    for (; next <= y; next++) {
+        OF(levels)(c, next - HALF - 1, from, to, out);
+        OF(levels)(c, next + HALF, from, to, in);
+        OF(exchanged)(sum, square, in, out, to - from);
+    }
+    c->summed = y;
+}
+
+/* Sums over SIDE = 16 + 8 + 1 neighbours along a row of `count` + 2 HALF. */
+INLINE void OF(along)(const NUMBER *restrict row, index_t count, NUMBER *restrict room, NUMBER *restrict out) {
+    for (index_t x = 0; x < count + SIDE - 2; x++)
+        room[x] = row[x] + row[x + 1];
+    for (index_t x = 0; x < count + SIDE - 4; x++)
+        room[x] += room[x + 2];
+    for (index_t x = 0; x < count + SIDE - 8; x++)
+        room[x] += room[x + 4];
+    for (index_t x = 0; x < count; x++)
+        out[x] = room[x] + room[x + 8] + room[x + 16] + row[x + 24];
+}
+
+INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict square, const NUMBER *restrict grey, index_t count, float *restrict out) {
+    const float share = 1.0f / (SIDE * SIDE);
+    for (index_t x = 0; x < count; x++) {
+        const double spread = (double)SIDE * SIDE * (double)square[x] - (double)sum[x] * (double)sum[x];
+        const float deviation = sqrtf((float)(spread > 0 ? spread : 0)) * share;
+        out[x] = (float)(grey[x] - sum[x] * (NUMBER)share) * UNIT / (deviation * UNIT + FLOOR);
+    }
+}
+
+INLINE void OF(normalise)(const Contrast *c, index_t from, index_t to, float *out) {
+    const index_t at = from - c->from, count = to - from;
+    NUMBER *sum = c->out, *square = c->in, *room = c->room;
+    OF(along)((NUMBER *)c->sum + at, count, room, sum);
+    OF(along)((NUMBER *)c->square + at, count, room, square);
+    OF(levels)(c, c->summed, from, to, room);
+    OF(quotients)(sum, square, room, count, out);
+}
+
+#undef NUMBER
+#undef OF
+#undef LEVEL
+#undef UNIT
