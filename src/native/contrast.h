@@ -7,14 +7,15 @@
 #define HALF 12 /* px to either side of the window */
 #define SIDE (2 * HALF + 1)
 #define FLOOR 6.0f
-#define BEFORE 22 /* px that are seen above and to the left of the picture */
+#define COLUMNS 128 /* a block, whose sums slide down together, and only to where they are asked for */
+#define BEFORE 22   /* px that are seen above and to the left of the picture */
 
 /* What slides down a picture. Columns and rows are those that are seen: BEFORE less in the picture, whose row `top` is where they begin. */
 typedef struct {
     Picture picture;
-    index_t top, from, to; /* columns that are ever asked for */
-    index_t summed;        /* the row around which sums are, or −1 */
-    void *sum, *square;    /* of each column over SIDE rows, from column `from` − HALF to `to` + HALF */
+    index_t top, width;
+    index_t *summed;       /* for each block of columns, the row around which its sums are, or −1 */
+    void *sum, *square;    /* of each column over SIDE rows, from column −HALF to `width` + HALF */
     void *out, *in, *room; /* room for rows */
 } Contrast;
 
@@ -40,20 +41,12 @@ INLINE index_t mirrored(index_t k, index_t n) {
 #define UNIT (1 / 256.f)
 #include "contrast_rows.h"
 
-/* Bring the sums to row `y`. */
-INLINE void slide(Contrast *c, index_t y) {
+/* Columns `from` .. `to` of the normalised row `y`. Rows are asked for from top to bottom. */
+INLINE void normalise(Contrast *c, index_t y, index_t from, index_t to, float *out) {
     if (c->picture.real)
-        slide_of_reals(c, y);
+        normalise_of_reals(c, y, from, to, out);
     else
-        slide_of_bytes(c, y);
-}
-
-/* The normalised row to which the sums were brought, from column `from` to `to`. */
-INLINE void normalise(const Contrast *c, index_t from, index_t to, float *out) {
-    if (c->picture.real)
-        normalise_of_reals(c, from, to, out);
-    else
-        normalise_of_bytes(c, from, to, out);
+        normalise_of_bytes(c, y, from, to, out);
 }
 
 #endif

@@ -21,26 +21,27 @@ INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const N
     }
 }
 
-INLINE void OF(slide)(Contrast *c, index_t y) {
-    const index_t from = c->from - HALF, to = c->to + HALF;
-    NUMBER *sum = c->sum, *square = c->square, *in = c->in, *out = c->out;
-    index_t next = c->summed + 1;
-    if (c->summed < 0 || y - c->summed > SIDE) {
-        memset(sum, 0, (size_t)(to - from) * sizeof *sum);
-        memset(square, 0, (size_t)(to - from) * sizeof *square);
-        memset(out, 0, (size_t)(to - from) * sizeof *out);
+/* Bring the sums of a block of columns to row `y`. */
+INLINE void OF(slide)(Contrast *c, index_t block, index_t y) {
+    const index_t from = block * COLUMNS - HALF, to = from + COLUMNS < c->width + HALF ? from + COLUMNS : c->width + HALF, count = to - from;
+    NUMBER *sum = (NUMBER *)c->sum + block * COLUMNS, *square = (NUMBER *)c->square + block * COLUMNS, *in = c->in, *out = c->out;
+    index_t next = c->summed[block] + 1;
+    if (!next || y - next >= SIDE) {
+        memset(sum, 0, (size_t)count * sizeof *sum);
+        memset(square, 0, (size_t)count * sizeof *square);
+        memset(out, 0, (size_t)count * sizeof *out);
         for (index_t k = y - HALF; k <= y + HALF; k++) {
             OF(levels)(c, k, from, to, in);
-            OF(exchanged)(sum, square, in, out, to - from);
+            OF(exchanged)(sum, square, in, out, count);
         }
         next = y + 1;
     }
     for (; next <= y; next++) {
         OF(levels)(c, next - HALF - 1, from, to, out);
         OF(levels)(c, next + HALF, from, to, in);
-        OF(exchanged)(sum, square, in, out, to - from);
+        OF(exchanged)(sum, square, in, out, count);
     }
-    c->summed = y;
+    c->summed[block] = y;
 }
 
 /* Sums over SIDE = 16 + 8 + 1 neighbours along a row of `count` + 2 HALF. */
@@ -64,12 +65,14 @@ INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict squ
     }
 }
 
-INLINE void OF(normalise)(const Contrast *c, index_t from, index_t to, float *out) {
-    const index_t at = from - c->from, count = to - from;
+INLINE void OF(normalise)(Contrast *c, index_t y, index_t from, index_t to, float *out) {
+    const index_t count = to - from;
+    for (index_t block = from / COLUMNS; block <= (to + 2 * HALF - 1) / COLUMNS; block++)
+        OF(slide)(c, block, y);
     NUMBER *sum = c->out, *square = c->in, *room = c->room;
-    OF(along)((NUMBER *)c->sum + at, count, room, sum);
-    OF(along)((NUMBER *)c->square + at, count, room, square);
-    OF(levels)(c, c->summed, from, to, room);
+    OF(along)((NUMBER *)c->sum + from, count, room, sum);
+    OF(along)((NUMBER *)c->square + from, count, room, square);
+    OF(levels)(c, y, from, to, room);
     OF(quotients)(sum, square, room, count, out);
 }
 

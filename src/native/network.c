@@ -120,13 +120,12 @@ INLINE void see(Network *n, index_t y) {
             joined(first->mask + k * first->width, first->width, need);
         if (!memchr(need, 1, (size_t)first->width))
             continue;
-        slide(&n->contrast, row);
         for (index_t x = 0, end; (x = next_run(need, x, first->width, &end)) < first->width; x = end) {
             index_t later; /* gaps shorter than a window aren't worth a new start */
             for (index_t next; (next = next_run(need, end, first->width, &later)) < first->width && next - end < HALF;)
                 end = later;
             const index_t stop = 2 * end + 3 + 2 * SLACK;
-            normalise(&n->contrast, 2 * x, stop < n->contrast.to ? stop : n->contrast.to, seen_row(&n->seen, row) + 2 * x);
+            normalise(&n->contrast, row, 2 * x, stop < n->seen.width ? stop : n->seen.width, seen_row(&n->seen, row) + 2 * x);
         }
     }
 }
@@ -235,27 +234,11 @@ INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width
     }
 }
 
-/* The columns of the picture that any row of the first layer needs. */
-INLINE void columns_needed(Network *n) {
-    const Layer *first = &n->layer[0];
-    memset(n->need, 0, (size_t)first->width);
-    for (index_t y = 0; y < first->height; y++)
-        joined(first->mask + y * first->width, first->width, n->need);
-    index_t from = 0, to = first->width;
-    while (from < to && !n->need[from])
-        from++;
-    while (to > from && !n->need[to - 1])
-        to--;
-    const index_t stop = 2 * to + 3 + 2 * SLACK;
-    n->contrast.from = 2 * from;
-    n->contrast.to = stop < n->seen.width ? stop : n->seen.width;
-}
-
 /* Bytes that hold all rings, sums and masks for so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
     const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW, floats = SEEN * (seen + SLACK) + 8 * SLACK;
-    const index_t doubles = 5 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
+    const index_t doubles = 6 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
     return (size_t)(8 * doubles + 4 * floats + bytes + masks) + 64 * 32;
 }
 
@@ -273,7 +256,7 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
     if (!memory)
         return -1;
     room += 64 - (uintptr_t)room % 64;
-    Network n = {.contrast = {.picture = {data, height, width, real}, .top = CELL * first, .summed = -1}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
+    Network n = {.contrast = {.picture = {data, height, width, real}, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
     row_kernels((int)level, &n.strided, &n.conv);
     index_t h = rows, w = across;
     cells += first * across;
@@ -302,7 +285,11 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
     for (int k = 0; k < 5; k++)
         *row[k] = taken(&room, wide);
     n.need = taken(&room, w);
-    columns_needed(&n);
+    n.contrast.width = n.seen.width;
+    const index_t blocks = (n.seen.width + 2 * HALF + COLUMNS - 1) / COLUMNS;
+    n.contrast.summed = taken(&room, blocks * (index_t)sizeof(index_t));
+    for (index_t k = 0; k < blocks; k++)
+        n.contrast.summed[k] = -1;
     for (index_t y = 0; y < rows; y++) {
         if (!memchr(cells + y * across, 1, (size_t)across))
             continue;

@@ -12,11 +12,9 @@ FAST EXPORT index_t rcdn_above(const float *response, index_t height, index_t wi
     for (index_t y = 0; y < height; y++) {
         const uint8_t *mask = cells + y / CELL * across;
         const float *row = response + y * width;
-        for (index_t i = 0; i < across; i++) {
-            if (!mask[i])
-                continue;
-            const index_t end = CELL * (i + 1) < width ? CELL * (i + 1) : width;
-            for (index_t x = CELL * i; x < end; x++)
+        for (index_t i = 0, end; (i = next_run(mask, i, across, &end)) < across; i = end) {
+            const index_t stop = CELL * end < width ? CELL * end : width;
+            for (index_t x = CELL * i; x < stop; x++)
                 if (row[x] > least) {
                     total += row[x];
                     count++;
@@ -45,11 +43,9 @@ EXPORT index_t rcdn_candidates(const float *response, index_t height, index_t wi
     index_t count = 0;
     for (index_t y = 0; y < height; y++) {
         const uint8_t *mask = cells + y / CELL * across;
-        for (index_t i = 0; i < across; i++) {
-            if (!mask[i])
-                continue;
-            const index_t end = CELL * (i + 1) < width ? CELL * (i + 1) : width;
-            for (index_t x = CELL * i; x < end; x++)
+        for (index_t i = 0, end; (i = next_run(mask, i, across, &end)) < across; i = end) {
+            const index_t stop = CELL * end < width ? CELL * end : width;
+            for (index_t x = CELL * i; x < stop; x++)
                 if (response[y * width + x] >= least && (!peaks || is_peak(response, height, width, x, y))) {
                     if (count < room) {
                         xy[2 * count] = x;

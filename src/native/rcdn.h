@@ -78,4 +78,14 @@ INLINE float sample(const Picture *p, float x, float y) {
     return top + fy * (low - top);
 }
 
+/* The next cells from `x` on that are marked: their begin, and the end in *end; `width` if there are none. */
+INLINE index_t next_run(const uint8_t *mask, index_t x, index_t width, index_t *end) {
+    const uint8_t *at = x < width ? memchr(mask + x, 1, (size_t)(width - x)) : NULL;
+    if (!at)
+        return width;
+    const uint8_t *stop = memchr(at, 0, (size_t)(width - (at - mask)));
+    *end = stop ? stop - mask : width;
+    return at - mask;
+}
+
 #endif

@@ -15,16 +15,6 @@ typedef struct {
     const float *scale, *bias;
 } Convolution;
 
-/* The next cells from `x` on that are needed: their begin, and the end in *end; `width` if there are none. */
-INLINE index_t next_run(const uint8_t *mask, index_t x, index_t width, index_t *end) {
-    const uint8_t *at = x < width ? memchr(mask + x, 1, (size_t)(width - x)) : NULL;
-    if (!at)
-        return width;
-    const uint8_t *stop = memchr(at, 0, (size_t)(width - (at - mask)));
-    *end = stop ? stop - mask : width;
-    return at - mask;
-}
-
 /* Compute the cells of a row that are needed from three rows of the layer before. */
 typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out);
 

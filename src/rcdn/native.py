@@ -9,83 +9,53 @@ from __future__ import annotations
 import ctypes
 import functools
 from collections.abc import Callable
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Any
 
-import numpy as np
-
 from rcdn.errors import RcdnError
-from rcdn.types import Array
-
-KINDS: dict[str, Any] = {
-    "f": np.float32, "d": np.float64, "b": np.uint8, "c": np.int8, "i": np.int32, "l": np.int64,
-}  # fmt: skip
-"""letters of arrays; capitals are written to"""
 
 
 def bind(name: str, arguments: str, result: bool = False) -> Callable[..., Any]:
-    """The kernel `name` as a Python function. `arguments`: a letter each, of `KINDS` (C-contiguous arrays; capitals: written to),
-    `n` an integer, `r` a real, `p` a picture (H, W) uint8 or float32. `result`: it returns an integer.
+    """The kernel `name` as a Python function. `arguments`: a letter each, of C-contiguous arrays of `f` float32, `d` float64, `b` uint8,
+    `c` int8, `i` int32 and `l` int64 (capitals: written to), `n` an integer, `r` a real, `p` a picture (H, W) uint8 or float32.
+    `result`: it returns an integer.
 
-    Arrays of another type or order raise TypeError: kernels convert nothing. (NumPy's own `ndpointer` takes ten times as long.)
+    Arrays of another type or order raise TypeError: kernels convert nothing.
     """
-    converters = [_converter(name, letter) for letter in arguments]
     function: Any = None
+    unpack: Any = None
+    letters = arguments.encode()
 
     def call(*values: Any) -> Any:
-        nonlocal function
+        nonlocal function, unpack
         if function is None:
-            function = _library()[name]
-            function.argtypes = [kind for letter in arguments for kind in _kinds(letter)]
-            function.restype = ctypes.c_ssize_t if result else None
-        return function(*[item for convert, value in zip(converters, values, strict=True) for item in convert(value)])
+            library, unpack = _library()
+            made = library[name]
+            made.argtypes = [kind for letter in arguments for kind in _kinds(letter)]
+            made.restype = ctypes.c_ssize_t if result else None
+            function = made
+        return function(*unpack(letters, values))
 
     return call
 
 
 def _kinds(letter: str) -> tuple[Any, ...]:
-    if letter == "n":
-        return (ctypes.c_ssize_t,)
-    if letter == "r":
-        return (ctypes.c_double,)
-    if letter == "p":
-        return ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_ssize_t, ctypes.c_int
-    return (ctypes.c_void_p,)
-
-
-def _converter(name: str, letter: str) -> Callable[[Any], tuple[Any, ...]]:
-    """What turns a value into the kernel's arguments, which ctypes takes."""
-    if letter in "nr":
-        return lambda value: (value,)
-    if letter == "p":
-        return picture
-    dtype, written = np.dtype(KINDS[letter.lower()]), letter.isupper()
-
-    def address(value: Any) -> tuple[int]:
-        flags = value.flags
-        if value.dtype != dtype or not flags.c_contiguous or (written and not flags.writeable):
-            raise TypeError(
-                f"{name}: an array must be contiguous {dtype}, not {value.dtype} of strides {value.strides}"
-            )
-        return (value.__array_interface__["data"][0],)
-
-    return address
-
-
-def picture(grey: Array) -> tuple[int, int, int, int]:
-    """Address, height, width and whether it is float32, of a grey picture (H, W): contiguous uint8 or float32."""
-    if grey.ndim != 2 or not grey.flags.c_contiguous or grey.dtype not in (np.uint8, np.float32):
-        raise RcdnError(
-            f"a kernel needs a contiguous (H, W) picture of uint8 or float32, not {grey.shape} {grey.dtype}"
-        )
-    return grey.__array_interface__["data"][0], grey.shape[0], grey.shape[1], int(grey.dtype == np.float32)
+    whole = ctypes.c_ssize_t
+    several: dict[str, tuple[Any, ...]] = {
+        "n": (whole,),
+        "r": (ctypes.c_double,),
+        "p": (ctypes.c_void_p, whole, whole, ctypes.c_int),
+    }
+    return several.get(letter, (ctypes.c_void_p,))
 
 
 @functools.cache
-def _library() -> ctypes.CDLL:
-    found = find_spec("rcdn._native")
-    if found is None or found.origin is None:
+def _library() -> tuple[ctypes.CDLL, Any]:
+    """The kernels, and what turns their arguments into what ctypes takes."""
+    try:
+        module = import_module("rcdn._native")
+    except ImportError as error:
         raise RcdnError(
             "rcdn's compiled kernels are missing: install it again (pip install .), with a C compiler at hand"
-        )
-    return ctypes.CDLL(found.origin)
+        ) from error
+    return ctypes.CDLL(str(module.__file__)), module.arguments
