@@ -71,16 +71,20 @@ INLINE void invert(double m[ROWS][ROWS]) {
     rescale(m, size);
 }
 
-/* One pass over the pixels: the inverse normal matrix in `m`, and the step of the parameters towards the best fit. */
-INLINE Sums look(Room *room, const double *state, const double *mean, const double *tie, double noise, int robust, int others,
-                 double m[ROWS][ROWS], double *step) {
+/* One pass over the pixels at `state`: the room's rows, and sums over them. */
+INLINE Sums look(Room *room, const double *state, double noise, int robust, int others) {
     const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
     const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
-    const Sums sums = others ? model_rows(&room->window, state, limit, 1, room->rows) : model_rows(&room->window, state, limit, 0, room->rows);
-    products(room->rows, room->window.padded, m);
+    return others ? model_rows(&room->window, state, limit, 1, room->rows) : model_rows(&room->window, state, limit, 0, room->rows);
+}
+
+/* The inverse normal matrix `m` of the room's rows under a prior, and the step of the parameters towards the best fit. */
+INLINE void solve(Room *room, Sums sums, const double *state, const double *mean, const double *tie, double noise,
+                  double m[ROWS][ROWS], double *step) {
     const index_t loose = room->window.count - FREEDOM;
     const double stiff = clip(sums.square / (double)(loose > 1 ? loose : 1), ROUNDING, 4 * noise);
     double pull[COUNT];
+    products(room->rows, room->window.padded, m);
     for (int k = 0; k < COUNT; k++) {
         pull[k] = m[k][RESIDUAL] + stiff * tie[k] * (mean[k] - state[k]);
         m[k][k] += stiff * tie[k] + 1e-6;
@@ -92,7 +96,6 @@ INLINE Sums look(Room *room, const double *state, const double *mean, const doub
         for (int j = 0; j < COUNT; j++)
             step[k] += m[k][j] * pull[j];
     }
-    return sums;
 }
 
 /* Squares a px across the narrower side of a window's square. */
@@ -170,13 +173,13 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
 
 /* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led `steps` on, bound
  * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. `noise`: variance of the residuals of the board. `robust`: pixels that
- * disagree lose their weight. `board`: next corners have edges too. Out: inverse normal matrices: diagonals `own` (n, COUNT), and `unit`
- * (n, 2, 2) of the shift; `variance` (n) of the residuals with weights; `kept` (n), mean weight; `scores` (n, 2) of blocks
- * whose sides are `share` of a square's, none if 0. Returns 1 where memory lacks. */
+ * disagree lose their weight. `board`: next corners have edges too. Out: `variance` (n) of the residuals with weights; `kept` (n), mean weight; where
+ * asked to `tell`, inverse normal matrices: diagonals `own` (n, COUNT), and `unit` (n, 2, 2) of the shift; where `share` isn't 0, `scores`
+ * (n, 2) of blocks whose sides are `share` of a square's. Returns 1 where memory lacks. */
 FAST EXPORT index_t rcdn_fit(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
                              const double *flat, const double *origin, const double *terms, double *state, const double *mean,
-                             const double *tie, double noise, index_t steps, index_t robust, index_t board, double *own, double *unit,
-                             double *variance, double *kept, double share, double *scores) {
+                             const double *tie, double noise, index_t steps, index_t robust, index_t board, double *variance,
+                             double *kept, index_t tell, double *own, double *unit, double share, double *scores) {
     const Picture picture = {data, height, width, real};
     void *memory = malloc(sizeof(Room) + ALIGNED);
     if (!memory)
@@ -191,21 +194,26 @@ FAST EXPORT index_t rcdn_fit(const void *data, index_t height, index_t width, in
         const int others = board && crowded(&room->window, p);
         Sums sums = {0, 0, 0};
         for (index_t s = 0; s <= steps; s++) {
-            sums = look(room, p, mean + COUNT * k, tie + COUNT * k, noise, (int)robust, others, m, step);
+            sums = look(room, p, noise, (int)robust, others);
+            if (s == steps && !tell)
+                break;
+            solve(room, sums, p, mean + COUNT * k, tie + COUNT * k, noise, m, step);
             for (int j = 0; j < COUNT && s < steps; j++)
                 p[j] += clip(step[j], -STEP[j], STEP[j]);
             for (int j = BLUR; j < BLUR + 2; j++)
                 p[j] = clip(p[j], log(SHARPEST), log(SOFTEST));
         }
+        const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
+        variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;
+        kept[k] = sums.weight / (double)(room->window.count > 1 ? room->window.count : 1);
+        if (!tell)
+            continue;
         for (int j = 0; j < COUNT; j++)
             own[COUNT * k + j] = m[j][j];
         for (int j = 0; j < 4; j++)
             unit[4 * k + j] = m[j / 2][j % 2];
         if (share > 0)
             block_scores(room, m, (float)clip(share / steepest(frame), SMALLEST, LARGEST), scores + 2 * k);
-        const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
-        variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;
-        kept[k] = sums.weight / (double)(room->window.count > 1 ? room->window.count : 1);
     }
     free(memory);
     return 0;

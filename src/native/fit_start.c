@@ -14,7 +14,8 @@
 /* px, beyond any picture */
 #define AWAY 1e9
 
-/* The window of a corner at `xy`, in its affine frame, with its pixels' number in place of THIN; 0 where the map folds there. `rim` (2): no corner follows on one side along u, v. */
+/* The window of a corner at `xy`, in its affine frame, with its pixels' number in place of THIN; 0 where the map folds there. `rim` (2): no
+ * corner follows on one side along u, v. */
 INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double blur, double *out) {
     double uv[2], step[4], *slope = out + SLOPE, *reach = out + REACH, *band = out + BAND, box[2];
     map_pixel(map, xy[0], xy[1], uv, slope);

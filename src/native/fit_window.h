@@ -30,7 +30,8 @@ typedef struct {
 INLINE Run strip(double p, double q, double r, Run within) {
     const double one = (-r - q) * p, two = (r - q) * p, low = ceil(one < two ? one : two), high = floor(one < two ? two : one);
     const double first = (double)within.first, last = (double)within.last;
-    const Run out = {(index_t)(low > first ? low < last + 1 ? low : last + 1 : first), (index_t)(high < last ? high > first - 1 ? high : first - 1 : last)};
+    const Run out = {(index_t)(low > first ? low < last + 1 ? low : last + 1 : first),
+                     (index_t)(high < last ? high > first - 1 ? high : first - 1 : last)};
     return out;
 }
 

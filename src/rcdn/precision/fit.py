@@ -8,8 +8,9 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice, lattice, misfit
+from rcdn.precision.median import median, medians
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN, SHIFT, crossing
-from rcdn.precision.prior import Prior, board_prior, first_prior
+from rcdn.precision.prior import Prior, board_mean, board_prior, first_prior
 from rcdn.precision.spread import SHARE, spreads
 from rcdn.precision.window import frames, parts
 from rcdn.types import Array
@@ -30,7 +31,7 @@ part of them does, this share squared (shadow edges and covers, as rendered)"""
 CROOKED = 0.012
 """error of a corner, × how far its neighbours lie off its map (measured on bent boards and barrels)"""
 
-_fit = bind("rcdn_fit", "pnddddDddrnnnDDDDrD", result=True)
+_fit = bind("rcdn_fit", "pnddddDddrnnnDDnDDrD", result=True)
 _levels = bind("rcdn_fit_levels", "pnddddndD", result=True)
 
 
@@ -75,20 +76,21 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
     blur, state, noise = _start(grey, maps, xy, rim)
     prior, frame = first_prior(state), frames(maps, xy, rim, blur, SOME)
     state[:, SHIFT] = maps(every, xy)  # the map is a fit, and doesn't go through its own corner
-    trusting = fit_round(grey, frame, maps, state, prior, noise, TRUSTING, robust=False)
-    state, noise = trusting.state, min(float(np.median(trusting.variance)), noise)
+    trusting = fit_round(grey, frame, maps, state, prior, noise, TRUSTING, robust=False, tell=False)
+    state, noise = trusting.state, min(median(trusting.variance), noise)
     for index, steps in enumerate(ROUNDS):
-        done = fit_round(grey, frame, maps, state, prior, noise, steps, share=SHARE if index + 1 == len(ROUNDS) else 0)
+        first, last = index == 0, index + 1 == len(ROUNDS)
+        done = fit_round(grey, frame, maps, state, prior, noise, steps, tell=first or last, share=SHARE if last else 0)
         xy = maps.pixels(every, crossing(done.state), xy)
-        if index + 1 < len(ROUNDS):
-            known = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
-            prior = known if index == 0 else Prior(known.mean, prior.sd)
-            state, noise = done.state.copy(), float(np.median(done.variance))
-            state[:, CURVE] = 0
-            maps = lattice(ij, xy)
-            if index == 0:
-                frame = frames(maps, xy, rim, float(np.exp(np.median(state[:, BLUR]))))
-            state[:, SHIFT] = maps(every, xy)
+        if last:
+            break
+        state, noise, maps = done.state.copy(), median(done.variance), lattice(ij, xy)
+        state[:, SHIFT], state[:, CURVE] = maps(every, xy), 0
+        if first:
+            prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
+            frame = frames(maps, xy, rim, float(np.exp(median(state[:, BLUR]))))
+        else:
+            prior = Prior(board_mean(ij, done.state), prior.sd)
     return Fit(xy, _covariance(maps, ij, xy, done), done.state, done.variance, done.kept)
 
 
@@ -111,19 +113,20 @@ def fit_round(
     *,
     robust: bool = True,
     board: bool = True,
+    tell: bool = True,
     share: float = 0.0,
 ) -> Round:
     """Lead the states (N, COUNT) of corners by `steps` of Gauss–Newton towards the best fit of their windows `frame`, within the prior.
 
     `noise`: variance of the board's residuals; no pixel is taken as more certain than that. `robust`: pixels that disagree lose their weight.
-    `board`: the next corners have edges too. `share`: side of the blocks of `scores`, squares; 0: none.
+    `board`: the next corners have edges too. `tell`: `own` and `unit` are wanted, and `scores` from blocks whose sides are `share` of a square's,
+    if not 0; they are 0 otherwise.
     """
     n, state = len(frame), state.copy()
-    own, unit, scores = np.empty((n, COUNT)), np.empty((n, 2, 2)), np.zeros((n, 2))
-    variance, kept = np.empty((2, n))
+    own, unit, scores, variance, kept = (np.zeros((n, *tail)) for tail in ((COUNT,), (2, 2), (2,), (), ()))
     if _fit(
-        grey, n, frame, *parts(maps), state, prior.mean, prior.sd**-2.0, noise, steps, robust, board,
-        own, unit, variance, kept, share, scores,
+        grey, n, frame, *parts(maps), state, prior.mean, prior.sd**-2.0, noise, steps, robust, board, variance, kept,
+        tell, own, unit, share, scores,
     ):  # fmt: skip
         raise MemoryError
     return Round(state, own, unit, variance, kept, scores)
@@ -132,8 +135,8 @@ def fit_round(
 def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
-    noise = float(np.median(np.trace(cov, axis1=1, axis2=2))) / 2
-    odd = np.maximum(1 - done.kept / np.median(done.kept), 0)
+    noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
+    odd = np.maximum(1 - done.kept / median(done.kept), 0)
     extra = (ODD * odd**2) ** 2 + (CROOKED * misfit(maps, ij, xy, noise)) ** 2
     cov = cov + extra[:, None, None] * np.eye(2)
     jacobian = np.linalg.inv(maps.with_slopes(np.arange(len(xy)), xy)[1])
@@ -147,7 +150,7 @@ def _rim(ij: Array) -> Array:
 def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Array, float]:
     """The blur of `BLURS` under which straight edges fit the board best, and the states (N, COUNT) and variance that go with it."""
     found = levels(grey, frames(maps, xy, rim, WIDE, FEW), maps, BLURS)
-    typical = np.median(found[..., 0], axis=1)
+    typical = medians(found[..., 0])
     best = int(np.argmin(typical))
     state = np.zeros((len(xy), COUNT))
     state[:, BLUR] = np.log(BLURS[best])

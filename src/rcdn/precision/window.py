@@ -14,6 +14,7 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice
+from rcdn.precision.median import median
 from rcdn.types import Array
 
 FRAME = 13
@@ -61,7 +62,7 @@ def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.i
     out = np.empty((len(xy), FRAME))
     if _frames(len(xy), *parts(maps), np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
         raise np.linalg.LinAlgError("a map folds on a corner")
-    out[:, THIN] = max(1, round(float(np.median(out[:, THIN])) / most))
+    out[:, THIN] = max(1, round(median(out[:, THIN]) / most))
     return out
 
 
