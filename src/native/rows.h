@@ -95,6 +95,9 @@ AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, 
 AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
 AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
 
+/* sum += products of bytes, four together: as _mm512_dpbusd_epi32, around which gcc moves the sums from register to register. */
+#define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
+
 VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
     const __m512 value = _mm512_fmadd_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale), _mm512_loadu_ps(bias));
     return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
@@ -114,8 +117,8 @@ VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, 
                     int32_t value;
                     memcpy(&value, row + (stride * k + i) * channels + g, sizeof value);
                     const __m512i same = _mm512_set1_epi32(value);
-                    low[k] = _mm512_dpbusd_epi32(low[k], same, a);
-                    high[k] = _mm512_dpbusd_epi32(high[k], same, b);
+                    ADD_PRODUCTS(low[k], same, a);
+                    ADD_PRODUCTS(high[k], same, b);
                 }
             }
     }
