@@ -15,6 +15,8 @@ from rcdn.pyramid import (
     closer_view,
     distinct_boards,
     distinct_corners,
+    outside,
+    settled,
     unexplained,
     whole_views,
 )
@@ -180,8 +182,20 @@ def test_boards_with_holes_and_thin_ones_explain_nothing():
     keep = np.arange(54) != 20
     holed = Board(full.xy[keep], full.ij[keep], (640, 480), np.ones(53), np.zeros(53), "unique")
     for boards in ([], [holed], [full, thin]):
-        assert unexplained(HALF, in_view(full.xy), boards) is None
-    assert unexplained(HALF, np.zeros((0, 2)), [full]) is None
+        assert not settled(boards)
+    assert settled([full])
+    assert unexplained(HALF, np.zeros((0, 2)), [full]).shape == (0,)
+
+
+def test_cells_on_and_inside_of_a_board_are_not_looked_at():
+    board, cells = lattice(9, 6, 20.0), np.ones((60, 80), bool)  # its corners from (50, 40) to (210, 140)
+    left = outside(HALF, cells, [board])
+    y, x = (8 * (n + 0.5) for n in np.mgrid[:60, :80])
+    gap = np.maximum(np.maximum(50 - x, x - 210), np.maximum(40 - y, y - 140))
+    corner = np.hypot((x - 50 + 10) % 20 - 10, (y - 40 + 10) % 20 - 10) < 5
+    assert left[gap > 8].all()
+    assert not left[gap < -19].any()
+    assert not left[corner & (gap < 5)].any()
 
 
 def two_boards(near, far_blur):
@@ -202,7 +216,7 @@ def test_a_complete_board_does_not_hide_another_that_only_a_reduced_view_shows()
 def test_views_that_are_passed_over_would_have_shown_nothing_new(seed, monkeypatch):
     grey = render(random_scene(np.random.default_rng(seed), ORDINARY, (480, 360)))
     quick = rcdn.Detector().detect(grey)
-    monkeypatch.setattr("rcdn.detector.unexplained", lambda *_: None)
+    monkeypatch.setattr("rcdn.detector.settled", lambda *_: False)
     slow = rcdn.Detector().detect(grey)
     assert [b.xy.tobytes() for b in quick.boards] == [b.xy.tobytes() for b in slow.boards]
     assert quick.corners.xy.tobytes() == slow.corners.xy.tobytes()

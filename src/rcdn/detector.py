@@ -24,6 +24,9 @@ from rcdn.pyramid import (
     corners_in_picture,
     distinct_boards,
     distinct_corners,
+    outside,
+    pictures_of,
+    settled,
     unexplained,
     whole_views,
 )
@@ -67,10 +70,11 @@ class Detector:
         """Corners and boards of one picture at the cost of one."""
         grey = as_grey(image)
         views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
-        looks = [self._look(grey, views[0])]
-        looks += [self._look(grey, view, looks[0].boards) for view in views[1:]]
+        parts = pictures_of(grey, views)
+        looks = [self._look(grey.shape, views[0], parts[0])]
+        looks += [self._look(grey.shape, *view, looks[0].boards) for view in zip(views[1:], parts[1:], strict=True)]
         if self.config.pyramid and (closer := closer_view(looks[0].strong, looks[0].boards, grey.shape)):
-            looks.append(self._look(grey, closer))
+            looks.append(self._look(grey.shape, closer, closer.of(grey)))
         boards = distinct_boards([look.boards for look in looks])
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
         whole = [look.corners for look in looks if look.view.scale >= 1]
@@ -80,24 +84,37 @@ class Detector:
         sharp = [sharpen(grey, board, self.config.sharpen.geometry) for board in boards]
         return Detection(_moved(corners, boards, sharp), sharp)
 
-    def _look(self, grey: Array, view: View, known: list[Board] | None = None) -> _Look:
-        """What one view shows, in pixels of the picture. A reduced one that shows no more than `known` boards shows nothing."""
-        part = view.of(grey)
+    def _look(self, shape: tuple[int, ...], view: View, part: Array, known: list[Board] | None = None) -> _Look:
+        """What one view, the picture `part` (h, w), shows of the whole (H, W), in pixels of that one.
+
+        A reduced view that shows no more than `known` boards shows nothing.
+        """
         if self.config.pattern == "deltille":
-            return self._look_for_triangles(part, view, grey.shape)
-        response, cells = self._model.at_saddles(part, self.config.threads)
+            return self._look_for_triangles(part, view, shape)
+        cells = self._model.cells_of(part)
+        nothing = _Look(view, Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0)), [], np.zeros((0, 2)))
+        known = known if known and view.scale < 1 and settled(known) else None
+        if known and cells is not None and self._is_quiet(part, outside(view, cells, known)):
+            return nothing
+        response = self._model(part, self.config.threads, cells=cells)
         peaks = find_maxima(response, self.config, cells)
-        if known and view.scale < 1:
+        if known:
             strong = peaks.take(peaks.strong(self.config))
             left = unexplained(view, strong.xy, known)
             if left is not None and not has_cells(part, candidates_at(part, response, strong.take(left), self.config)):
-                return _Look(view, Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0)), [], np.zeros((0, 2)))
+                return nothing
         found = candidates_at(part, response, peaks, self.config)
         if self.config.recovery == "growth":
             boards = find_boards_paper(part, found, self.config.min_corners)
         else:
             boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0))
-        return _look_of(view, found, boards, grey.shape)
+        return _look_of(view, found, boards, shape)
+
+    def _is_quiet(self, part: Array, cells: Array) -> bool:
+        """Are there fewer strong peaks in some `cells` of a view than the two that a board needs to go on by a square?"""
+        response = self._model(part, self.config.threads, cells=cells)
+        peaks = find_maxima(response, self.config, cells)
+        return int(peaks.strong(self.config).sum()) < 2
 
     def _look_for_triangles(self, part: Array, view: View, shape: tuple[int, ...]) -> _Look:
         response = self._model(part, self.config.threads)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from rcdn.corners.adaptive import nearest_pitch
+from rcdn.corners.sieve import CELL
 from rcdn.geometry.near import nearest
 from rcdn.geometry.polygon import depth
 from rcdn.types import Array, Board, Corners
@@ -54,6 +55,12 @@ class View:
         method = cv2.INTER_CUBIC if self.scale > 1 else cv2.INTER_AREA
         size = tuple(max(1, round(n * self.scale)) for n in part.shape[::-1])
         return np.asarray(cv2.resize(part, size, interpolation=method))
+
+    def reduced(self, larger: Array) -> Array:
+        """This view of a whole picture, made of a larger view of it."""
+        x0, y0, x1, y1 = self.box
+        size = tuple(max(1, round(n * self.scale)) for n in (x1 - x0, y1 - y0))
+        return np.asarray(cv2.resize(larger, size, interpolation=cv2.INTER_AREA))
 
     def ratio(self) -> Array:
         """Pixels of the view for one of the picture, (2,); not quite `scale`, since views have whole sizes."""
@@ -104,36 +111,62 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
     return View((int(x0), int(y0), int(x1), int(y1)), 2.0)
 
 
+def pictures_of(grey: Array, views: list[View]) -> list[Array]:
+    """What the views of a whole picture `grey` (H, W) show. Each reduced one is made of the one before it, which is quicker."""
+    out: list[Array] = []
+    for view in views:
+        out.append(view.of(grey) if view.scale >= 1 or not out else view.reduced(out[-1]))
+    return out
+
+
+def settled(boards: list[Board]) -> bool:
+    """Are there boards, and is there nothing to add inside of any of them?"""
+    return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
+
+
+def outside(view: View, cells: Array, boards: list[Board]) -> Array:
+    """Those of a view's `cells` (h / 4, w / 4) bool, of 4×4 px, that lie neither on corners of `boards` nor half a square inside of their rims."""
+    row, column = np.nonzero(cells)
+    at = view.to_picture(CELL * np.stack([column, row], axis=1) + (CELL - 1) / 2)
+    left = np.ones(len(at), bool)
+    for board in boards:
+        left &= ~_well_inside(board.grid(), at, CELL / view.scale)
+        left &= nearest(board.xy, at)[0][:, 0] > SAME * _pitch(board)
+    out = np.zeros_like(cells)
+    out[row[left], column[left]] = True
+    return out
+
+
 def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
-    """Which strong peaks `xy` (N, 2) px of a view are not known from boards of the picture, (N,) bool; None if the boards say too little.
+    """Which strong peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool; None if the boards say too little.
 
     Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
-    rim alone has none. A board that isn't complete may be fuller in the view, and so may one beyond whose rim the
-    view shows strong peaks at more than half of the places where its next corners would be: the boards say too little.
+    rim alone has none. A board may be fuller in the view if that shows strong peaks at more than half of the places where the next
+    corners beyond a side would be: the boards say too little.
     """
     at = view.to_picture(xy)
     left = np.ones(len(at), bool)
-    if not len(at) or not boards or not all(b.complete and min(b.size) > 2 for b in boards):
-        return None
+    if not len(at):
+        return left
     slack = BEYOND[1] / view.scale
     for board in boards:
         grid = board.grid()
-        for _ in range(4):
-            rim, second = grid[0], grid[1]
-            step = np.linalg.norm(rim - second, axis=1)
-            close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + slack
-            if close.mean() > 0.5:
-                return None
-            grid = np.rot90(grid)
+        sides = [(side[0], side[1]) for side in (np.rot90(grid, k) for k in range(4))]
+        rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
+        step = np.linalg.norm(rim - second, axis=1)
+        close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + slack
+        ends = np.cumsum([len(side) for side, _ in sides])
+        if any(part.mean() > 0.5 for part in np.split(close, ends[:-1])):
+            return None
         left &= ~_well_inside(grid, at)
     return left
 
 
-def _well_inside(grid: Array, xy: Array) -> Array:
-    """(N,) bool: which positions lie further inside a board's `grid` (rows, columns, 2) than half way from its rim to the next corners."""
+def _well_inside(grid: Array, xy: Array, more: float = 0.0) -> Array:
+    """(N,) bool: which lie further inside a board's `grid` (rows, columns, 2) than half way from its rim to its next corners + `more` px."""
     rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
     within = depth(rim, grid[1:-1, 1:-1])
-    return depth(rim, xy) > 0.5 * within.min()
+    return depth(rim, xy) > 0.5 * within.min() + more
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:

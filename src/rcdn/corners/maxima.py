@@ -14,8 +14,8 @@ from rcdn.types import Array
 
 RESCUE, RESCUE_SHARE = 0.15, 0.41
 """least top response of a map without any response above the usual level that is still looked at, and the threshold's share of it"""
-STANDS_OUT = 20.0
-"""× the map's 99th percentile: what that top must be"""
+STANDS_OUT, COMMON = 20.0, 0.01
+"""no more than this share of the map may come within so many times of that top"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,6 @@ def find_maxima(response: Array, config: DetectorConfig, cells: Array | None = N
 def _rescue(response: Array) -> float:
     """Threshold of a map without any response above the usual level: 0.41 of its maximum where that stands out, else +inf."""
     top = float(response.max(initial=0))
-    if top > RESCUE and top > STANDS_OUT * float(np.percentile(response, 99)):
+    if top > RESCUE and np.count_nonzero(response * STANDS_OUT >= top) <= COMMON * response.size:
         return RESCUE_SHARE * top
     return float("inf")

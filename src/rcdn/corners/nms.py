@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from rcdn.config import Nms
@@ -52,6 +54,7 @@ def nms(
     return xy[keep], score[keep]
 
 
+@lru_cache(maxsize=32)
 def stencil(rule: Nms) -> Array:
     """Offsets that a survivor suppresses: boolean (2r + 1, 2r + 1), rows are dy, its own pixel in the middle."""
     side = rule.box - np.abs(np.arange(1 - rule.box, rule.box))

@@ -62,21 +62,18 @@ class ResponseModel:
             return None
         return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"))
 
-    def at_saddles(self, grey: Array, threads: int = 0) -> tuple[Array, Array | None]:
-        """Response as by a call, but 0 where no X-corner can be, and the cells (`sieve.cells_with_saddles`) where one can; None: all of them."""
-        if self.cells is None:
-            return self(grey, threads), None
-        cells = cells_with_saddles(grey)
-        return self.cells(grey, cells, threads), cells
+    def cells_of(self, grey: Array) -> Array | None:
+        """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
+        return None if self.cells is None else cells_with_saddles(grey)
 
-    def __call__(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
+    def __call__(self, grey: Array, threads: int = 0, tile: int = TILE, cells: Array | None = None) -> Array:
         """Response (H, W) float32, ≥ 0, of `grey` (H, W) uint8 or float32 in 0..255.
 
         The picture is continued by reflection at its border. `threads`: 0 = all cores; `tile`: px, a multiple of `cell`. The result
-        depends on neither.
+        depends on neither. `cells`: as from `cells_of`; outside of them the response is 0. None: everywhere.
         """
         if self.cells is not None:
-            return self.cells(grey, every_cell(grey), threads)
+            return self.cells(grey, every_cell(grey) if cells is None else cells, threads)
         return self.by_onnx_runtime(grey, threads, tile)
 
     def by_onnx_runtime(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
