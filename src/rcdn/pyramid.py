@@ -14,6 +14,7 @@ import numpy as np
 
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.sieve import CELL
+from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.geometry.polygon import depth
 from rcdn.types import Array, Board, Corners
@@ -183,7 +184,7 @@ def _speck(board: Board) -> bool:
 
 def _pitch(board: Board) -> float:
     """Usual distance to the next corner, px."""
-    return float(np.median(nearest_pitch(board.xy)))
+    return median(nearest_pitch(board.xy))
 
 
 def corners_in_picture(view: View, corners: Corners) -> Corners:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rcdn.precision.median import median, medians
+from rcdn.geometry.median import median, medians
 from rcdn.precision.model import BLEED, BLUR, CONTRAST, COUNT, CURVE, LIGHT, MEAN, TURN
 from rcdn.precision.prior import Prior, board_mean, board_prior, first_prior
 

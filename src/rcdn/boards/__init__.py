@@ -12,6 +12,7 @@ from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
+from rcdn.geometry.median import median
 from rcdn.types import Array, Board, Status
 
 __all__ = ["find_boards", "has_cells"]
@@ -43,7 +44,7 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
                 settled[grid] = field.unseen
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
-    usual = float(np.median(candidates.all.response[candidates.sure])) if candidates.sure.any() else 0.0
+    usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         if len(grid) * 2 < least or not plain(grid, field.response, usual):
             continue

@@ -14,8 +14,9 @@ import numpy as np
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
-from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, median, windows
+from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, windows
 from rcdn.boards.validate import predicted_excess
+from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array

@@ -6,8 +6,9 @@ import numpy as np
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, Predictions, beside, checked, median
+from rcdn.boards.local import Grid, Predictions, beside, checked
 from rcdn.boards.validate import LEAST_QUALITY
+from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 

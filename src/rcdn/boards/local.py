@@ -89,12 +89,6 @@ def windows(labels: Array, spots: Labels, reach: int) -> Array:
     return out
 
 
-def median(values: Array) -> float:
-    """Of one and more values (K,); np.median takes longer to get ready than a grid's few need."""
-    ranked = np.sort(values)
-    return float((ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2)
-
-
 def checked(result: int) -> int:
     """What a kernel of grids returned."""
     if result < 0:

@@ -8,8 +8,9 @@ import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, checked, median
+from rcdn.boards.local import Grid, checked
 from rcdn.corners.adaptive import nearest_pitch
+from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 

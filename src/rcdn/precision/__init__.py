@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.corners.adaptive import nearest_pitch
+from rcdn.geometry.median import median
 from rcdn.precision.fit import Fit, fit_corners
 from rcdn.precision.lattice import lattice
-from rcdn.precision.median import median
 from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
 from rcdn.types import Array, Board, Status

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.geometry.median import median, medians
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice, lattice, misfit
-from rcdn.precision.median import median, medians
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN, SHIFT, crossing
 from rcdn.precision.prior import Prior, board_mean, board_prior, first_prior
 from rcdn.precision.spread import SHARE, spreads

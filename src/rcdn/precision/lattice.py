@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.geometry import homography
+from rcdn.geometry.median import median
 from rcdn.native import bind
-from rcdn.precision.median import median
 from rcdn.types import Array
 
 _neighbours = bind("rcdn_lattice_neighbours", "nlnnnII")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.geometry.median import median, medians
 from rcdn.native import bind
 from rcdn.precision.lattice import neighbours
-from rcdn.precision.median import median, medians
 from rcdn.precision.model import BLEED, BLUR, CONTRAST, COUNT, CURVE, LIGHT, MEAN, TURN
 from rcdn.types import Array
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from rcdn.geometry import homography
+from rcdn.geometry.median import median
 from rcdn.native import bind
-from rcdn.precision.median import median
 from rcdn.types import Array
 
 LEAST_CORNERS, LEAST_LINES = 16, 4

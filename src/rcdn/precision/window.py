@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice
-from rcdn.precision.median import median
 from rcdn.types import Array
 
 FRAME = 13
