@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcdn.boards.local import Grid, median, windows
+from rcdn.boards.local import Grid, windows
+from rcdn.geometry.median import median
 
 SPOTS = [(u, v) for v in range(5) for u in range(6)]
 
