@@ -27,7 +27,9 @@ def distances(points, at):
 def test_nearest_are_those_of_all_distances(points, count):
     rng = np.random.default_rng(3)
     at = np.vstack([points, rng.uniform(-300, 900, (80, 2))])
+    few = rng.permutation(len(at))[:5]  # which are answered another way
     distance, index = nearest(points, at, count)
+    assert all((a == b[few]).all() for a, b in zip(nearest(points, at[few], count), (distance, index), strict=True))
     every = np.pad(distances(points, at), ((0, 0), (0, count)), constant_values=np.inf)
     order = np.argsort(every, axis=1, kind="stable")[:, :count]
     np.testing.assert_allclose(distance, np.take_along_axis(every, order, axis=1), rtol=1e-12, atol=1e-12)
@@ -40,6 +42,8 @@ def test_within_finds_all_and_nothing_else(points):
     at = np.vstack([points[:40], rng.uniform(-300, 900, (40, 2))])
     reach = rng.uniform(0, 90, len(at))
     row, index = within(points, at, reach)
+    first = within(points, at[:4], reach[:4])
+    assert [a.tolist() for a in first] == [a[row < 4].tolist() for a in (row, index)]
     expected = np.argwhere(distances(points, at) <= reach[:, None])
     assert (np.column_stack([row, index]) == expected).all()
     assert len(row) == len(expected)

@@ -4,12 +4,14 @@
 /* Points put away, far off any picture, don't stretch the cells: they go to those at the rim. */
 #define AWAY 1e5
 #define PER_CELL 2.0
+/* Fewer questions than that are answered by looking at all points. */
+#define FEW 12
 
 typedef struct {
     const double *points;
     double left, top, size;
     index_t columns, rows;
-    int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
+    int32_t *first, *order; /* first[cell] .. first[cell + 1] in order; order NULL: all in one cell, as they come */
 } Cells;
 
 static index_t along(double at, double low, double size, index_t count) {
@@ -21,7 +23,13 @@ static index_t cell_of(const Cells *c, const double *at) {
     return along(at[1], c->top, c->size, c->rows) * c->columns + along(at[0], c->left, c->size, c->columns);
 }
 
-static int sorted_into_cells(Cells *c, const double *points, index_t n) {
+static int sorted_into_cells(Cells *c, const double *points, index_t n, index_t questions) {
+    if (questions < FEW) {
+        *c = (Cells){points, 0, 0, 1, 1, 1, calloc(2, sizeof *c->first), NULL};
+        if (c->first)
+            c->first[1] = (int32_t)n;
+        return c->first != NULL;
+    }
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     for (index_t i = 0; i < n; i++)
         for (int k = 0; k < 2; k++) {
@@ -85,7 +93,7 @@ static void offer_row(const Cells *c, index_t row, index_t from, index_t to, con
     if (from > to)
         return;
     for (index_t k = c->first[row * c->columns + from]; k < c->first[row * c->columns + to + 1]; k++) {
-        const int32_t i = c->order[k];
+        const index_t i = c->order ? c->order[k] : k;
         const double dx = c->points[2 * i] - at[0], dy = c->points[2 * i + 1] - at[1];
         offer(dx * dx + dy * dy, i, count, distance, nearest);
     }
@@ -108,7 +116,7 @@ static double beyond(const Cells *c, const double *at, index_t column, index_t r
 /* The `count` points nearest to each of `at` (m): distances, inf where there are fewer, and indices, n there. 0, or -1 without memory. */
 EXPORT index_t rcdn_nearest(const double *points, index_t n, const double *at, index_t m, index_t count, double *distance, int64_t *nearest) {
     Cells cells;
-    if (!sorted_into_cells(&cells, points, n))
+    if (!sorted_into_cells(&cells, points, n, m))
         return -1;
     for (index_t j = 0; j < m; j++, at += 2, distance += count, nearest += count) {
         for (index_t k = 0; k < count; k++) {
@@ -142,7 +150,7 @@ EXPORT index_t rcdn_nearest(const double *points, index_t n, const double *at, i
 /* All points within reach[j] of at[j], by j, then index, as far as `room` lets; returns how many there are, or -1 without memory. */
 EXPORT index_t rcdn_within(const double *points, index_t n, const double *at, const double *reach, index_t m, int64_t *row_out, int64_t *index_out, index_t room) {
     Cells cells;
-    if (!sorted_into_cells(&cells, points, n))
+    if (!sorted_into_cells(&cells, points, n, m))
         return -1;
     index_t total = 0;
     for (index_t j = 0; j < m; j++, at += 2) {
@@ -153,7 +161,7 @@ EXPORT index_t rcdn_within(const double *points, index_t n, const double *at, co
         const index_t low = along(at[1] + reach[j], cells.top, cells.size, cells.rows);
         for (index_t row = top; row <= low; row++)
             for (index_t k = cells.first[row * cells.columns + left]; k < cells.first[row * cells.columns + right + 1]; k++) {
-                const int32_t i = cells.order[k];
+                const index_t i = cells.order ? cells.order[k] : k;
                 const double dx = points[2 * i] - at[0], dy = points[2 * i + 1] - at[1];
                 if (!(dx * dx + dy * dy <= reach[j] * reach[j]))
                     continue;

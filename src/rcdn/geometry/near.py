@@ -27,7 +27,7 @@ def nearest(points: Array, at: Array, count: int = 1) -> tuple[Array, Array]:
 def within(points: Array, at: Array, reach: Array | float) -> tuple[Array, Array]:
     """Which `points` (N, 2) lie no further than `reach` (K,) from each of `at` (K, 2): rows of `at` (M,) and of `points` (M,), sorted."""
     points, at = _flat(points), _flat(at)
-    reach = np.ascontiguousarray(np.broadcast_to(reach, len(at)), np.float64)
+    reach = np.full(len(at), float(reach)) if np.ndim(reach) == 0 else np.ascontiguousarray(reach, np.float64)
     room = ROOM * (len(at) + 4)
     while True:
         row, index = np.empty(room, np.int64), np.empty(room, np.int64)
