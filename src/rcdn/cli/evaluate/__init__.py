@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import typer
 
-from rcdn.cli.evaluate import calibration, deltille, detection, figures, sweep, table4, tables
+from rcdn.cli.evaluate import calibration, deltille, detection, figures, sieve, sweep, table4, tables
 
 app = typer.Typer(
     no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
@@ -18,6 +18,7 @@ app.command("hard")(detection.hard)
 app.command("detections")(detection.detections)
 app.command("recovery")(detection.recovery)
 app.command("sweep")(sweep.sweep)
+app.command("sieve")(sieve.sieve)
 app.command("calibration")(calibration.calibration)
 app.command("trust")(calibration.trust)
 app.command("table2")(tables.table2)
