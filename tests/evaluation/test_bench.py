@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 
 from rcdn.cli import _watch
 from rcdn.cli.bench import bench
+from rcdn.config import DetectorConfig
+from rcdn.detector import Detector
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.evaluation.bench import folder, record, run, stages
 from rcdn.evaluation.bench.child import LIMITS, Broken, Child, Timing, limited
@@ -286,8 +288,26 @@ def test_the_stages_and_the_rest_are_the_whole():
     parts = {row["stage"]: row["ms"] for row in rows}
     whole = parts.pop("whole")
     assert sum(parts.values()) == pytest.approx(whole, abs=0.05)
-    assert {"response", "boards", "rest"} <= set(parts)
+    assert {"sieve", "response", "boards", "sharpen, fit", "sharpen, smooth", "rest"} <= set(parts)
     assert all(value >= 0 for value in parts.values())
+    assert not any(row["note"] for row in rows)
+
+
+def test_all_stages_are_found_and_detection_passes_through_each():
+    """Beside a board there is clutter, so that no view is passed over."""
+    picture = np.hstack([rendered(kind, SMALL, (9, 6)) for kind in ("board", "clutter")])
+    clock = stages.Clock()
+    with stages.watched(clock, [(place, place) for _, place in stages.STAGES]) as absent:
+        for preset in ("auto", "paper"):
+            Detector(DetectorConfig.preset(preset, threads=1)).detect(picture)
+    assert absent == []
+    assert set(clock.calls) == {place for _, place in stages.STAGES}
+
+
+def test_what_is_no_function_is_not_found():
+    """`rcdn.corners.nms` is a module, not the function in it."""
+    with stages.watched(stages.Clock(), [("nms", "rcdn.corners:nms")]) as absent:
+        assert absent == ["rcdn.corners:nms"]
 
 
 def test_inner_stages_count_once_and_everything_is_as_it_was():
