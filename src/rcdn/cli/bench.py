@@ -17,7 +17,7 @@ from rcdn.cli._group import one_line
 from rcdn.cli._options import GridSize, parse_size
 from rcdn.errors import ConfigError, RcdnError
 
-PARTS = ("speed", "first", "memory")
+PARTS = ("speed", "first", "memory", "rate")
 FRESH = 5
 """fresh interpreters for the first call"""
 SWEEP = Path("benchmarks/results/sweep_peers.json")
@@ -53,7 +53,7 @@ def bench(
     photographs: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Also time all pictures in it, each in turn.")
     ] = None,
-    parts: Annotated[str, typer.Option(metavar="NAME,…|none", help="Of speed, first and memory.")] = ",".join(PARTS),
+    parts: Annotated[str, typer.Option(metavar="NAME,…|none", help=f"Of {', '.join(PARTS)}.")] = ",".join(PARTS),
     stages: Annotated[bool, typer.Option("--stages", help="Also what each stage of our detector takes.")] = False,
     folder: Annotated[
         int, typer.Option(min=0, metavar="N", help="Also `rcdn detect` over N rendered pictures: time and memory.")
@@ -88,7 +88,8 @@ def bench(
     All detectors in turn on the same pictures, each in a process of its own that may use as many cores as threads. `ms`:
     median of the repeats, `iqr ms`: from their first quartile to their third; `cpu ms`: of all cores; `ratio`: median of
     its time ÷ findChessboardCornersSB's on the same picture in the same round; `corners`: in boards. A detector that
-    isn't installed, breaks down, or takes longer than the budget says so. At most 15 minutes; the machine must be idle.
+    isn't installed, breaks down, or takes longer than the budget says so. `rate`: operations a second of the preset `paper`'s
+    network, beside products of matrices. At most 15 minutes; the machine must be idle.
     """
     from rcdn.evaluation.bench import record
 
@@ -206,6 +207,7 @@ def _measure(
     threads: list[int], count: int, budget: float, photographs: Path | None,
 ) -> None:  # fmt: skip
     from rcdn.evaluation.bench.first import first_calls, memory
+    from rcdn.evaluation.bench.rate import rate
     from rcdn.evaluation.bench.run import cells_of, table
 
     size = (board.cols, board.rows)
@@ -218,6 +220,9 @@ def _measure(
             results.tables["first"] = first_calls(size, min(count, FRESH))
         if "memory" in wanted:
             results.tables["memory"] = memory(frames, size, who, max(threads), tell)
+        if "rate" in wanted:
+            tell("rate of the dense network and of matrix products")
+            results.tables["rate"] = rate(count)
 
 
 def _stages(

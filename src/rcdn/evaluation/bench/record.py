@@ -88,7 +88,7 @@ def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
     if tables.get("memory"):
         cells = [(r["detector"], r["size"], _taken(r)) for r in tables["memory"]]
         out.append(_pivot("memory: MB at most (more than before the picture)", cells))
-    for name in ("first", "folder"):
+    for name in ("first", "rate", "folder"):
         if rows := tables.get(name, ()):
             lines = [list(rows[0]), ["---"] * len(rows[0]), *[[_text(v) for v in row.values()] for row in rows]]
             out.append("\n".join(f"| {' | '.join(line)} |" for line in lines))

@@ -23,22 +23,31 @@ Size = tuple[int, int]
 Row = dict[str, Any]
 STAGES = (
     ("views", "rcdn.pyramid:View.of"),
+    ("views", "rcdn.pyramid:View.reduced"),
+    ("sieve", "rcdn.corners.response:cells_with_saddles"),
     ("response", "rcdn.corners.response:ResponseModel.__call__"),
-    ("threshold", "rcdn.corners:threshold_value"),
-    ("nms", "rcdn.corners:nms"),
+    ("threshold", "rcdn.corners.maxima:threshold_value"),
+    ("nms", "rcdn.corners.maxima:nms"),
     ("refine", "rcdn.corners:refine"),
+    ("refine", "rcdn.corners.peaks:refine"),
     ("axes", "rcdn.corners:axes"),
+    ("axes", "rcdn.corners.peaks:axes"),
     ("candidates, rest", "rcdn.detector:find_maxima"),
     ("candidates, rest", "rcdn.detector:candidates_at"),
+    ("candidates, rest", "rcdn.corners.peaks:Peaks.look"),
     ("boards", "rcdn.detector:find_boards"),
     ("boards", "rcdn.detector:find_boards_paper"),
     ("boards", "rcdn.detector:has_cells"),
+    ("views, compared", "rcdn.detector:outside"),
     ("views, compared", "rcdn.detector:unexplained"),
     ("views, compared", "rcdn.detector:closer_view"),
+    ("views, compared", "rcdn.detector:corners_in_picture"),
     ("views, compared", "rcdn.detector:boards_in_picture"),
     ("views, compared", "rcdn.detector:distinct_boards"),
     ("views, compared", "rcdn.detector:distinct_corners"),
-    ("sharpen", "rcdn.detector:sharpen"),
+    ("sharpen, fit", "rcdn.precision:fit_corners"),
+    ("sharpen, smooth", "rcdn.precision:smooth"),
+    ("sharpen, rest", "rcdn.detector:sharpen"),
 )
 """(stage, module:name); time in a stage that another one calls counts for the inner one only"""
 REST = "rest"
@@ -83,6 +92,8 @@ def watched(clock: Clock, stages: Sequence[tuple[str, str]] = STAGES) -> Iterato
                 owner = functools.reduce(getattr, path, import_module(module))
                 function = getattr(owner, last)
             except (ImportError, AttributeError):
+                function = None
+            if not callable(function):  # gone, or a module has its name now
                 absent.append(place)
                 continue
             stack.enter_context(patch.object(owner, last, clock.wrapped(stage, function)))
