@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.errors import RcdnError
 from rcdn.types import Array
 
 GRAPH, NODE, INITIALIZER = 7, 1, 5
@@ -21,6 +22,8 @@ DIMS, KIND, FLOATS, NAME, RAW = 1, 2, 4, 8, 9
 """of a tensor"""
 FLOAT = 1
 """kind of a tensor of float32"""
+BITS = 70
+"""of the longest number, in groups of seven"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +36,22 @@ class Graph:
 
 
 def read_graph(data: bytes) -> Graph:
-    """The graph of an ONNX file's bytes. Tensors of other types than float32 are left out."""
-    graph = next(value for field, value in _fields(memoryview(data)) if field == GRAPH)
+    """The graph of an ONNX file's bytes. Tensors of other types than float32 are left out. Raises RcdnError for anything else."""
+    try:
+        return _graph(_bytes(_first(memoryview(data), GRAPH, "graph")))
+    except (IndexError, OverflowError, ValueError) as error:
+        raise RcdnError(f"model: this is not an ONNX file: {error}") from error
+
+
+def _graph(data: memoryview) -> Graph:
     nodes, inputs, tensors = [], [], {}
-    for field, value in _fields(graph):
+    for field, value in _fields(data):
         if field == NODE:
-            parts = list(_fields(value))
-            nodes.append(next(bytes(v).decode() for f, v in parts if f == OPERATION))
-            inputs.append(tuple(bytes(v).decode() for f, v in parts if f == INPUT))
+            node = _bytes(value)
+            nodes.append(_text(_first(node, OPERATION, "operation")))
+            inputs.append(tuple(_text(v) for f, v in _fields(node) if f == INPUT))
         elif field == INITIALIZER:
-            name, tensor = _tensor(value)
+            name, tensor = _tensor(_bytes(value))
             if tensor is not None:
                 tensors[name] = tensor
     return Graph(tuple(nodes), tuple(inputs), tensors)
@@ -57,10 +66,28 @@ def _tensor(data: memoryview) -> tuple[str, Array | None]:
         elif field == KIND:
             kind = value
         elif field == NAME:
-            name = bytes(value).decode()
+            name = _text(value)
         elif field in (FLOATS, RAW):
-            raw += bytes(value)
+            raw += _bytes(value)
     return name, np.frombuffer(raw, "<f4").reshape(shape) if kind == FLOAT else None
+
+
+def _first(data: memoryview, field: int, what: str) -> Any:
+    """Value of the first field of that number."""
+    for number, value in _fields(data):
+        if number == field:
+            return value
+    raise ValueError(f"no {what} in it")
+
+
+def _bytes(value: Any) -> memoryview:
+    if isinstance(value, int):
+        raise ValueError("a number where bytes should be")
+    return memoryview(value)
+
+
+def _text(value: Any) -> str:
+    return bytes(_bytes(value)).decode()
 
 
 def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
@@ -78,7 +105,9 @@ def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
         elif kind in (1, 5):
             size = 8 if kind == 1 else 4
         else:
-            raise ValueError(f"not an ONNX file: field of type {kind}")
+            raise ValueError(f"a field of type {kind}")
+        if at + size > len(data):
+            raise ValueError("it ends too early")
         yield key >> 3, data[at : at + size]
         at += size
 
@@ -94,9 +123,12 @@ def _numbers(data: memoryview) -> list[int]:
 def _number(data: memoryview, at: int) -> tuple[int, int]:
     """A number in groups of seven bits, the lowest first, and where it ends."""
     value = shift = 0
-    while True:
+    while shift < BITS:
+        if at == len(data):
+            raise ValueError("it ends too early")
         byte = data[at]
         value |= (byte & 127) << shift
         at, shift = at + 1, shift + 7
         if byte < 128:
             return value, at
+    raise ValueError("a number of more than 64 bits")
