@@ -1,28 +1,13 @@
 /* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
-#include "rcdn.h"
+#include "lattice.h"
 
-enum { TERMS = 6, NEAR = 32 };
+enum { NEAR = 32 };
 
-/* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y; returns 1 / depth. */
-INLINE double rectify(const double *flat, double x, double y, double *out) {
+/* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y. */
+INLINE void rectify(const double *flat, double x, double y, double *out) {
     const double depth = 1 / (flat[6] * x + flat[7] * y + flat[8]);
     out[0] = (flat[0] * x + flat[1] * y + flat[2]) * depth;
     out[1] = (flat[3] * x + flat[4] * y + flat[5]) * depth;
-    return depth;
-}
-
-/* Board coordinates uv (2) of pixels x, y, and their derivatives (2, 2), under the map with `origin` (2) and `terms` (TERMS, 2). */
-INLINE void map(const double *flat, const double *origin, const double *terms, double x, double y, double *uv, double *slopes) {
-    double at[2];
-    const double depth = rectify(flat, x, y, at), s = at[0] - origin[0], t = at[1] - origin[1];
-    for (index_t k = 0; k < 2; k++) {
-        const double *a = terms + k;
-        const double by_s = a[2] + 2 * a[6] * s + a[8] * t, by_t = a[4] + a[8] * s + 2 * a[10] * t;
-        uv[k] = a[0] + 0.5 * (s * (a[2] + by_s) + t * (a[4] + by_t));
-        for (index_t axis = 0; axis < 2; axis++)
-            slopes[2 * k + axis] =
-                depth * (by_s * (flat[axis] - at[0] * flat[6 + axis]) + by_t * (flat[3 + axis] - at[1] * flat[6 + axis]));
-    }
 }
 
 /* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 where there is none.
@@ -139,23 +124,27 @@ FAST EXPORT void rcdn_lattice_slopes(index_t count, const int32_t *near, const d
 /* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
 FAST EXPORT void rcdn_lattice_map(index_t count, index_t each, const int64_t *which, const double *xy, const double *flat, const double *origin,
                                   const double *terms, double *uv, double *slopes) {
-    for (index_t k = 0; k < count; k++)
+    for (index_t k = 0; k < count; k++) {
+        const Map m = map_of(flat, origin, terms, which[k]);
         for (index_t n = k * each; n < (k + 1) * each; n++)
-            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * n], xy[2 * n + 1], uv + 2 * n, slopes + 4 * n);
+            map_pixel(&m, xy[2 * n], xy[2 * n + 1], uv + 2 * n, slopes + 4 * n);
+    }
 }
 
 /* Moves pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton's steps. Returns 0 where a map folds. */
 FAST EXPORT index_t rcdn_lattice_pixels(index_t count, const int64_t *which, const double *uv, index_t repeats, const double *flat,
                                         const double *origin, const double *terms, double *xy) {
-    for (index_t k = 0; k < count; k++)
+    for (index_t k = 0; k < count; k++) {
+        const Map m = map_of(flat, origin, terms, which[k]);
         for (index_t n = 0; n < repeats; n++) {
             double at[2], s[4];
-            map(flat, origin + 2 * which[k], terms + 2 * TERMS * which[k], xy[2 * k], xy[2 * k + 1], at, s);
+            map_pixel(&m, xy[2 * k], xy[2 * k + 1], at, s);
             const double u = uv[2 * k] - at[0], v = uv[2 * k + 1] - at[1], det = s[0] * s[3] - s[1] * s[2];
             if (det == 0)
                 return 0;
             xy[2 * k] += (s[3] * u - s[1] * v) / det;
             xy[2 * k + 1] += (s[0] * v - s[2] * u) / det;
         }
+    }
     return 1;
 }

@@ -1,5 +1,5 @@
 /* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
-#include "rings_maths.h"
+#include "maths.h"
 #include "sampling.h"
 
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
@@ -119,12 +119,10 @@ INLINE void model(const Samples *s, Directions d, const double state[3], int slo
             const int n = ring * DIRECTIONS + k;
             const float r = s->radius[n] * shrink;
             const float p = r * (d.sine[k] * ca - d.cosine[k] * sa), q = r * (d.sine[k] * cb - d.cosine[k] * sb);
-            float one, other;
-            short_erfs(p, q, &one, &other);
+            const float one = erf_near(p), other = erf_near(q);
             column[0][n] = one * other;
             if (slopes) {
-                const float pp = p * p, qq = q * q;
-                const float by_p = bell * other * short_exp(pp < 40.0f ? -pp : -40.0f), by_q = bell * one * short_exp(qq < 40.0f ? -qq : -40.0f);
+                const float by_p = bell * other * bell_near(p), by_q = bell * one * bell_near(q);
                 column[1][n] = by_p * r * (d.cosine[k] * ca + d.sine[k] * sa);
                 column[2][n] = by_q * r * (d.cosine[k] * cb + d.sine[k] * sb);
                 column[3][n] = by_p * p + by_q * q;

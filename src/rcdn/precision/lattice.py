@@ -54,34 +54,6 @@ class Lattice:
         )
         return uv, slopes
 
-    def around(self, which: Array, centre: Array, x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """Board coordinates u, v and the lengths of their gradients, all (K, P) float32, at `x`, `y` (K, P) px from `centre` (K, 2).
-
-        Written so that single precision is enough: nothing large is taken from something large.
-        """
-        H, at = self.flat, np.column_stack([centre, np.ones(len(centre))])
-        lift = lambda a: a.astype(np.float32)[:, None]  # noqa: E731
-        side = (
-            H[:2] - self.origin[which][..., None] * H[2]
-        )  # what remains of the homography's rows in the corner's own frame
-        depth = lift(at @ H[2]) + np.float32(H[2, 0]) * x + np.float32(H[2, 1]) * y
-        np.reciprocal(depth, out=depth)
-        s, t = (
-            (lift((side[:, k] * at).sum(axis=1)) + lift(side[:, k, 0]) * x + lift(side[:, k, 1]) * y) * depth
-            for k in (0, 1)
-        )
-        fall = H[2].astype(np.float32)
-        slope_s = [lift(side[:, 0, axis]) - s * fall[axis] for axis in (0, 1)]
-        slope_t = [lift(side[:, 1, axis]) - t * fall[axis] for axis in (0, 1)]
-        out = []
-        for k in (0, 1):
-            a = [lift(self.terms[which, n, k]) for n in range(TERMS)]
-            by_s, by_t = a[1] + 2 * a[3] * s + a[4] * t, a[2] + a[4] * s + 2 * a[5] * t
-            value = a[0] + np.float32(0.5) * (s * (a[1] + by_s) + t * (a[2] + by_t))
-            across, down = (by_s * slope_s[axis] + by_t * slope_t[axis] for axis in (0, 1))
-            out.append((value, np.sqrt(across * across + down * down) * np.abs(depth)))
-        return out[0][0], out[1][0], out[0][1], out[1][1]
-
     def pixels(self, which: Array, uv: Array, start: Array, repeats: int = 4) -> Array:
         """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
 
