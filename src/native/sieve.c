@@ -6,7 +6,7 @@
 #define STEP 64  /* columns that are tested together */
 #define PAD 8    /* columns continued on either side of a row */
 #define CELL 4   /* px of the picture a cell */
-#define REACH 5  /* px around a saddle in which the response may peak */
+#define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
     index_t height, width; /* of the half-resolution picture */

@@ -126,5 +126,5 @@ def test_broken_files_never_break_anything_else(name):
         broken = bytearray(data)
         for at in (rng.random(4) ** 3 * len(data)).astype(int):
             broken[at] = rng.integers(256)
-        with suppress(RcdnError):  # nothing else comes out
+        with suppress(RcdnError):
             read_graph(bytes(broken))

@@ -86,7 +86,7 @@ def test_peaks_belong_to_the_nearest_corner_within_reach():
     assert suite._owner(whole, np.zeros((3, 2)), []).tolist() == []
     tight = PLAIN.boards[0].pitch * 0 + 4.0  # squares of 4 px: 1.4 px
     small = type(board)(board.xy, board.ij, board.visible, board.ignore, tight)
-    assert suite._owner(whole, corner[None] + (1.5, 0.0), [small]).tolist() == []
+    assert suite._owner(whole, corner[None] + [[1.5, 0]], [small]).tolist() == []
 
 
 def row(factor, level, *counts):

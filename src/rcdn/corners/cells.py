@@ -104,7 +104,8 @@ def _convolutions(graph: Graph) -> list[tuple[str, ...]]:
 
 
 def _shapes(graph: Graph) -> tuple[tuple[int, ...], ...]:
-    return tuple(graph.tensors[names[1]].shape for names in _convolutions(graph))
+    known = graph.tensors  # of float32
+    return tuple(known[n[1]].shape if n[1] in known and n[2] in known else () for n in _convolutions(graph))
 
 
 def _grouped(weight: Array) -> Array:

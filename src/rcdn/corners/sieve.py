@@ -21,7 +21,8 @@ def cells_with_saddles(grey: Array, share: float = SHARE) -> Array:
     """Which cells of 4×4 px an X-corner's response may peak in, (⌈H/4⌉, ⌈W/4⌉) bool, of a picture `grey` (H, W), uint8 or float32.
 
     An X-corner is a saddle of the grey levels. The picture is halved and smoothed (both 2 px wide or so), and a local peak of −det of the Hessian
-    passes if its root is at least `share` of the local standard deviation (over 24 px) + `FLOOR`: cells within 6 px of it are marked.
+    passes if its root is at least `share` of the local standard deviation (over 24 px) + `FLOOR`: the cells of pixels within 4.5 px of it
+    along each axis are marked.
     """
     out = np.zeros([-(-n // CELL) for n in grey.shape], np.uint8)
     if _sieve(np.ascontiguousarray(grey), share, FLOOR, out, *out.shape) < 0:
