@@ -19,14 +19,6 @@ typedef struct {
     void *out, *in, *room; /* room for rows */
 } Contrast;
 
-INLINE index_t mirrored(index_t k, index_t n) {
-    if (n == 1)
-        return 0;
-    while (k < 0 || k >= n)
-        k = k < 0 ? -k : 2 * n - 2 - k;
-    return k;
-}
-
 /* Sums are of whole numbers, and exact, so that it doesn't matter where they begin: of bytes less 128 in float (all under 2^24), of reals in 256ths
  * in double. */
 #define NUMBER float

@@ -65,17 +65,13 @@ INLINE void gather(const Picture *p, index_t x, index_t y, index_t half, float *
     }
 }
 
-/* Bilinear grey level at (x, y); the border is repeated outside. */
-INLINE float sample(const Picture *p, float x, float y) {
-    x = fminf(fmaxf(x, 0), (float)(p->width - 1));
-    y = fminf(fmaxf(y, 0), (float)(p->height - 1));
-    const index_t i = (index_t)x, j = (index_t)y;
-    const index_t right = i + 1 < p->width ? 1 : 0, down = j + 1 < p->height ? p->width : 0;
-    const float fx = x - (float)i, fy = y - (float)j;
-    const index_t at = j * p->width + i;
-    const float top = pixel(p, at) + fx * (pixel(p, at + right) - pixel(p, at));
-    const float low = pixel(p, at + down) + fx * (pixel(p, at + down + right) - pixel(p, at + down));
-    return top + fy * (low - top);
+/* Where the number k lies in 0 .. n − 1, which goes on by reflection at its ends, without repeating them. */
+INLINE index_t mirrored(index_t k, index_t n) {
+    if (n == 1)
+        return 0;
+    while (k < 0 || k >= n)
+        k = k < 0 ? -k : 2 * n - 2 - k;
+    return k;
 }
 
 /* The next cells from `x` on that are marked: their begin, and the end in *end; `width` if there are none. */

@@ -17,14 +17,6 @@ typedef struct {
     float *down[3];        /* a row filtered along y: smooth, slope, bend */
 } Half;
 
-INLINE index_t mirrored(index_t k, index_t n) {
-    if (n == 1)
-        return 0;
-    while (k < 0 || k >= n)
-        k = k < 0 ? -k : 2 * n - 2 - k;
-    return k;
-}
-
 /* Means of 2×2 px; an odd last row or column is left out. */
 INLINE void halved(const Picture *p, Half *h) {
     for (index_t y = 0; y < h->height; y++) {

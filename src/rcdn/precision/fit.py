@@ -21,9 +21,9 @@ WIDE = 6.0
 """px; a blur that no band cuts off"""
 FEW, SOME = 60, 300
 """pixels a corner that are enough to choose the start, and for the first round"""
-TRUSTING = 1
+TRUSTING = 2
 """Gauss–Newton steps before residuals are judged"""
-ROUNDS = (2, 1, 1)
+ROUNDS = (2, 2, 1)
 """steps of the rounds that follow"""
 ODD = 0.1
 """squares by which a corner may be wrong whose pixels all disagree with the model, more than the board's usually do; where
