@@ -7,6 +7,7 @@ import numpy as np
 
 from rcdn.corners.normalise import normaliser
 from rcdn.corners.response import ResponseModel
+from rcdn.corners.sieve import every_cell
 from rcdn.errors import RcdnError
 from rcdn.types import Array
 
@@ -23,6 +24,10 @@ def middle_response(model: ResponseModel, grey: Array, low: int, high: int) -> A
     before, after = model.margins
     start = low // model.cell * model.cell
     stop = start - (start - high) // model.cell * model.cell
+    if model.cells is not None:
+        cells = np.zeros_like(every_cell(grey))
+        cells[start // model.cell : stop // model.cell, start // model.cell : stop // model.cell] = True
+        return model(grey, 1, cells=cells)[low:high, low:high]
     normal = normaliser(grey, model.normalisation)(grey)
     lack = max(0, before - start), max(0, stop + after - side)
     if any(lack):  # the mirror image of the normalised picture is the normalised mirror image
