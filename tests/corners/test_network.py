@@ -15,7 +15,7 @@ from rcdn.errors import ConfigError, RcdnError
 from rcdn.synthetic import PRESETS, random_crop
 
 
-@pytest.fixture(scope="module", params=["rcdn_q", "rcdn_deltille"])
+@pytest.fixture(scope="module", params=["rcdn_q"])
 def model(request):
     return load_model(request.param)
 
