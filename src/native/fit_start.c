@@ -85,6 +85,14 @@ INLINE void line(const Window *w, float blur, float *shape, double *out) {
     out[2] = contrast;
 }
 
+/* The pixels of corner k, with their board coordinates. */
+INLINE void fill_window(const Picture *picture, const double *frames, const double *flat, const double *origin, const double *terms,
+                        index_t k, Window *w) {
+    const Map map = map_of(flat, origin, terms, k);
+    window_pixels(picture, frames + FRAME * k, w);
+    window_coordinates(&map, frames + FRAME * k, w);
+}
+
 /* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners. Returns 1 where memory lacks. */
 FAST EXPORT index_t rcdn_fit_levels(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
                                     const double *flat, const double *origin, const double *terms, index_t many,
@@ -94,9 +102,7 @@ FAST EXPORT index_t rcdn_fit_levels(const void *data, index_t height, index_t wi
     if (!w)
         return 1;
     for (index_t k = 0; k < n; k++) {
-        const Map map = map_of(flat, origin, terms, k);
-        window_pixels(&picture, frames + FRAME * k, w);
-        window_coordinates(&map, frames + FRAME * k, w);
+        fill_window(&picture, frames, flat, origin, terms, k, w);
         for (index_t b = 0; b < many; b++)
             line(w, (float)blurs[b], (float *)(w + 1), levels + 3 * (b * n + k));
     }
@@ -114,9 +120,7 @@ EXPORT index_t rcdn_fit_windows(const void *data, index_t height, index_t width,
     if (!w)
         return 1;
     for (index_t k = 0; k < n; k++) {
-        const Map map = map_of(flat, origin, terms, k);
-        window_pixels(&picture, frames + FRAME * k, w);
-        window_coordinates(&map, frames + FRAME * k, w);
+        fill_window(&picture, frames, flat, origin, terms, k, w);
         const index_t size = w->padded < room ? w->padded : room;
         const float *all[8] = {w->x, w->y, w->value, w->u, w->v, w->gu, w->gv, w->mask};
         for (int j = 0; j < 8; j++)

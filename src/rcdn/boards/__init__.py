@@ -48,9 +48,8 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         if len(grid) * 2 < least or not plain(grid, field.response, usual):
             continue
-        alone = (
-            grid in parts
-        )  # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
+        # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
+        alone = grid in parts
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
@@ -118,10 +117,8 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     new = ordered(ij, grid.xy[index], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
     index, new = index[order], new[order]
-    seen, known = (
-        index < len(field.xy),
-        index < len(candidates.all),
-    )  # filled corners were not seen; weak peaks are not known
+    # filled corners were not seen; weak peaks are not known
+    seen, known = index < len(field.xy), index < len(candidates.all)
     response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
     response[seen] = field.response[index[seen]]
     status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 
@@ -39,8 +40,7 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
     step = np.empty((len(start), 2))
     _steps(grey, _plane(start), _plane(end), len(start), step)
     near, far = step.T
-    share = np.sort(near / np.where(np.abs(far) > 1e-6, far, np.inf))
-    return float(share[(len(share) - 1) // 2] + share[len(share) // 2]) / 2
+    return median(near / np.where(np.abs(far) > 1e-6, far, np.inf))
 
 
 def sample_grey(grey: Array, xy: Array) -> Array:

@@ -184,20 +184,13 @@ def make_detector(config: DetectorConfig) -> Any:
     from rcdn.detector import Detector
 
     if config.device == "cuda":
-        _check_cuda()
+        from rcdn.corners.response import device_of
 
+        try:
+            device_of(config.device)
+        except ConfigError as error:
+            raise DependencyError(f"--{error}") from error
     return Detector(config)
-
-
-def _check_cuda() -> None:
-    import onnxruntime
-
-    has = onnxruntime.get_available_providers()
-    if "CUDAExecutionProvider" not in has:
-        raise DependencyError(
-            f"--device cuda: this ONNX Runtime has no CUDA, only {', '.join(has)}; "
-            "pip uninstall onnxruntime, then pip install onnxruntime-gpu, or use --device auto"
-        )
 
 
 class Work:

@@ -15,8 +15,6 @@ from rcdn.corners.sieve import CELL
 from rcdn.native import bind
 from rcdn.types import Array
 
-MARGINS = (22, 23)
-"""px that the network sees before and after a cell"""
 SHAPES = ((16, 1, 5, 5), (32, 16, 3, 3), *[(32, 32, 3, 3)] * 5, (16, 32, 1, 1))
 """of the weights of its convolutions: outputs, inputs, height, width"""
 NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")

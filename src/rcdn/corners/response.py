@@ -136,12 +136,14 @@ def device_of(wanted: str) -> str:
         return wanted
     import onnxruntime as ort
 
-    if PROVIDERS["cuda"] in ort.get_available_providers():
+    has = ort.get_available_providers()
+    if PROVIDERS["cuda"] in has:
         return "cuda"
     if wanted == "auto":
         return "cpu"
     raise ConfigError(
-        "device 'cuda': the installed ONNX Runtime has no CUDA; pip uninstall onnxruntime, then pip install onnxruntime-gpu, or take device 'cpu'"
+        f"device cuda: this ONNX Runtime has no CUDA, only {', '.join(has)}; "
+        "pip uninstall onnxruntime, then pip install onnxruntime-gpu, or use device auto"
     )
 
 
