@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.geometry import project, rotation
-from rcdn.geometry.lens import Brown
+from rcdn.geometry.models import Brown
 from rcdn.types import Array, Board, Camera
 
 SIZE, SPACING = (9, 6), 0.03

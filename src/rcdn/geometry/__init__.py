@@ -1,17 +1,24 @@
 """Homographies, lens models and poses. The only place where any of them lives."""
 
+from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography
 from rcdn.geometry.lens import project, transform, unproject
 from rcdn.geometry.slopes import cross_matrix, project_with_slopes, rotation, rotation_slope
+from rcdn.geometry.spline_grid import roughness, zero_correction
 
 __all__ = [
     "apply_homography",
+    "basis",
     "cross_matrix",
     "homography",
     "project",
     "project_with_slopes",
     "rotation",
     "rotation_slope",
+    "roughness",
+    "stereographic",
+    "surface",
     "transform",
     "unproject",
+    "zero_correction",
 ]

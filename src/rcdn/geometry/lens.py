@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
+from rcdn.geometry.correction import stereographic, surface
+from rcdn.geometry.inverse import corrected_ray
+from rcdn.geometry.models import distorted, undistorted
 from rcdn.types import Array, Camera, Pose
-
-REACH = 20.0
-"""Largest |x / z| and |y / z| of a ray that `unproject` finds under the models brown and rational."""
 
 
 def transform(pose: Pose, points: Array) -> Array:
@@ -22,185 +19,24 @@ def project(camera: Camera, points: Array) -> Array:
     """Camera points (..., 3) to pixels (..., 2). z ≤ 0 gives NaN (but for `fisheye` and a barrel of
     the `division` model, which see behind themselves).
 
-    Beyond the fold of a lens polynomial the pixel is still the polynomial's, though no light from that point gets
-    there: `unproject` gives another ray for it, or NaN.
+    A `camera.correction` is added to the point that the lens model has distorted, before K. Beyond the fold of a lens polynomial
+    the pixel is still the polynomial's, though no light from that point gets there: `unproject` gives another ray for it, or NaN.
     """
     points = np.asarray(points, float)
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    if camera.model == "fisheye":
-        r = np.hypot(x, y)
-        theta = np.arctan2(r, z)
-        scale = np.where(r > 1e-12, _radial(theta, camera.distortion) / np.maximum(r, 1e-12), 1.0)
-        d = np.stack([x * scale, y * scale], axis=-1)
-    elif camera.model == "division":
-        d = _division(points, float(camera.distortion[0]))
-    else:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            n = np.where((z > 0)[..., None], points[..., :2] / z[..., None], np.nan)
-        d = n if camera.model == "pinhole" else Brown.of(camera.distortion).distort(n)
+    d = distorted(camera, points)
+    if camera.correction is not None:
+        d = d + surface(camera.correction, stereographic(points))
     return d @ camera.K[:2, :2].T + camera.K[:2, 2]
 
 
 def unproject(camera: Camera, pixels: Array) -> Array:
     """Pixels (..., 2) to viewing rays (..., 3) of unit z (`fisheye` and `division`: unit length).
 
-    Exact to 1e-10 where the lens model can be inverted, else NaN: beyond the fold, where the polynomial turns back.
+    Exact to 1e-10 where the lens model can be inverted, else NaN: beyond the fold, where the polynomial turns back, and
+    where a `camera.correction` turns the picture over.
     """
     pixels = np.asarray(pixels, float)
     K = camera.K
     y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
     d = np.stack([(pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y], axis=-1)
-    if camera.model == "fisheye":
-        return _fisheye_ray(d, camera.distortion)
-    if camera.model == "division":
-        return _division_ray(d, float(camera.distortion[0]))
-    n = d if camera.model == "pinhole" else _brown_inverse(d, Brown.of(camera.distortion))
-    return np.concatenate([n, np.ones_like(n[..., :1])], axis=-1)
-
-
-def _radial(x: Array, k: Array) -> Array:
-    """x·(1 + k₁x² + k₂x⁴ + …)."""
-    x2, total = x * x, 0.0
-    for c in k[::-1]:
-        total = (total + c) * x2
-    return x * (1 + total)
-
-
-def _first_turn(k: Array) -> float:
-    """Where `_radial` stops growing: its first turning point, or infinity."""
-    return _first_root([(2 * i + 3) * float(c) for i, c in enumerate(k)])
-
-
-def _first_root(coefficients: list[float]) -> float:
-    """The least x > 0 at which 1 + c₀x² + c₁x⁴ + … is zero, or infinity."""
-    roots = np.roots([*coefficients[::-1], 1.0])
-    real = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
-    return float(np.sqrt(real.min())) if len(real) else np.inf
-
-
-def _radial_inverse(radial: Callable[[Array], Array], value: Array, high: float) -> Array:
-    """x in [0, high], where `radial` grows, by bisection to the last bit: slow and sure."""
-    a, b = np.zeros_like(value), np.full_like(value, high)
-    for _ in range(60):
-        middle = (a + b) / 2
-        above = radial(middle) > value
-        a, b = np.where(above, a, middle), np.where(above, middle, b)
-    return a
-
-
-def _fisheye_ray(d: Array, k: Array) -> Array:
-    """Newton in the angle from the axis, bisection where it goes astray; NaN beyond the fold of the polynomial."""
-    r = np.asarray(np.hypot(d[..., 0], d[..., 1]))
-    theta = np.minimum(r, np.pi)
-    for _ in range(20):
-        t2 = theta * theta
-        slope = 1 + t2 * (3 * k[0] + t2 * (5 * k[1] + t2 * (7 * k[2] + t2 * 9 * k[3])))
-        theta = theta - (_radial(theta, k) - r) / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
-        theta = np.clip(theta, 0, np.pi)
-    limit = min(_first_turn(k), np.pi)
-    theta = np.where((np.abs(_radial(theta, k) - r) < 1e-10 * (1 + r)) & (theta <= limit), theta, np.nan)
-    lost = np.isnan(theta) & (r <= _radial(np.asarray(limit), k))
-    theta[lost] = _radial_inverse(lambda x: _radial(x, k), r[lost], limit)
-    s = np.where(r > 1e-12, np.sin(theta) / np.maximum(r, 1e-12), 1.0)
-    return np.stack([d[..., 0] * s, d[..., 1] * s, np.cos(theta)], axis=-1)
-
-
-def _division(points: Array, k: float) -> Array:
-    """Distorted points (..., 2) of camera points (..., 3) under d ÷ (1 + k·|d|²) ∝ (x, y) ÷ z: the root that is 0 on the axis."""
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 2 / (z + np.sqrt(z * z - 4 * k * (x * x + y * y)))
-    seen = np.isfinite(scale) & (scale > 0) & ((z > 0) | (k < 0))
-    return np.stack([x, y], axis=-1) * np.where(seen, scale, np.nan)[..., None]
-
-
-def _division_ray(d: Array, k: float) -> Array:
-    """Unit rays (..., 3) of distorted points (..., 2); NaN beyond the fold at k·|d|² = 1 (k > 0)."""
-    r2 = (d * d).sum(axis=-1)
-    ray = np.concatenate([d, (1 + k * r2)[..., None]], axis=-1)
-    length = np.where(k * r2 <= 1, np.linalg.norm(ray, axis=-1), np.nan)
-    return np.asarray(ray / length[..., None])
-
-
-@dataclass(frozen=True, eq=False)
-class Brown:
-    """OpenCV's polynomial lens: radius × numerator ÷ denominator (1 for the model `brown`), and two tangential terms."""
-
-    numerator: Array
-    denominator: Array
-    p1: float
-    p2: float
-
-    @classmethod
-    def of(cls, distortion: Array) -> Brown:
-        """From k1 k2 p1 p2 [k3 [k4 k5 k6]]."""
-        k = np.zeros(8)
-        k[: len(distortion)] = distortion
-        return cls(k[[0, 1, 4]], k[5:], float(k[2]), float(k[3]))
-
-    def radial(self, r2: Array) -> tuple[Array, Array]:
-        """Factor of the radius at squared radii `r2`, and its slope in r2."""
-        (a, b, c), (d, e, f) = self.numerator, self.denominator
-        above, below = 1 + r2 * (a + r2 * (b + r2 * c)), 1 + r2 * (d + r2 * (e + r2 * f))
-        with np.errstate(divide="ignore", invalid="ignore"):  # a pole is beyond the fold
-            g = above / below
-            slope = (a + r2 * (2 * b + r2 * 3 * c) - g * (d + r2 * (2 * e + r2 * 3 * f))) / below
-        return g, slope
-
-    def distort(self, n: Array) -> Array:
-        """Distorted points (..., 2) of `n` (..., 2), in focal lengths."""
-        x, y = n[..., 0], n[..., 1]
-        r2 = x * x + y * y
-        g, _ = self.radial(r2)
-        return np.stack([
-            x * g + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x),
-            y * g + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y,
-        ], axis=-1)  # fmt: skip
-
-    def slopes(self, n: Array) -> tuple[Array, Array, Array]:
-        """∂x′/∂x, ∂x′/∂y = ∂y′/∂x, and ∂y′/∂y of `distort`, each (...)."""
-        x, y = n[..., 0], n[..., 1]
-        g, slope = self.radial(x * x + y * y)
-        return (
-            g + 2 * x * x * slope + 2 * self.p1 * y + 6 * self.p2 * x,
-            2 * x * y * slope + 2 * self.p1 * x + 2 * self.p2 * y,
-            g + 2 * y * y * slope + 6 * self.p1 * y + 2 * self.p2 * x,
-        )
-
-    def fold(self) -> float:
-        """The radius (undistorted) at which the radial map stops growing or has a pole, or infinity."""
-        a, b = np.array([1, *self.numerator]), np.array([1, *self.denominator])
-        power = 2 * np.arange(4)
-        turn = np.convolve(a * (1 + power), b) - np.convolve(a, b * power)  # of (r·a)′·b − r·a·b′, in r²
-        return min(_first_root(list(turn[1:])), _first_root(list(b[1:])))
-
-
-def _brown_inverse(d: Array, lens: Brown) -> Array:
-    """Newton from the distorted point and, where that goes astray, from the radial solution; NaN beyond the fold."""
-    limit = lens.fold()
-    n = _brown_newton(d, d, lens, limit)
-    lost = np.isnan(n).any(axis=-1) & np.isfinite(d).all(axis=-1)
-    if lost.any():
-        far = d[lost]
-        r = np.hypot(far[:, 0], far[:, 1])
-        high = min(limit * (1 - 1e-12), REACH)  # at a pole there is no value
-        start = far * (_radial_inverse(lambda x: x * lens.radial(x * x)[0], r, high) / np.maximum(r, 1e-12))[:, None]
-        n[lost] = _brown_newton(far, start, lens, limit)
-    return n
-
-
-def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Array:
-    """Undistorted points (..., 2) of `d` by Newton from `start`; NaN where it fails or leaves the radius `limit`."""
-    n = start.copy()
-    for _ in range(12):
-        a, b, c = lens.slopes(n)
-        det = a * c - b * b
-        det = np.where(np.abs(det) > 1e-6, det, 1e-6)
-        e = lens.distort(n) - d
-        n = n - np.stack([(c * e[..., 0] - b * e[..., 1]) / det, (a * e[..., 1] - b * e[..., 0]) / det], axis=-1)
-        n = np.clip(n, -REACH, REACH)
-        if float(np.abs(e).max(initial=0.0)) < 1e-13:
-            break
-    # beyond the first turning point of the radial map a pixel has no ray of its own
-    good = (np.abs(lens.distort(n) - d) <= 1e-10).all(axis=-1) & ((n**2).sum(axis=-1) < limit**2)
-    return np.asarray(np.where(good[..., None], n, np.nan))
+    return undistorted(camera, d) if camera.correction is None else corrected_ray(camera, d)

@@ -5,78 +5,41 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.geometry.lens import Brown, project
-from rcdn.types import Array, Camera
-
-NEAR_AXIS = 1e-7
-"""below this angle a fisheye's ray counts as on the axis"""
+from rcdn.geometry.correction import basis, stereographic, stereographic_slopes, surface_slopes
+from rcdn.geometry.lens import project
+from rcdn.geometry.model_slopes import distorted_with_slopes
+from rcdn.types import Array, Camera, LensCorrection
 
 
 def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Pixels (N, 2) of camera points (N, 3), with ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters` (N, 2, 4 + d).
+    """Pixels (N, 2) of camera points (N, 3), with ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters` (N, 2, P).
 
-    Pixels are those of `project`, and skew is zero. Raises RcdnError for the model `division`, which is not calibrated.
+    Pixels are those of `project`, and skew is zero. Those of a correction's control points are its `basis` times the focal lengths.
+    Raises RcdnError for the model `division`, which is not calibrated.
     """
     points = np.asarray(points, float)
     if camera.model == "division":
         raise RcdnError("camera.model 'division' has no derivatives here; use brown, rational or fisheye")
-    lens = _fisheye_slopes if camera.model == "fisheye" else _central_slopes
-    d, by_point, by_lens = lens(camera, points)
-    f = camera.K[[0, 1], [0, 1]]
-    slopes = np.zeros((len(points), 2, 4 + len(camera.distortion)))
-    slopes[:, [0, 1], [0, 1]] = d
+    d, by_point, by_lens = distorted_with_slopes(camera, points)
+    f, end = camera.K[[0, 1], [0, 1]], 4 + len(camera.distortion)
+    slopes = np.zeros((len(points), 2, len(camera.parameters)))
     slopes[:, [0, 1], [2, 3]] = 1.0
-    slopes[:, :, 4:] = by_lens * f[:, None]
+    slopes[:, :, 4:end] = by_lens * f[:, None]
+    if camera.correction is not None:
+        u = stereographic(points)
+        shift, by_u = surface_slopes(camera.correction, u)
+        d, by_point = d + shift, by_point + by_u @ stereographic_slopes(points)
+        _fill(slopes[:, :, end:], camera.correction, points, f)
+    slopes[:, [0, 1], [0, 1]] = d
     return project(camera, points), by_point * f[:, None], slopes
 
 
-def _central_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Of pinhole, brown and rational: distorted points (N, 2), their slopes in the points (N, 2, 3) and in the lens (N, 2, d)."""
-    z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
-    n = points[:, :2] / z[:, None]
-    lens = Brown.of(camera.distortion)
-    a, b, c = lens.slopes(n)
-    by_n = np.stack([np.stack([a, b], -1), np.stack([b, c], -1)], axis=1)
-    depth = -(by_n @ n[:, :, None])
-    by_point = np.concatenate([by_n, depth], axis=2) / z[:, None, None]
-    return lens.distort(n), by_point, _brown_lens(lens, n)[:, :, : len(camera.distortion)]
-
-
-def _brown_lens(lens: Brown, n: Array) -> Array:
-    """∂(distorted point)/∂(k1 k2 p1 p2 k3 k4 k5 k6), (N, 2, 8)."""
-    x, y = n.T
-    r2 = x * x + y * y
-    power = np.stack([r2, r2**2, r2**3], axis=-1)
-    below = 1 + power @ lens.denominator
-    up = power / below[:, None]
-    down = -up * lens.radial(r2)[0][:, None]
-    out = np.empty((len(n), 2, 8))
-    for axis, q in enumerate((x, y)):
-        out[:, axis, [0, 1, 4]] = q[:, None] * up
-        out[:, axis, 5:] = q[:, None] * down
-    out[:, 0, 2], out[:, 0, 3] = 2 * x * y, r2 + 2 * x * x
-    out[:, 1, 2], out[:, 1, 3] = r2 + 2 * y * y, 2 * x * y
-    return out
-
-
-def _fisheye_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """As `_central_slopes`, of the Kannala–Brandt model; on the axis the direction of a point doesn't matter."""
-    xy, z = points[:, :2], points[:, 2]
-    r = np.hypot(xy[:, 0], xy[:, 1])
-    theta, square = np.arctan2(r, z), r * r + z * z
-    power = theta[:, None] ** (2 * np.arange(1, 5))
-    radius = theta * (1 + power @ camera.distortion)
-    slope = 1 + (power * (2 * np.arange(1, 5) + 1)) @ camera.distortion
-    off = theta > NEAR_AXIS
-    safe = np.where(off, r, 1.0)
-    u = np.where(off[:, None], xy / safe[:, None], 0.0)
-    across = np.where(off, radius / safe, 1 / np.where(off, 1.0, np.maximum(np.abs(z), 1e-300)))
-    along = np.where(off, slope * z / square, across)
-    outer = u[:, :, None] * u[:, None, :]
-    by_xy = across[:, None, None] * (np.eye(2) - outer) + along[:, None, None] * outer
-    by_z = u * (-slope * r / square)[:, None]
-    by_lens = u[:, :, None] * (theta[:, None] * power)[:, None, :]
-    return u * radius[:, None], np.concatenate([by_xy, by_z[:, :, None]], axis=2), by_lens
+def _fill(slopes: Array, correction: LensCorrection, points: Array, f: Array) -> None:
+    """Write ∂pixel/∂control into `slopes` (N, 2, 2·rows·columns), zero before: 16 numbers an axis of each point."""
+    columns, weights = basis(correction, points)
+    of = np.arange(len(points))[:, None]
+    for axis in (0, 1):
+        slopes[of, axis, 2 * columns + axis] = f[axis] * weights
 
 
 def rotation(vectors: Array) -> Array:

@@ -7,6 +7,7 @@ from rcdn.types.base import Array
 from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
+from rcdn.types.correction import LensCorrection
 
 __all__ = [
     "LENS",
@@ -17,6 +18,7 @@ __all__ = [
     "Camera",
     "CameraModel",
     "Corners",
+    "LensCorrection",
     "ModelScore",
     "Orientation",
     "Pattern",

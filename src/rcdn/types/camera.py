@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.types.base import Array, freeze
+from rcdn.types.correction import LensCorrection
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
 
@@ -29,13 +30,15 @@ class Camera:
     `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a
     denominator for `rational`; Kannala–Brandt k1..k4 for `fisheye` (OpenCV's fisheye); one number λ for `division`:
     undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal lengths, so that λ < 0 is a barrel
-    (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers.
+    (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers. `correction`: what the lens does beyond the model,
+    added to the distorted point, in focal lengths; not for `division`.
     """
 
     K: Array
     distortion: Array
     image_size: tuple[int, int]
     model: CameraModel = "brown"
+    correction: LensCorrection | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "K", self.K, np.float64, (3,))
@@ -49,23 +52,31 @@ class Camera:
             raise RcdnError(
                 f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}"
             )
+        if self.correction is not None and self.model == "division":
+            raise RcdnError("Camera.correction is not for model 'division'; use pinhole, brown, rational or fisheye")
 
     @property
     def parameters(self) -> Array:
-        """(4 + d,) fx, fy, cx, cy, px, then the distortion."""
+        """(4 + d [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control points, flat."""
         K = self.K
-        return np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], self.distortion])
+        core = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], self.distortion])
+        return core if self.correction is None else np.concatenate([core, self.correction.control.ravel()])
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of `parameters`."""
-        return ("fx", "fy", "cx", "cy", *LENS[self.model][: len(self.distortion)])
+        core = ("fx", "fy", "cx", "cy", *LENS[self.model][: len(self.distortion)])
+        return core if self.correction is None else core + self.correction.names
 
     def with_parameters(self, parameters: Array) -> Camera:
-        """A camera of the same model, size and skew whose `parameters` are these."""
+        """A camera of the same model, size, skew and grid of the correction whose `parameters` are these."""
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
         K = np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]])
-        return Camera(K, np.asarray(parameters[4:], float), self.image_size, self.model)
+        if self.correction is None:
+            return Camera(K, np.asarray(parameters[4:], float), self.image_size, self.model)
+        end = 4 + len(self.distortion)
+        correction = self.correction.with_control(parameters[end:])
+        return Camera(K, np.asarray(parameters[4:end], float), self.image_size, self.model, correction)
 
 
 @dataclass(frozen=True, eq=False)

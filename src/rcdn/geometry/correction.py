@@ -1,0 +1,115 @@
+"""The smooth correction of a lens: a bicubic B-spline over the stereographic plane, its basis and its slopes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.types import Array, LensCorrection
+
+
+def stereographic(points: Array) -> Array:
+    """u (..., 2) = 2·(x, y) ÷ (|p| + z) of camera points (..., 3): |u| = 2·tan(θ/2) at the angle θ off the axis."""
+    points = np.asarray(points, float)
+    z, r2 = points[..., 2], (points[..., :2] ** 2).sum(axis=-1)
+    length = np.sqrt(r2 + z * z)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.where(
+            z > 0, length + z, r2 / (length - z)
+        )  # the same number, without cancellation behind the camera
+        return np.asarray(2 * points[..., :2] / np.maximum(depth, 1e-12 * length)[..., None])
+
+
+def stereographic_slopes(points: Array) -> Array:
+    """∂u/∂point (..., 2, 3) of `stereographic`."""
+    points = np.asarray(points, float)
+    u = stereographic(points)
+    length = np.linalg.norm(points, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # |p| + z = 4·|p| ÷ (4 + |u|²), and its slope in p is p ÷ |p| + (0, 0, 1)
+        depth = 8 * length / (4 + (u * u).sum(axis=-1))
+        towards = points / length[..., None] + np.array([0.0, 0.0, 1.0])
+        out = -u[..., :, None] * (towards / depth[..., None])[..., None, :]
+        out[..., [0, 1], [0, 1]] += (2 / depth)[..., None]
+    return np.asarray(out)
+
+
+def point_of(u: Array) -> Array:
+    """Camera points (..., 3) of stereographic points (..., 2), in their direction; |p| = 1 + |u|²/4."""
+    return np.concatenate([u, (1 - (u * u).sum(axis=-1) / 4)[..., None]], axis=-1)
+
+
+def surface(correction: LensCorrection, u: Array) -> Array:
+    """The displacement (..., 2), in focal lengths, at stereographic points (..., 2)."""
+    first, inside, _ = _cell(correction, u)
+    weights = bspline(inside)
+    control, total = correction.control, np.zeros(np.shape(u))
+    for row in range(4):
+        for column in range(4):
+            w = weights[..., 1, row] * weights[..., 0, column]
+            total += w[..., None] * control[first[..., 1] + row, first[..., 0] + column]
+    return total
+
+
+def surface_slopes(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
+    """`surface` with its slopes in u (..., 2, 2): [..., k, l] is the slope of axis k of the displacement in axis l of u."""
+    first, inside, within = _cell(correction, u)
+    weights, slopes = bspline(inside), bspline(inside, 1) / correction.sides[:, None]
+    control, total, by_u = correction.control, np.zeros(np.shape(u)), np.zeros((*np.shape(u), 2))
+    for row in range(4):
+        for column in range(4):
+            c = control[first[..., 1] + row, first[..., 0] + column]
+            total += (weights[..., 1, row] * weights[..., 0, column])[..., None] * c
+            by_u[..., 0] += (weights[..., 1, row] * slopes[..., 0, column])[..., None] * c
+            by_u[..., 1] += (slopes[..., 1, row] * weights[..., 0, column])[..., None] * c
+    return total, by_u @ _border_slopes(correction, u) if not within.all() else by_u
+
+
+def basis(correction: LensCorrection, points: Array) -> tuple[Array, Array]:
+    """Which control points move the pixels of camera points (N, 3), and how much: `columns` (N, 16), the numbers of the control
+    points, row by row, and `weights` (N, 16), which sum to 1. The displacement is Σ weights · control[columns]; NaN without a pixel."""
+    return _basis(correction, stereographic(points))
+
+
+def _basis(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
+    first, inside, _ = _cell(correction, u)
+    weights = bspline(inside)
+    steps = np.arange(4)
+    rows = (first[:, 1, None] + steps) * correction.control.shape[1]
+    columns = rows[:, :, None] + (first[:, 0, None] + steps)[:, None, :]
+    both = weights[:, 1, :, None] * weights[:, 0, None, :]
+    return columns.reshape(-1, 16), both.reshape(-1, 16)
+
+
+def _cell(correction: LensCorrection, u: Array) -> tuple[Array, Array, Array]:
+    """First control point (..., 2) of the cell of u along x and y, where in the cell (..., 2) in [0, 1], and whether u is in the domain.
+
+    A point beyond the domain has the cell of where the line to it leaves it.
+    """
+    extent, cells = correction.extent, correction.cells
+    share = (np.abs(u) / extent).max(axis=-1)
+    within = ~(share > 1)
+    inner = u if within.all() else u / np.maximum(share, 1)[..., None]
+    at = (inner + extent) / correction.sides
+    first = np.clip(np.floor(np.nan_to_num(at)), 0, cells - 1).astype(np.intp)
+    return first, at - first, within
+
+
+def _border_slopes(correction: LensCorrection, u: Array) -> Array:
+    """∂(where the line from the centre leaves the domain)/∂u (..., 2, 2); the identity inside."""
+    ratio = np.abs(u) / correction.extent
+    share = np.maximum(ratio.max(axis=-1), 1)
+    axis = ratio.argmax(axis=-1)[..., None] == np.arange(2)
+    beyond = np.where((share > 1)[..., None] & axis, u, np.inf)
+    with np.errstate(invalid="ignore"):
+        pull = u[..., :, None] / beyond[..., None, :]
+    return np.asarray((np.eye(2) - pull) / share[..., None, None])
+
+
+def bspline(t: Array, derivative: int = 0) -> Array:
+    """The four uniform cubic B-splines (..., 4) that are not zero at t in [0, 1] of a cell, or their `derivative` (0, 1 or 2) in t."""
+    s = 1 - t
+    if derivative == 0:
+        return np.stack([s**3, 4 + t * t * (3 * t - 6), 4 + s * s * (3 * s - 6), t**3], axis=-1) / 6
+    if derivative == 1:
+        return np.stack([-s * s, t * (3 * t - 4), s * (4 - 3 * s), t * t], axis=-1) / 2
+    return np.stack([s, 3 * t - 2, 3 * s - 2, t], axis=-1)

@@ -1,0 +1,102 @@
+"""Rays of a lens model with a correction: Newton's method on the stereographic plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.geometry.correction import point_of, stereographic, surface_slopes
+from rcdn.geometry.model_slopes import distorted_with_slopes
+from rcdn.geometry.models import fold, undistorted
+from rcdn.types import Array, Camera, LensCorrection
+
+STEPS = 40
+"""of Newton's method at most; four to six do, but for points that begin far away"""
+EXACT = 1e-13
+"""focal lengths, and share of the distance from the axis: a solution that is closer is not improved"""
+GOOD = 1e-11
+"""as `EXACT`: a solution that is farther is none"""
+BLOCK = 1 << 16
+"""points at a time, which bounds the memory"""
+SHRUNK = (1.0, 0.97, 0.9, 0.75, 0.5)
+"""shares of a distorted point that the parametric model alone can't invert: the first that it can is the start"""
+STAGES = 8
+"""in which the correction is brought in where it is too much for Newton's method at once"""
+
+
+def corrected_ray(camera: Camera, d: Array) -> Array:
+    """Rays (..., 3) of distorted points (..., 2), in focal lengths; scaled, exact and NaN as `unproject` says.
+
+    NaN where the whole map is turned over (its Jacobian has a determinant ≤ 0), too, or the ray is beyond the fold of the parametric model.
+    """
+    flat = np.asarray(d, float).reshape(-1, 2)
+    parts = [_solve(camera, flat[k : k + BLOCK]) for k in range(0, len(flat), BLOCK)]
+    u = np.concatenate(parts or [flat])
+    rays = point_of(u)
+    rays /= (np.linalg.norm(rays, axis=1) if camera.model == "fisheye" else rays[:, 2])[:, None]
+    return rays.reshape(*np.shape(d)[:-1], 3)
+
+
+def _solve(camera: Camera, d: Array) -> Array:
+    """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
+    assert camera.correction is not None
+    start = _start(camera, d)
+    u = _newton(camera, camera.correction, d, start)
+    lost = np.flatnonzero(np.isnan(u).any(axis=1) & np.isfinite(start).all(axis=1))
+    if len(lost):
+        u[lost] = start[lost]
+        for stage in range(1, STAGES + 1):
+            part = camera.correction.with_control(camera.correction.control * (stage / STAGES))
+            u[lost] = _newton(camera, part, d[lost], u[lost])
+    return u
+
+
+def _start(camera: Camera, d: Array) -> Array:
+    """Stereographic points (N, 2) at which the parametric model alone sees `d` or, where it sees it nowhere, a point nearer the axis."""
+    u = np.full_like(d, np.nan)
+    for share in SHRUNK:
+        lost = np.flatnonzero(np.isnan(u).any(axis=1) & np.isfinite(d).all(axis=1))
+        if len(lost):
+            u[lost] = stereographic(undistorted(camera, share * d[lost]))
+    return u
+
+
+def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) -> Array:
+    """Solutions (N, 2) from `start`, steps halved that lead away; NaN where there is none or the map is folded."""
+    u, scale = start.copy(), 1 + np.hypot(d[:, 0], d[:, 1])
+    error, J = _error(camera, correction, u, d)
+    damping = np.ones(len(d))
+    for _ in range(STEPS):
+        size = np.hypot(error[:, 0], error[:, 1])
+        open_ = np.flatnonzero((size > EXACT * scale) & (damping > 1e-3))
+        if not len(open_):
+            break
+        step = damping[open_, None] * _solved(J[open_], error[open_])
+        trial = u[open_] - step
+        e, slope = _error(camera, correction, trial, d[open_])
+        better = np.hypot(e[:, 0], e[:, 1]) < size[open_]
+        taken = open_[better]
+        u[taken], error[taken], J[taken] = trial[better], e[better], slope[better]
+        damping[open_] = np.where(better, np.minimum(2 * damping[open_], 1), damping[open_] / 2)
+    turn = 2 * np.tan(fold(camera) / 2)
+    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    good = (
+        (np.hypot(error[:, 0], error[:, 1]) <= GOOD * scale) & (determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < turn)
+    )
+    return np.asarray(np.where(good[:, None], u, np.nan))
+
+
+def _error(camera: Camera, correction: LensCorrection, u: Array, d: Array) -> tuple[Array, Array]:
+    """Where `u` (N, 2) is seen less `d`, and its Jacobian (N, 2, 2) in u; NaN where it isn't seen."""
+    with np.errstate(all="ignore"):
+        seen, by_point, _ = distorted_with_slopes(camera, point_of(u))
+        shift, by_u = surface_slopes(correction, u)
+        J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :] + by_u
+        return seen + shift - d, J
+
+
+def _solved(J: Array, e: Array) -> Array:
+    """J⁻¹·e (N, 2), of bounded length where J is singular."""
+    a, b, c, d = J[:, 0, 0], J[:, 0, 1], J[:, 1, 0], J[:, 1, 1]
+    det = a * d - b * c
+    det = np.where(np.abs(det) > 1e-6, det, 1e-6)
+    return np.stack([d * e[:, 0] - b * e[:, 1], a * e[:, 1] - c * e[:, 0]], axis=-1) / det[:, None]

@@ -1,0 +1,68 @@
+"""Grids of lens corrections: one that covers a camera's frame, and how rough a surface on it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.geometry.correction import bspline, stereographic
+from rcdn.geometry.lens import unproject
+from rcdn.types import Array, Camera, LensCorrection
+from rcdn.types.correction import DEGREE
+
+WIDEST = 120.0
+"""degrees off the axis; rays beyond don't widen the grid"""
+ALONG = 65
+"""rays along each side of the frame that the grid is laid over"""
+
+
+def zero_correction(camera: Camera, columns: int, margin: float = 0.03, pixels: Array | None = None) -> LensCorrection:
+    """A correction without effect, `columns` control points wide, of square cells that cover the camera's frame, or `pixels` (M, 2) if
+    they are given, and `margin` of their width more on each side.
+
+    What the frame sees is known from the camera's own rays: pixels that have none, and rays over WIDEST degrees off the axis, are
+    passed over. The number of rows follows. Raises RcdnError for fewer than four columns, or if no pixel has a ray.
+    """
+    if columns <= DEGREE:
+        raise RcdnError(f"zero_correction: columns must be 4 or more, not {columns}")
+    seen = frame_pixels(camera.image_size, ALONG) if pixels is None else np.asarray(pixels, float)
+    u = stereographic(unproject(camera, seen.reshape(-1, 2)))
+    u = u[np.hypot(u[:, 0], u[:, 1]) <= 2 * np.tan(np.radians(WIDEST) / 2)]
+    if not len(u):
+        raise RcdnError("zero_correction: no pixel of the camera has a ray; calibrate it first")
+    half = np.maximum(np.abs(u).max(axis=0) * (1 + 2 * margin), 1e-9)
+    side = 2 * half[0] / (columns - DEGREE)
+    rows = max(int(np.ceil(2 * half[1] / side - 1e-9)), 1) + DEGREE
+    return LensCorrection(np.zeros((rows, columns, 2)), np.array([half[0], side * (rows - DEGREE) / 2]))
+
+
+def frame_pixels(image_size: tuple[int, int], along: int) -> Array:
+    """(along², 2) pixels over the frame, its borders included."""
+    width, height = image_size
+    x, y = np.linspace(-0.5, width - 0.5, along), np.linspace(-0.5, height - 0.5, along)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def roughness(correction: LensCorrection) -> Array:
+    """(P, P) quadratic form of the P flat control points: ∬ S_uu² + 2·S_uv² + S_vv² du dv over the domain, summed over both axes of the
+    displacement (the bending energy of a thin plate), in (focal lengths)² ÷ u²; only the grid counts, not the control points.
+
+    Exact: the products of B-splines are integrated by Gauss's rule. Positive semidefinite; zero for displacements that are affine in u,
+    and for those only. The energy of a surface doesn't depend on the grid that it is written on.
+    """
+    x, y = (_products(int(n), float(h)) for n, h in zip(correction.cells, correction.sides, strict=True))
+    form = np.kron(y[0], x[2]) + 2 * np.kron(y[1], x[1]) + np.kron(y[2], x[0])
+    return np.kron(form, np.eye(2))
+
+
+def _products(cells: int, side: float) -> list[Array]:
+    """∫ B_i B_j, ∫ B_i′ B_j′ and ∫ B_i″ B_j″ (n, n) of the n = `cells` + 3 cubic B-splines of a line of cells."""
+    nodes, share = np.polynomial.legendre.leggauss(DEGREE + 1)
+    out = []
+    for derivative in (0, 1, 2):
+        v, whole = bspline((nodes + 1) / 2, derivative) / side**derivative, np.zeros((cells + DEGREE, cells + DEGREE))
+        one = (v.T * share / 2 * side) @ v
+        for k in range(cells):
+            whole[k : k + 4, k : k + 4] += one
+        out.append(whole)
+    return out
