@@ -3,12 +3,13 @@
 from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography
 from rcdn.geometry.lens import project, transform, unproject
-from rcdn.geometry.slopes import cross_matrix, project_with_slopes, rotation, rotation_slope
+from rcdn.geometry.slopes import core_slopes, cross_matrix, project_with_slopes, rotation, rotation_slope
 from rcdn.geometry.spline_grid import roughness, zero_correction
 
 __all__ = [
     "apply_homography",
     "basis",
+    "core_slopes",
     "cross_matrix",
     "homography",
     "project",

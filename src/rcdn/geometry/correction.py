@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from rcdn.types import Array, LensCorrection
@@ -41,27 +43,39 @@ def point_of(u: Array) -> Array:
 def surface(correction: LensCorrection, u: Array) -> Array:
     """The displacement (..., 2), in focal lengths, at stereographic points (..., 2)."""
     first, inside, _ = _cell(correction, u)
-    weights = bspline(inside)
-    control, total = correction.control, np.zeros(np.shape(u))
-    for row in range(4):
-        for column in range(4):
-            w = weights[..., 1, row] * weights[..., 0, column]
-            total += w[..., None] * control[first[..., 1] + row, first[..., 0] + column]
-    return total
+    x, y = bspline(inside[..., 0]), bspline(inside[..., 1])
+    out = np.empty(np.shape(u))
+    for axis in (0, 1):
+        out[..., axis] = sum(w * _row(x, c) for w, c in zip(y, _control(correction, first, axis), strict=True))
+    return out
 
 
 def surface_slopes(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
     """`surface` with its slopes in u (..., 2, 2): [..., k, l] is the slope of axis k of the displacement in axis l of u."""
     first, inside, within = _cell(correction, u)
-    weights, slopes = bspline(inside), bspline(inside, 1) / correction.sides[:, None]
-    control, total, by_u = correction.control, np.zeros(np.shape(u)), np.zeros((*np.shape(u), 2))
-    for row in range(4):
-        for column in range(4):
-            c = control[first[..., 1] + row, first[..., 0] + column]
-            total += (weights[..., 1, row] * weights[..., 0, column])[..., None] * c
-            by_u[..., 0] += (weights[..., 1, row] * slopes[..., 0, column])[..., None] * c
-            by_u[..., 1] += (slopes[..., 1, row] * weights[..., 0, column])[..., None] * c
+    x, y = bspline(inside[..., 0]), bspline(inside[..., 1])
+    dx, dy = (bspline(inside[..., k], 1) / correction.sides[k] for k in (0, 1))
+    total, by_u = np.empty(np.shape(u)), np.zeros((*np.shape(u), 2))
+    for axis in (0, 1):
+        rows = list(_control(correction, first, axis))
+        along = [_row(x, c) for c in rows]
+        total[..., axis] = _row(y, along)
+        by_u[..., axis, 0] = sum(w * _row(dx, c) for w, c in zip(y, rows, strict=True))
+        by_u[..., axis, 1] = _row(dy, along)
     return total, by_u @ _border_slopes(correction, u) if not within.all() else by_u
+
+
+def _control(correction: LensCorrection, first: Array, axis: int) -> Iterator[list[Array]]:
+    """The four rows of four control points (...) of the cells `first` (..., 2), one axis of the displacement."""
+    width, flat = correction.control.shape[1], correction.control[..., axis].ravel()
+    at = first[..., 1] * width + first[..., 0]
+    for row in range(4):
+        yield [flat.take(at + (row * width + column)) for column in range(4)]
+
+
+def _row(weights: Array, values: list[Array]) -> Array:
+    """Σ weights · values of four."""
+    return np.asarray(weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3])
 
 
 def basis(correction: LensCorrection, points: Array) -> tuple[Array, Array]:
@@ -72,11 +86,10 @@ def basis(correction: LensCorrection, points: Array) -> tuple[Array, Array]:
 
 def _basis(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
     first, inside, _ = _cell(correction, u)
-    weights = bspline(inside)
-    steps = np.arange(4)
+    weights, steps = bspline(inside), np.arange(4)
     rows = (first[:, 1, None] + steps) * correction.control.shape[1]
     columns = rows[:, :, None] + (first[:, 0, None] + steps)[:, None, :]
-    both = weights[:, 1, :, None] * weights[:, 0, None, :]
+    both = np.einsum("rn,cn->nrc", weights[:, :, 1], weights[:, :, 0])
     return columns.reshape(-1, 16), both.reshape(-1, 16)
 
 
@@ -106,10 +119,10 @@ def _border_slopes(correction: LensCorrection, u: Array) -> Array:
 
 
 def bspline(t: Array, derivative: int = 0) -> Array:
-    """The four uniform cubic B-splines (..., 4) that are not zero at t in [0, 1] of a cell, or their `derivative` (0, 1 or 2) in t."""
+    """The four uniform cubic B-splines (4, ...) that are not zero at t in [0, 1] of a cell, or their `derivative` (0, 1 or 2) in t."""
     s = 1 - t
     if derivative == 0:
-        return np.stack([s**3, 4 + t * t * (3 * t - 6), 4 + s * s * (3 * s - 6), t**3], axis=-1) / 6
+        return np.stack([s * s * s, 4 + t * t * (3 * t - 6), 4 + s * s * (3 * s - 6), t * t * t]) / 6
     if derivative == 1:
-        return np.stack([-s * s, t * (3 * t - 4), s * (4 - 3 * s), t * t], axis=-1) / 2
-    return np.stack([s, 3 * t - 2, 3 * s - 2, t], axis=-1)
+        return np.stack([-s * s, t * (3 * t - 4), s * (4 - 3 * s), t * t]) / 2
+    return np.stack([s, 3 * t - 2, 3 * s - 2, t])

@@ -8,38 +8,47 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.correction import basis, stereographic, stereographic_slopes, surface_slopes
 from rcdn.geometry.lens import project
 from rcdn.geometry.model_slopes import distorted_with_slopes
-from rcdn.types import Array, Camera, LensCorrection
+from rcdn.types import Array, Camera
 
 
 def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     """Pixels (N, 2) of camera points (N, 3), with ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters` (N, 2, P).
 
-    Pixels are those of `project`, and skew is zero. Those of a correction's control points are its `basis` times the focal lengths.
-    Raises RcdnError for the model `division`, which is not calibrated.
+    Pixels are those of `project`, and skew is zero. With a correction nearly all of the N·2·P numbers are zero: `core_slopes` and
+    `basis` have the others. Raises RcdnError for the model `division`, which is not calibrated.
+    """
+    points = np.asarray(points, float)
+    xy, by_point, core = core_slopes(camera, points)
+    if camera.correction is None:
+        return xy, by_point, core
+    end = core.shape[2]
+    slopes = np.zeros((len(points), 2, end + camera.correction.control.size))
+    slopes[:, :, :end] = core
+    columns, weights = basis(camera.correction, points)
+    of = np.arange(len(points))[:, None]
+    for axis in (0, 1):
+        slopes[of, axis, end + 2 * columns + axis] = camera.K[axis, axis] * weights
+    return xy, by_point, slopes
+
+
+def core_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """As `project_with_slopes`, but the last (N, 2, 4 + d) for fx fy cx cy and the distortion only.
+
+    Those of a correction's control points are its `basis` times the focal length of the axis.
     """
     points = np.asarray(points, float)
     if camera.model == "division":
         raise RcdnError("camera.model 'division' has no derivatives here; use brown, rational or fisheye")
     d, by_point, by_lens = distorted_with_slopes(camera, points)
-    f, end = camera.K[[0, 1], [0, 1]], 4 + len(camera.distortion)
-    slopes = np.zeros((len(points), 2, len(camera.parameters)))
-    slopes[:, [0, 1], [2, 3]] = 1.0
-    slopes[:, :, 4:end] = by_lens * f[:, None]
     if camera.correction is not None:
-        u = stereographic(points)
-        shift, by_u = surface_slopes(camera.correction, u)
+        shift, by_u = surface_slopes(camera.correction, stereographic(points))
         d, by_point = d + shift, by_point + by_u @ stereographic_slopes(points)
-        _fill(slopes[:, :, end:], camera.correction, points, f)
+    f = camera.K[[0, 1], [0, 1]]
+    slopes = np.zeros((len(points), 2, 4 + len(camera.distortion)))
     slopes[:, [0, 1], [0, 1]] = d
+    slopes[:, [0, 1], [2, 3]] = 1.0
+    slopes[:, :, 4:] = by_lens * f[:, None]
     return project(camera, points), by_point * f[:, None], slopes
-
-
-def _fill(slopes: Array, correction: LensCorrection, points: Array, f: Array) -> None:
-    """Write ∂pixel/∂control into `slopes` (N, 2, 2·rows·columns), zero before: 16 numbers an axis of each point."""
-    columns, weights = basis(correction, points)
-    of = np.arange(len(points))[:, None]
-    for axis in (0, 1):
-        slopes[of, axis, 2 * columns + axis] = f[axis] * weights
 
 
 def rotation(vectors: Array) -> Array:

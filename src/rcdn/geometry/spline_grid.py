@@ -61,7 +61,7 @@ def _products(cells: int, side: float) -> list[Array]:
     out = []
     for derivative in (0, 1, 2):
         v, whole = bspline((nodes + 1) / 2, derivative) / side**derivative, np.zeros((cells + DEGREE, cells + DEGREE))
-        one = (v.T * share / 2 * side) @ v
+        one = (v * share / 2 * side) @ v.T
         for k in range(cells):
             whole[k : k + 4, k : k + 4] += one
         out.append(whole)
