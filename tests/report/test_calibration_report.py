@@ -10,6 +10,7 @@ import pytest
 
 from rcdn.errors import OutputError
 from rcdn.geometry import project, rotation, transform, unproject
+from rcdn.geometry.undistort import HALF_VIEW, undistorted_camera
 from rcdn.report.calibration import maps, pictures, rig, stereo, style, verdict, write_report, write_stereo_report
 from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import escape, number, percent, tag, value_and_std
@@ -407,13 +408,13 @@ def test_undistorting_makes_a_ramp_of_rays_a_ramp_of_pixels(camera):
     rays = unproject(camera, pixels)
     slope = rays[..., 0] / np.maximum(rays[..., 2], 0.2)
     picture = (128 + 40 * slope).clip(0, 255).astype(np.float32)
-    flat = pictures.flat_camera(camera)
+    flat = undistorted_camera(camera)
     after = pictures.undistort(picture, camera, flat)
     truth = 128 + 40 * unproject(flat, pixels)[..., 0]
     inside = np.zeros(truth.shape, bool)
     inside[20:-20, 20:-20] = True
     assert np.abs(after - truth)[inside].max() < 0.5
-    assert np.degrees(np.arctan(320 / flat.K[0, 0])) <= pictures.HALF_VIEW + 1e-9
+    assert np.degrees(np.arctan(320 / flat.K[0, 0])) <= HALF_VIEW + 1e-9
 
 
 def test_undistorting_turns_as_rectification_does():

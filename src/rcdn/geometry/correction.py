@@ -81,10 +81,11 @@ def _row(weights: Array, values: list[Array]) -> Array:
 def basis(correction: LensCorrection, points: Array) -> tuple[Array, Array]:
     """Which control points move the pixels of camera points (N, 3), and how much: `columns` (N, 16), the numbers of the control
     points, row by row, and `weights` (N, 16), which sum to 1. The displacement is Σ weights · control[columns]; NaN without a pixel."""
-    return _basis(correction, stereographic(points))
+    return basis_at(correction, stereographic(points))
 
 
-def _basis(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
+def basis_at(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
+    """`basis` at stereographic points (N, 2)."""
     first, inside, _ = _cell(correction, u)
     weights, steps = bspline(inside), np.arange(4)
     rows = (first[:, 1, None] + steps) * correction.control.shape[1]

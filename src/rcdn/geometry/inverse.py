@@ -36,6 +36,15 @@ def corrected_ray(camera: Camera, d: Array) -> Array:
     return rays.reshape(*np.shape(d)[:-1], 3)
 
 
+def unfolded(camera: Camera, rays: Array) -> Array:
+    """(...,) bool: whether the map of a camera with a correction isn't turned over at rays (..., 3), and they are before the fold of
+    the parametric model."""
+    assert camera.correction is not None
+    u = stereographic(rays).reshape(-1, 2)
+    J = _error(camera, camera.correction, u, np.zeros(2))[1]
+    return np.asarray(_upright(camera, u, J).reshape(np.shape(rays)[:-1]))
+
+
 def _solve(camera: Camera, d: Array) -> Array:
     """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
     assert camera.correction is not None
@@ -77,12 +86,14 @@ def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) 
         taken = open_[better]
         u[taken], error[taken], J[taken] = trial[better], e[better], slope[better]
         damping[open_] = np.where(better, np.minimum(2 * damping[open_], 1), damping[open_] / 2)
-    turn = 2 * np.tan(fold(camera) / 2)
-    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
-    good = (
-        (np.hypot(error[:, 0], error[:, 1]) <= GOOD * scale) & (determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < turn)
-    )
+    good = (np.hypot(error[:, 0], error[:, 1]) <= GOOD * scale) & _upright(camera, u, J)
     return np.asarray(np.where(good[:, None], u, np.nan))
+
+
+def _upright(camera: Camera, u: Array, J: Array) -> Array:
+    """(N,) bool: the Jacobian `J` (N, 2, 2) of the map keeps the orientation, and `u` is before the fold of the parametric model."""
+    determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+    return np.asarray((determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < 2 * np.tan(fold(camera) / 2)))
 
 
 def _error(camera: Camera, correction: LensCorrection, u: Array, d: Array) -> tuple[Array, Array]:

@@ -50,9 +50,13 @@ def roughness(correction: LensCorrection) -> Array:
     Exact: the products of B-splines are integrated by Gauss's rule. Positive semidefinite; zero for displacements that are affine in u,
     and for those only. The energy of a surface doesn't depend on the grid that it is written on.
     """
+    return np.kron(bending(correction), np.eye(2))
+
+
+def bending(correction: LensCorrection) -> Array:
+    """(rows·columns, rows·columns) `roughness` of one axis of the displacement."""
     x, y = (_products(int(n), float(h)) for n, h in zip(correction.cells, correction.sides, strict=True))
-    form = np.kron(y[0], x[2]) + 2 * np.kron(y[1], x[1]) + np.kron(y[2], x[0])
-    return np.kron(form, np.eye(2))
+    return np.asarray(np.kron(y[0], x[2]) + 2 * np.kron(y[1], x[1]) + np.kron(y[2], x[0]))
 
 
 def _products(cells: int, side: float) -> list[Array]:

@@ -100,7 +100,7 @@ def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
 def before_after(found: Sample | None, camera: Camera, asked: bool) -> Html:
     """One picture as it was taken and with the lens undone."""
     if found is None:
-        if camera.model == "pinhole":
+        if camera.model == "pinhole" and camera.correction is None:
             return tag("p", "The pinhole model has no distortion to undo.", class_="soft")
         return tag(
             "p", "There is no photograph to show it on." if asked else "Drawn without the photographs.", class_="soft"

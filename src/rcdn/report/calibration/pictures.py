@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from rcdn.geometry import project, unproject
+from rcdn.geometry.undistort import resized, undistorted_camera, undistortion_maps
 from rcdn.io import as_grey
 from rcdn.report.calibration.facts import thinned
 from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, rings, segments, tag
@@ -24,8 +25,6 @@ MOST = 120
 DOTS = 40_000
 """corners that are drawn into all thumbnails together"""
 THUMB_QUALITY, SAMPLE_QUALITY, SAMPLE_WIDTH = 70, 80, 760
-HALF_VIEW = 55.0
-"""degrees off the axis: how far the undistorted picture goes at most; beyond, a flat picture is nothing but stretched edges"""
 TRIES = 5
 """pictures that are tried for the sample until one can be read"""
 
@@ -192,10 +191,10 @@ class Sample:
 def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None:
     """The used view in which the lens bends the board's lines most, its picture before and after; None if no picture can be had."""
     camera = calibration.camera
-    if pictures is None or camera.model == "pinhole":
+    if pictures is None or (camera.model == "pinhole" and camera.correction is None):
         return None
     numbered = [(k, v) for k, v in enumerate(calibration.views, start=1) if not v.reason]
-    flat = flat_camera(camera)
+    flat = undistorted_camera(camera)
     bent = sorted(
         numbered, key=lambda item: (-_inside(item[1], camera, flat), -_bow(item[1].xy, _outer_lines(item[1])))
     )
@@ -213,7 +212,7 @@ def _inside(view: BoardView, camera: Camera, flat: Camera) -> bool:
 
 
 def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample:
-    flat = flat_camera(camera)
+    flat = undistorted_camera(camera)
     factor = min(1.0, SAMPLE_WIDTH / max(camera.image_size))
     size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
     before = shrunk(grey, size)
@@ -233,49 +232,11 @@ def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample
     return Sample(number, view.name, size, pair, (chords[0], chords[1]), (corners[0], corners[1]), bow, float(angle))
 
 
-def flat_camera(camera: Camera) -> Camera:
-    """A pinhole camera of the same size that shows the picture's middle lines out to its edges, but no more than HALF_VIEW off the
-    axis, with square pixels and no empty corners under a barrel distortion."""
-    width, height = camera.image_size
-    cx, cy = camera.K[:2, 2]
-    ends = np.array([[-0.5, cy], [width - 0.5, cy], [cx, -0.5], [cx, height - 0.5]])
-    rays = unproject(camera, ends)
-    most = np.tan(np.radians(HALF_VIEW))
-    across = np.abs(rays[[0, 1, 2, 3], [0, 0, 1, 1]])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(rays[:, 2] > 0, across / rays[:, 2], np.inf)
-    reach = np.minimum(np.where(np.isfinite(reach) & (reach > 1e-6), reach, most), most)
-    f = max(width / (reach[0] + reach[1]), height / (reach[2] + reach[3]))
-    centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
-    return Camera(
-        np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]), np.zeros(0), camera.image_size, "pinhole"
-    )
-
-
-def resized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """The camera of the same picture at another `size` (width, height); pixel centres at integers."""
-    sx, sy = size[0] / camera.image_size[0], size[1] / camera.image_size[1]
-    K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ camera.K
-    return Camera(K, camera.distortion, size, camera.model)
-
-
 def undistort(picture: Array, camera: Camera, flat: Camera, R: Array | None = None) -> Array:
     """`picture` of `camera` as `flat`, turned by `R` (takes camera axes to those of `flat`), would have seen it; grey where
     nothing was seen."""
-    width, height = flat.image_size
-    pixels = np.stack(np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float)), axis=-1)
-    rays = unproject(flat, pixels)
-    rays = rays if R is None else rays @ R
-    at = project(camera, rays)
-    back = unproject(camera, at.reshape(-1, 2)).reshape(rays.shape)
-    # beyond the lens's fold a pixel is reached by a ray that it doesn't see
-    gap = np.linalg.norm(_unit(back) - _unit(rays), axis=-1)
-    at = np.where((gap < 1e-6)[..., None], at, -1e4).astype(np.float32)
-    return cv2.remap(picture, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=96)
-
-
-def _unit(rays: Array) -> Array:
-    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    x, y = undistortion_maps(camera, flat, R)
+    return cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=96)
 
 
 def _outer_lines(view: BoardView) -> list[list[int]]:

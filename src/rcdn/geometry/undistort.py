@@ -1,0 +1,74 @@
+"""Pictures without distortion: the pinhole camera that they are of, and the maps that make them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rcdn.geometry.inverse import unfolded
+from rcdn.geometry.lens import project, unproject
+from rcdn.types import Array, Camera
+
+HALF_VIEW = 55.0
+"""degrees off the axis: how far the undistorted picture goes at most; beyond, a flat picture is nothing but stretched edges"""
+NOWHERE = -1e4
+"""px, the maps' value where the camera saw nothing: outside of every picture, and within cv2.remap's 16 bits"""
+BLOCK = 1 << 18
+"""pixels at a time, which bounds the memory"""
+
+
+def undistorted_camera(camera: Camera) -> Camera:
+    """A pinhole camera of the same size that shows the picture's middle lines out to its edges, but no more than HALF_VIEW off the
+    axis, with square pixels and no empty corners under a barrel distortion."""
+    width, height = camera.image_size
+    cx, cy = camera.K[:2, 2]
+    ends = np.array([[-0.5, cy], [width - 0.5, cy], [cx, -0.5], [cx, height - 0.5]])
+    rays = unproject(camera, ends)
+    most = np.tan(np.radians(HALF_VIEW))
+    across = np.abs(rays[[0, 1, 2, 3], [0, 0, 1, 1]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(rays[:, 2] > 0, across / rays[:, 2], np.inf)
+    reach = np.minimum(np.where(np.isfinite(reach) & (reach > 1e-6), reach, most), most)
+    f = max(width / (reach[0] + reach[1]), height / (reach[2] + reach[3]))
+    centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
+    K = np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]])
+    return Camera(K, np.zeros(0), camera.image_size, "pinhole")
+
+
+def resized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """The camera of the same picture at another `size` (width, height); pixel centres at integers."""
+    sx, sy = size[0] / camera.image_size[0], size[1] / camera.image_size[1]
+    K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ camera.K
+    return replace(camera, K=K, image_size=size)
+
+
+def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> tuple[Array, Array]:
+    """For each pixel of `flat`, turned by `R` (3, 3; takes camera axes to those of `flat`), where `camera` sees it: map_x and map_y
+    (H, W) float32, px, as cv2.remap takes them; NOWHERE where it doesn't."""
+    width, height = flat.image_size
+    rows = max(BLOCK // width, 1)
+    parts = [_block(camera, flat, R, y, min(y + rows, height)) for y in range(0, height, rows)]
+    at = np.concatenate(parts)
+    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+
+
+def _block(camera: Camera, flat: Camera, R: Array | None, top: int, bottom: int) -> Array:
+    """Rows `top` to `bottom` of the maps, (rows, W, 2) float32."""
+    x, y = np.arange(flat.image_size[0], dtype=float), np.arange(top, bottom, dtype=float)
+    rays = unproject(flat, np.stack(np.meshgrid(x, y), axis=-1))
+    rays = rays if R is None else rays @ R
+    at = project(camera, rays)
+    return np.where(_sees(camera, rays, at)[..., None], at, NOWHERE).astype(np.float32)
+
+
+def _sees(camera: Camera, rays: Array, at: Array) -> Array:
+    """Beyond the lens's fold a pixel is reached by a ray that it doesn't see: (...,) bool of rays (..., 3) that reach `at` (..., 2)."""
+    if camera.correction is not None:
+        return unfolded(camera, rays)
+    gap = np.linalg.norm(_unit(unproject(camera, at)) - _unit(rays), axis=-1)
+    return np.asarray(gap < 1e-6)
+
+
+def _unit(rays: Array) -> Array:
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
