@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rcdn.cli._group import one_line
+from rcdn.geometry.spline_grid import largest_shift
 
 if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration
@@ -22,9 +23,14 @@ def camera_lines(calibration: Calibration) -> list[str]:
         f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {len(c.views)} views, {corners} corners"
         f" ({c.outliers} left out){board}"
     ]
-    lines += [
-        f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names, _values(c.camera.parameters, c.std), strict=True)
-    ]
+    few = c.camera.coefficients
+    values = _values(c.camera.parameters[:few], c.std[:few])
+    lines += [f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names[:few], values, strict=True)]
+    if (correction := c.camera.correction) is not None:
+        rows, columns, _ = correction.control.shape
+        lines.append(
+            f"  and a smooth correction of {columns}×{rows} control points, up to {largest_shift(c.camera):.2f} px"
+        )
     held = "too few pictures to hold any out" if np.isnan(c.held_out) else f"{c.held_out:.3f} px in pictures held out"
     lines.append(f"RMS {c.rms:.3f} px, {held}")
     if len(c.models) > 1:

@@ -86,7 +86,7 @@ def calibrate(
             "-o",
             metavar="FILE",
             help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, camchain.yaml: "
-            "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json.",
+            "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap.",
         ),
     ] = None,
     file_format: Annotated[
@@ -146,12 +146,12 @@ class _Outputs:
 
     def check(self, inputs: Sequence[str]) -> None:
         """Raise before the work what would spoil it afterwards."""
-        from rcdn.io import camera_format
+        from rcdn.cli._camera_files import check_format
 
         paths = [Path(i) for i in inputs]
         for path in self.cameras:
             try:
-                camera_format(path, self.format)
+                check_format(path, self.format)
             except FormatError as error:
                 raise ConfigError(str(error)) from None
             _batch.check_file("--output", path, paths)
@@ -196,8 +196,8 @@ class _Run:
 
 def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate
-    from rcdn.cli import _camera_text
-    from rcdn.io import write_calibration, write_camera
+    from rcdn.cli import _camera_files, _camera_text
+    from rcdn.io import write_calibration
     from rcdn.report.calibration import write_report
 
     got = run.gather(inputs)
@@ -205,7 +205,7 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
     done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
     _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
     for path in outputs.cameras:
-        write_camera(path, done.camera, outputs.format)
+        _camera_files.write_one(path, done.camera, outputs.format)
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
@@ -215,9 +215,9 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
 
 def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate_stereo
-    from rcdn.cli import _camera_text
+    from rcdn.cli import _camera_files, _camera_text
     from rcdn.cli._pairs import pair_names
-    from rcdn.io import write_calibration, write_stereo
+    from rcdn.io import write_calibration
     from rcdn.report.calibration import write_stereo_report
 
     left = run.gather(inputs[:1])
@@ -230,7 +230,7 @@ def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, output
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(_camera_text.stereo_lines(done), out, done.advice)
     for path in outputs.cameras:
-        write_stereo(path, done, outputs.format)
+        _camera_files.write_pair(path, done, outputs.format)
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:

@@ -26,13 +26,16 @@ def best_coefficients(camera: Camera, model: CameraModel, many: int | None = Non
     """The camera of another lens model, with `many` numbers of distortion (None: all of the model's), that maps the rays of the frame to
     the nearest pixels, by least squares over a grid; and the residual's RMS and largest length over that grid, px.
 
-    Both numbers are infinite if the frame reaches so far off the axis, or the best fit is so folded, that the model can't show it.
+    Both numbers are infinite if the frame reaches so far off the axis, or the best fit is so folded, that the model can't show it, or
+    nearly no pixel has a ray.
     Raises RcdnError for the model `division`, and if the camera has no rays.
     """
     if model == "division":
         raise RcdnError("best_coefficients: model can't be 'division'; use pinhole, brown, rational or fisheye")
     pixels, rays = _frame(camera)
     start = _start(camera, model, len(LENS[model]) if many is None else many)
+    if 2 * len(rays) < len(start.parameters):
+        return start, float("inf"), float("inf")
     if model != "fisheye" and (rays[:, 2] < np.cos(np.radians(CENTRAL)) * np.linalg.norm(rays, axis=1)).any():
         return start, float("inf"), float("inf")
     found = _fit(start, rays, pixels)

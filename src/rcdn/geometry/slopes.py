@@ -44,7 +44,7 @@ def core_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
         shift, by_u = surface_slopes(camera.correction, stereographic(points))
         d, by_point = d + shift, by_point + by_u @ stereographic_slopes(points)
     f = camera.K[[0, 1], [0, 1]]
-    slopes = np.zeros((len(points), 2, 4 + len(camera.distortion)))
+    slopes = np.zeros((len(points), 2, camera.coefficients))
     slopes[:, [0, 1], [0, 1]] = d
     slopes[:, [0, 1], [2, 3]] = 1.0
     slopes[:, :, 4:] = by_lens * f[:, None]

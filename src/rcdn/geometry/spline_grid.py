@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.geometry.correction import bspline, stereographic
+from rcdn.geometry.correction import bspline, stereographic, surface
 from rcdn.geometry.lens import unproject
 from rcdn.types import Array, Camera, LensCorrection
 from rcdn.types.correction import DEGREE
@@ -34,6 +34,15 @@ def zero_correction(camera: Camera, columns: int, margin: float = 0.03, pixels: 
     side = 2 * half[0] / (columns - DEGREE)
     rows = max(int(np.ceil(2 * half[1] / side - 1e-9)), 1) + DEGREE
     return LensCorrection(np.zeros((rows, columns, 2)), np.array([half[0], side * (rows - DEGREE) / 2]))
+
+
+def largest_shift(camera: Camera) -> float:
+    """How far the camera's correction moves a pixel of the frame at most, px; 0 without one."""
+    if camera.correction is None:
+        return 0.0
+    rays = unproject(camera, frame_pixels(camera.image_size, ALONG))
+    shift = surface(camera.correction, stereographic(rays)) @ camera.K[:2, :2].T
+    return float(np.max(np.hypot(shift[:, 0], shift[:, 1]), initial=0.0, where=np.isfinite(shift).all(axis=1)))
 
 
 def frame_pixels(image_size: tuple[int, int], along: int) -> Array:

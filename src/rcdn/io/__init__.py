@@ -3,9 +3,11 @@
 from rcdn.io.calibration import read_calibration, read_stereo_calibration, write_calibration
 from rcdn.io.cameras import (
     CameraFormat,
+    LensFit,
     Rectification,
     StereoCameras,
     camera_format,
+    lens_fit,
     read_camera,
     read_cameras,
     read_stereo,
@@ -23,12 +25,14 @@ from rcdn.io.formats import (
     write_lines,
 )
 from rcdn.io.images import as_grey, frames, read_image, write_image
+from rcdn.io.maps import write_maps, write_stereo_maps
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
     "CameraFormat",
     "FormatError",
     "ImageResult",
+    "LensFit",
     "Rectification",
     "StereoCameras",
     "as_grey",
@@ -39,6 +43,7 @@ __all__ = [
     "image_line",
     "image_of_line",
     "is_video",
+    "lens_fit",
     "read_calibration",
     "read_camera",
     "read_cameras",
@@ -55,7 +60,9 @@ __all__ = [
     "write_detections",
     "write_image",
     "write_lines",
+    "write_maps",
     "write_stereo",
+    "write_stereo_maps",
     "write_text",
     "write_vnl",
 ]

@@ -57,10 +57,15 @@ class Camera:
 
     @property
     def parameters(self) -> Array:
-        """(4 + d [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control points, flat."""
+        """(`coefficients` [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control points, flat."""
         K = self.K
         core = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], self.distortion])
         return core if self.correction is None else np.concatenate([core, self.correction.control.ravel()])
+
+    @property
+    def coefficients(self) -> int:
+        """Number of `parameters` before the correction's."""
+        return 4 + len(self.distortion)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -74,7 +79,7 @@ class Camera:
         K = np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]])
         if self.correction is None:
             return Camera(K, np.asarray(parameters[4:], float), self.image_size, self.model)
-        end = 4 + len(self.distortion)
+        end = self.coefficients
         correction = self.correction.with_control(parameters[end:])
         return Camera(K, np.asarray(parameters[4:end], float), self.image_size, self.model, correction)
 

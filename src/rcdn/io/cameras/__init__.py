@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, RcdnError
 from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
+from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.fields import read_text
 from rcdn.io.files import check_writable, write_text
@@ -17,9 +20,11 @@ from rcdn.types import Camera, StereoCalibration
 
 __all__ = [
     "CameraFormat",
+    "LensFit",
     "Rectification",
     "StereoCameras",
     "camera_format",
+    "lens_fit",
     "read_camera",
     "read_cameras",
     "read_stereo",
@@ -66,12 +71,37 @@ def camera_format(path: str | Path, format: CameraFormat | None = None) -> Camer
     return _ENDINGS[ending]
 
 
-def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> None:
+def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
     """Write a camera in the format of `camera_format(path, format)`, whole or not at all.
 
-    Every digit is kept. Raises FormatError if the format can't hold the lens model, naming those that can; OutputError as `write_text`.
+    Every digit is kept. A camera with a `correction` is written as it is to json only, and to the others as `lens_fit` says, which is
+    returned and stands in the file as a comment; None if the file holds the camera as it is. Raises FormatError if the format can't
+    hold the lens model, naming those that can; OutputError as `write_text`.
     """
-    write_text(path, _FORMATS[camera_format(path, format)].text(camera))
+    kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format)
+    write_text(path, _noted(kind, kind.text(camera if fit is None else fit.held), [fit]))
+    return fit
+
+
+def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
+    """What a file in the format of `camera_format(path, format)` holds of a camera with a `correction`: the best fit of the format's lens
+    models (mrcal: of its splined stereographic one) over the frame, and how far it is off; None if it holds the camera as it is.
+
+    Raises FormatError if no lens of the format can show what the camera sees.
+    """
+    kind = _FORMATS[camera_format(path, format)]
+    if camera.correction is None or kind.fit is None:
+        return None
+    try:
+        return kind.fit(camera)
+    except RcdnError as error:
+        raise FormatError(f"{kind.title}: {error}; write json") from error
+
+
+def _noted(kind: Format, text: str, fits: Sequence[LensFit | None]) -> str:
+    """The text of a file with what the fits lose as comments at its head."""
+    notes = [f"# {note}\n" for note in dict.fromkeys(fit.text for fit in fits if fit is not None)]
+    return text.replace(kind.head, kind.head + "".join(notes), 1) if notes else text
 
 
 def read_camera(path: str | Path, format: CameraFormat | None = None, name: str | None = None) -> Camera:
@@ -106,14 +136,17 @@ def write_stereo(
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
         raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
-    texts = kind.stereo_texts(StereoCameras.of(pair))
+    found = StereoCameras.of(pair)
+    fits = [lens_fit(path, camera, format) for camera in (found.left, found.right)]
+    left, right = (c if f is None else f.held for c, f in zip((found.left, found.right), fits, strict=True))
+    texts = kind.stereo_texts(replace(found, left=left, right=right))
     target = Path(path)
     sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
     files = [target] if len(texts) == 1 else sides
     for file in files:
         check_writable(file)
-    for file, text in zip(files, texts, strict=True):
-        write_text(file, text)
+    for file, text, of in zip(files, texts, [fits] if len(texts) == 1 else [fits[:1], fits[1:]], strict=True):
+        write_text(file, _noted(kind, text, of))
     return files
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError
+from rcdn.geometry.fit_lens import nearest
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import take
 from rcdn.types import Array, Camera, CameraModel
@@ -23,13 +24,33 @@ HOLDERS = {
 """formats that hold any camera of a model"""
 
 
+@dataclass(frozen=True, eq=False)
+class LensFit:
+    """What a file holds of a camera with a `correction` that its format has no place for: `held`, the nearest camera of a lens model of the
+    format (mrcal: the nearest spline), `model` its name, and the difference over the frame, RMS and `largest`, px."""
+
+    held: Any
+    model: str
+    rms: float
+    largest: float
+
+    @property
+    def text(self) -> str:
+        """The difference in words."""
+        return (
+            f"best fit of {self.model} to a lens with a smooth correction: differs by {self.rms:.4f} px RMS, "
+            f"{self.largest:.4f} px at most, over the frame"
+        )
+
+
 @dataclass(frozen=True)
 class Format:
     """One format of camera files.
 
     `load(path, text)` gives the file's data; `cameras(data, path)` the cameras in it by name; `text(camera)` a file;
     `stereo_texts(pair)` the one file of a pair, or the left and the right one; `stereo([(data, path), …])` the pair that
-    one or two files hold. Without a place for stereo the last two are None.
+    one or two files hold. Without a place for stereo these two are None. `fit(camera)`: what it holds of a camera with a correction, None
+    if that is everything; `text` and `stereo_texts` take its `held`. `head`: the text after which a file may have a comment, `# …`.
     """
 
     title: str
@@ -38,6 +59,18 @@ class Format:
     text: Callable[[Camera], str]
     stereo_texts: Callable[[StereoCameras], tuple[str, ...]] | None = None
     stereo: Callable[[Sequence[tuple[Any, str]]], StereoCameras] | None = None
+    fit: Callable[[Camera], LensFit] | None = None
+    head: str = ""
+
+
+def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit]:
+    """`Format.fit` of a format that has coefficients of these models, each with their number, the simplest first."""
+
+    def fit(camera: Camera) -> LensFit:
+        held, rms, largest = nearest(camera, models)
+        return LensFit(held, held.model, rms, largest)
+
+    return fit
 
 
 def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], model: CameraModel) -> Camera:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pinhole_numbers
+from rcdn.io.cameras.base import Format, coefficients, make_camera, matrix, opencv_lens, pinhole_numbers
 from rcdn.io.cameras.yaml_text import digits
 from rcdn.types import Array, Camera
 
@@ -90,4 +90,5 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
     return {fields[0]: _camera(fields, where) for where, fields in data}
 
 
-FORMAT = Format(TITLE, _load, _cameras, _text)
+_FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
+FORMAT = Format(TITLE, _load, _cameras, _text, fit=_FIT)

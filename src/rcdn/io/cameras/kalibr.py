@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pair_of, pinhole_numbers, unheld
+from rcdn.io.cameras.base import (
+    Format,
+    coefficients,
+    make_camera,
+    matrix,
+    opencv_lens,
+    pair_of,
+    pinhole_numbers,
+    unheld,
+)
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow, load
 from rcdn.io.fields import numbers, take, two_whole_numbers
@@ -95,4 +104,5 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     return StereoCameras(left, right, T)
 
 
-FORMAT = Format(TITLE, load, _cameras, lambda camera: _entry(camera, 0, "[]"), _stereo_texts, _stereo)
+_FIT = coefficients(("brown", 4), ("fisheye", 4))
+FORMAT = Format(TITLE, load, _cameras, lambda camera: _entry(camera, 0, "[]"), _stereo_texts, _stereo, _FIT)

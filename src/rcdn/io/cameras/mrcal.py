@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 
-from rcdn.errors import FormatError
-from rcdn.io.cameras.base import Format, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
+from rcdn.errors import FormatError, RcdnError
+from rcdn.geometry.splined import Splined, camera_of, splined_of
+from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras, motion
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, take, two_whole_numbers
@@ -22,22 +24,41 @@ _LENGTHS = {
     for name, n in {"PINHOLE": 0, "OPENCV4": 4, "OPENCV5": 5, "OPENCV8": 8, "OPENCV12": 12}.items()
 }
 _NAMES = {n: name for name, n in _LENGTHS.items()}
+SPLINED = "LENSMODEL_SPLINED_STEREOGRAPHIC"
+_SPLINED = re.compile(SPLINED + r"_order=(\d+)_Nx=(\d+)_Ny=(\d+)_fov_x_deg=(\d+)")
 _POSE = ("extrinsics", "rt_cam_ref")
 
 
-def _file(camera: Camera, rt: Array) -> str:
-    core = pinhole_numbers(camera, TITLE)
-    if camera.model in ("fisheye", "division"):
-        raise unheld(camera, TITLE)
+def _file(camera: Camera | Splined, rt: Array) -> str:
+    name, numbers, order = _splined_lens(camera) if isinstance(camera, Splined) else _lens(camera)
     width, height = camera.image_size
     return (
-        f"{{\n    'lensmodel':  '{_NAMES[len(camera.distortion)]}',\n\n"
-        f"    # fx,fy,cx,cy, then the distortion in OpenCV's order\n"
-        f"    'intrinsics': {flow([*core, *camera.distortion])},\n\n"
+        f"{{\n    'lensmodel':  '{name}',\n\n"
+        f"    # fx,fy,cx,cy, then {order}\n"
+        f"    'intrinsics': {flow(numbers)},\n\n"
         f"    # rt_fromref: rotation vector and translation of the reference in this camera, m\n"
         f"    'extrinsics': {flow(rt)},\n\n"
         f"    'imagersize': [{width}, {height}],\n}}\n"
     )
+
+
+def _lens(camera: Camera) -> tuple[str, list[float], str]:
+    """Name, numbers, and what the numbers after the first four are."""
+    core = pinhole_numbers(camera, TITLE)
+    if camera.model in ("fisheye", "division"):
+        raise unheld(camera, TITLE)
+    return _NAMES[len(camera.distortion)], [*core, *camera.distortion], "the distortion in OpenCV's order"
+
+
+def _splined_lens(camera: Splined) -> tuple[str, list[float], str]:
+    rows, columns, _ = camera.control.shape
+    name = f"{SPLINED}_order=3_Nx={columns}_Ny={rows}_fov_x_deg={camera.fov}"
+    return name, [*camera.core, *camera.control.ravel()], "the spline's control points, row by row, x before y"
+
+
+def _fit(camera: Camera) -> LensFit:
+    held, rms, largest = splined_of(camera)
+    return LensFit(held, SPLINED, rms, largest)
 
 
 def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
@@ -71,15 +92,37 @@ def _load(path: str, text: str) -> Any:
 
 def _camera(data: Any, path: str) -> Camera:
     name = take(data, "lensmodel", str, path)
+    if splined := _SPLINED.fullmatch(name):
+        return _splined_camera(data, path, [int(n) for n in splined.groups()])
     if name not in _LENGTHS:
         raise FormatError(
-            f"{path}: rcdn doesn't know the lens model {name}; make it one of {', '.join(_LENGTHS)} with mrcal-convert-lensmodel"
+            f"{path}: rcdn doesn't know the lens model {name}; make it one of {', '.join(_LENGTHS)} or {SPLINED}_order=3_… "
+            "with mrcal-convert-lensmodel"
         )
-    data = {k: list(v) if isinstance(v, tuple) else v for k, v in data.items()}
-    values = numbers(data, "intrinsics", path, finite=True, shape=(4 + _LENGTHS[name],))
-    size = two_whole_numbers(data, "imagersize", path)
+    values, size = _numbers(data, path, 4 + _LENGTHS[name])
     model, distortion = opencv_lens(path, values[4:])
     return make_camera(path, matrix(*values[:4]), distortion, size, model)
+
+
+def _numbers(data: Any, path: str, many: int) -> tuple[Array, tuple[int, int]]:
+    """The intrinsics (many,) and the image size."""
+    data = {k: list(v) if isinstance(v, tuple) else v for k, v in data.items()}
+    values = numbers(data, "intrinsics", path, finite=True, shape=(many,))
+    return values, two_whole_numbers(data, "imagersize", path)
+
+
+def _splined_camera(data: Any, path: str, numbers_of_name: list[int]) -> Camera:
+    order, columns, rows, fov = numbers_of_name
+    if order != 3 or min(columns, rows) < 4:
+        raise FormatError(
+            f"{path}: rcdn reads splines of order 3 with Nx and Ny of 4 or more only; calibrate with those"
+        )
+    values, size = _numbers(data, path, 4 + 2 * rows * columns)
+    make_camera(path, matrix(*values[:4]), [], size, "pinhole")  # checks
+    try:
+        return camera_of(Splined(values[:4], values[4:].reshape(rows, columns, 2), fov, size))
+    except RcdnError as error:
+        raise FormatError(f"{path}: {error}") from error
 
 
 def _pose(data: Any, path: str) -> Array:
@@ -97,7 +140,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     return StereoCameras(left, right, T_right_ref @ np.linalg.inv(T_left_ref))
 
 
-def _text(camera: Camera) -> str:
+def _text(camera: Camera | Splined) -> str:
     return _file(camera, np.zeros(6))
 
 
@@ -105,4 +148,4 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
     return {"camera": _camera(data, path)}
 
 
-FORMAT = Format(TITLE, _load, _cameras, _text, _stereo_texts, _stereo)
+FORMAT = Format(TITLE, _load, _cameras, _text, _stereo_texts, _stereo, _fit, head="{\n")

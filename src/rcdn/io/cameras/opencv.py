@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.io.cameras.base import Format, make_camera, opencv_lens, pair_of, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.base import (
+    Format,
+    coefficients,
+    make_camera,
+    opencv_lens,
+    pair_of,
+    pinhole_numbers,
+    size_of,
+    unheld,
+)
 from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
 from rcdn.io.cameras.yaml_text import Matrix, block_matrix, load
 from rcdn.io.fields import number
@@ -106,4 +115,5 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     return StereoCameras(left, right, T, Rectification(R1, R2, P1, P2, _get(data, "Q", (4, 4), path)))
 
 
-FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo)
+_FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
+FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo, _FIT, head="---\n")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, RcdnError
 from rcdn.io.cameras.base import Format, make_camera, pair_of
 from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.fields import numbers, read_json, take, two_whole_numbers
-from rcdn.types import Camera, CameraModel
+from rcdn.types import Camera, CameraModel, LensCorrection
 
 TITLE = "rcdn's JSON"
 VERSION = 1
@@ -26,12 +27,17 @@ def camera_record(camera: Camera) -> dict[str, Any]:
         raise FormatError(
             f"{TITLE}: Camera.distortion must be finite, not {camera.distortion.tolist()}; calibrate again"
         )
-    return {
+    record = {
         "model": camera.model,
         "image_size": [int(n) for n in camera.image_size],
         "K": camera.K.tolist(),
         "distortion": camera.distortion.tolist(),
     }
+    if (correction := camera.correction) is not None:
+        if not np.isfinite(correction.control).all():
+            raise FormatError(f"{TITLE}: Camera.correction must have finite control points; calibrate again")
+        record["correction"] = {"extent": correction.extent.tolist(), "control": correction.control.tolist()}
+    return record
 
 
 def camera_of(owner: Any, where: str) -> Camera:
@@ -43,7 +49,19 @@ def camera_of(owner: Any, where: str) -> Camera:
         raise FormatError(f"{where}: 'model' must be one of {', '.join(get_args(CameraModel))}, not {model!r}")
     size = two_whole_numbers(record, "image_size", where)
     K = numbers(record, "K", where, finite=True, shape=(3, 3))
-    return make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), size, model)
+    camera = make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), size, model)
+    return camera if record.get("correction") is None else _corrected(camera, record, where)
+
+
+def _corrected(camera: Camera, record: dict[str, Any], where: str) -> Camera:
+    found = take(record, "correction", dict, where)
+    where = f"{where}: correction"
+    extent = numbers(found, "extent", where, finite=True, shape=(2,))
+    control = numbers(found, "control", where, finite=True)
+    try:
+        return replace(camera, correction=LensCorrection(control, extent))
+    except RcdnError as error:
+        raise FormatError(f"{where}: {error}") from error
 
 
 def to_text(kind: str, record: dict[str, Any]) -> str:

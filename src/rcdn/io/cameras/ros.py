@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.io.cameras.base import Format, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.base import Format, coefficients, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
 from rcdn.io.cameras.yaml_text import block_matrix, load
 from rcdn.io.fields import numbers, take
@@ -91,4 +91,5 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
     return {"camera": _camera(data, path)}
 
 
-FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo)
+_FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
+FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo, _FIT)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.geometry.spline_grid import largest_shift
 from rcdn.report.calibration import charts, maps, verdict
 from rcdn.report.calibration.facts import Facts
 from rcdn.report.calibration.markup import (
@@ -145,7 +146,8 @@ def parameters(calibration: Calibration) -> Html:
     """Every parameter with its standard deviation."""
     camera = calibration.camera
     rows = []
-    for name, value, std in zip(camera.parameter_names, camera.parameters, calibration.std, strict=True):
+    every = zip(camera.parameter_names, camera.parameters, calibration.std, strict=True)
+    for name, value, std in list(every)[: camera.coefficients]:
         shown, spread = value_and_std(float(value), float(std))
         unit = "px" if name in ("fx", "fy", "cx", "cy") else ""
         rows.append(
@@ -155,6 +157,11 @@ def parameters(calibration: Calibration) -> Html:
                 *(tag("td", t, class_="n") for t in (shown, spread)),
                 tag("td", unit),
             )
+        )
+    if camera.correction is not None:
+        most = tag("td", f"≤ {number(largest_shift(camera), 3)}", class_="n")
+        rows.append(
+            tag("tr", tag("th", "smooth correction", scope="row"), most, tag("td", "–", class_="n"), tag("td", "px"))
         )
     if camera.K[0, 1]:
         rows.append(
@@ -184,9 +191,13 @@ def copyable_camera(camera: Camera, key: str) -> Html:
     K = "[" + ",\n     ".join("[" + ", ".join(f"{v:.10g}" for v in row) + "]" for row in camera.K) + "]"
     lens = [f"{v:.10g}" for v in camera.distortion]
     rows = "".join(f"\n    {', '.join(lens[k : k + 2])}," for k in range(0, len(lens), 2))
-    names = f"  # {' '.join(camera.parameter_names[4:])}" if lens else ""
+    names = f"  # {' '.join(camera.parameter_names[4 : camera.coefficients])}" if lens else ""
     size = "image_size = ({}, {})".format(*camera.image_size)
-    block = f'model = "{camera.model}"\n{size}\nK = {K}\ndistortion = [{names}{rows}{chr(10) if lens else ""}]'
+    more = ""
+    if (correction := camera.correction) is not None:
+        high, columns, _ = correction.control.shape
+        more = f"\n# and a smooth correction of {columns} × {high} control points: see the files .json and .cameramodel"
+    block = f'model = "{camera.model}"\n{size}\nK = {K}\ndistortion = [{names}{rows}{chr(10) if lens else ""}]{more}'
     return copyable("To copy", block, f"copy-camera{key}")
 
 

@@ -1,0 +1,51 @@
+"""Maps that undistort, or rectify, a camera's pictures with cv2.remap, as NumPy's .npz."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from rcdn.errors import FormatError
+from rcdn.geometry.undistort import undistorted_camera, undistortion_maps
+from rcdn.io.cameras.rig import StereoCameras
+from rcdn.io.files import check_writable, write_bytes
+from rcdn.types import Array, Camera, StereoCalibration
+
+
+def write_maps(path: str | Path, camera: Camera) -> None:
+    """Write `map_x` and `map_y` (H, W) float32, px, for `cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR)`, and the `K` (3, 3) of the
+    pinhole camera whose picture that gives, of the same size; whole or not at all. Pixels that the camera didn't see are far outside.
+    Raises OutputError as `write_bytes`.
+    """
+    flat = undistorted_camera(camera)
+    _write(path, K=flat.K, **_maps(camera, flat, None))
+
+
+def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration) -> list[Path]:
+    """As `write_maps`, of two cameras: `path` with _left and _right, whose maps also rectify, with `R` (3, 3), `P` (3, 4) and `Q` (4, 4) as
+    OpenCV names them beside. Raises FormatError for a pair without rectification."""
+    found = StereoCameras.of(pair)
+    if (turns := found.rectification) is None:
+        raise FormatError(f"{path}: this pair has no rectification; calibrate it with `rcdn calibrate --stereo`")
+    target = Path(path)
+    files = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
+    for file in files:
+        check_writable(file)
+    sides = ((found.left, turns.R_left, turns.P_left), (found.right, turns.R_right, turns.P_right))
+    for file, (camera, R, P) in zip(files, sides, strict=True):
+        flat = Camera(P[:, :3], np.zeros(0), camera.image_size, "pinhole")
+        _write(file, K=flat.K, R=R, P=P, Q=turns.Q, **_maps(camera, flat, R))
+    return files
+
+
+def _maps(camera: Camera, flat: Camera, R: Array | None) -> dict[str, Array]:
+    x, y = undistortion_maps(camera, flat, R)
+    return {"map_x": x, "map_y": y}
+
+
+def _write(path: str | Path, **arrays: Array) -> None:
+    data = io.BytesIO()
+    np.savez(data, allow_pickle=False, **arrays)
+    write_bytes(path, data.getvalue())
