@@ -9,6 +9,7 @@ from scipy.interpolate import BSpline
 from rcdn.errors import RcdnError
 from rcdn.geometry import (
     basis,
+    folds,
     project,
     project_with_slopes,
     roughness,
@@ -18,6 +19,7 @@ from rcdn.geometry import (
     zero_correction,
 )
 from rcdn.geometry.correction import point_of, stereographic_slopes, surface_slopes
+from rcdn.geometry.inverse import unfolded
 from rcdn.geometry.models import fold
 from rcdn.types import Camera, LensCorrection
 
@@ -82,6 +84,8 @@ def test_fisheye_slopes_hold_beside_and_behind_the_camera():
 def test_there_and_back(base):
     """Every pixel that has a ray without the correction has one with it, and the ray sees the pixel."""
     camera = corrected(base)
+    assert not folds(camera)
+    assert unfolded(base, unproject(base, frame(base))).all()
     pixels = frame(camera)
     rays = unproject(camera, pixels)
     assert rays.shape == (*pixels.shape[:-1], 3)
@@ -128,6 +132,7 @@ def test_a_map_that_is_turned_over_has_no_rays_there():
     assert 0 < len(seen) < len(rays)
     _, by_point, _ = project_with_slopes(camera, seen)
     assert (np.linalg.det(by_point[:, :, :2]) > 0).all()
+    assert folds(camera)
 
 
 @pytest.mark.parametrize("base", [BASES[0], BASES[-1]], ids=["pinhole", "fisheye"])

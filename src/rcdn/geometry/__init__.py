@@ -4,14 +4,16 @@ from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography
 from rcdn.geometry.lens import project, transform, unproject
 from rcdn.geometry.slopes import core_slopes, cross_matrix, project_with_slopes, rotation, rotation_slope
-from rcdn.geometry.spline_grid import roughness, zero_correction
+from rcdn.geometry.spline_grid import folds, largest_shift, roughness, zero_correction
 
 __all__ = [
     "apply_homography",
     "basis",
     "core_slopes",
     "cross_matrix",
+    "folds",
     "homography",
+    "largest_shift",
     "project",
     "project_with_slopes",
     "rotation",

@@ -37,9 +37,8 @@ def corrected_ray(camera: Camera, d: Array) -> Array:
 
 
 def unfolded(camera: Camera, rays: Array) -> Array:
-    """(...,) bool: whether the map of a camera with a correction isn't turned over at rays (..., 3), and they are before the fold of
-    the parametric model."""
-    assert camera.correction is not None
+    """(...,) bool: whether the map of a camera isn't turned over at rays (..., 3), and they are before the fold of the parametric
+    model. Not for the model `division`."""
     u = stereographic(rays).reshape(-1, 2)
     J = _error(camera, camera.correction, u, np.zeros(2))[1]
     return np.asarray(_upright(camera, u, J).reshape(np.shape(rays)[:-1]))
@@ -96,13 +95,15 @@ def _upright(camera: Camera, u: Array, J: Array) -> Array:
     return np.asarray((determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < 2 * np.tan(fold(camera) / 2)))
 
 
-def _error(camera: Camera, correction: LensCorrection, u: Array, d: Array) -> tuple[Array, Array]:
+def _error(camera: Camera, correction: LensCorrection | None, u: Array, d: Array) -> tuple[Array, Array]:
     """Where `u` (N, 2) is seen less `d`, and its Jacobian (N, 2, 2) in u; NaN where it isn't seen."""
     with np.errstate(all="ignore"):
         seen, by_point, _ = distorted_with_slopes(camera, point_of(u))
+        J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :]
+        if correction is None:
+            return seen - d, J
         shift, by_u = surface_slopes(correction, u)
-        J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :] + by_u
-        return seen + shift - d, J
+        return seen + shift - d, J + by_u
 
 
 def _solved(J: Array, e: Array) -> Array:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.geometry.correction import bspline, stereographic, surface
-from rcdn.geometry.lens import unproject
+from rcdn.geometry.correction import bspline, point_of, stereographic, surface
+from rcdn.geometry.inverse import unfolded
+from rcdn.geometry.lens import project, unproject
+from rcdn.geometry.models import fold
 from rcdn.types import Array, Camera, LensCorrection
 from rcdn.types.correction import DEGREE
 
@@ -43,6 +45,22 @@ def largest_shift(camera: Camera) -> float:
     rays = unproject(camera, frame_pixels(camera.image_size, ALONG))
     shift = surface(camera.correction, stereographic(rays)) @ camera.K[:2, :2].T
     return float(np.max(np.hypot(shift[:, 0], shift[:, 1]), initial=0.0, where=np.isfinite(shift).all(axis=1)))
+
+
+def folds(camera: Camera) -> bool:
+    """Whether the camera's correction turns the map over somewhere in the frame, so that several rays share a pixel.
+
+    Looked for on a grid of several points a cell, among the rays before the fold of the parametric model. False without a correction.
+    """
+    if camera.correction is None:
+        return False
+    end = 2 * np.tan(min(fold(camera), np.radians(WIDEST)) / 2) * (1 - 1e-9)
+    half = np.minimum(camera.correction.extent, end)
+    u = np.stack(np.meshgrid(*(np.linspace(-h, h, 6 * int(camera.correction.cells.max()) + 1) for h in half)), axis=-1)
+    points = point_of(u[np.hypot(u[..., 0], u[..., 1]) < end])
+    pixels = project(camera, points)
+    inside = ((pixels >= -0.5) & (pixels <= np.array(camera.image_size) - 0.5)).all(axis=1)
+    return not unfolded(camera, points[inside]).all()
 
 
 def frame_pixels(image_size: tuple[int, int], along: int) -> Array:
