@@ -21,6 +21,7 @@ from rcdn.geometry import (
 from rcdn.geometry.correction import point_of, stereographic_slopes, surface_slopes
 from rcdn.geometry.inverse import unfolded
 from rcdn.geometry.models import fold
+from rcdn.geometry.undistort import NOWHERE, undistortion_maps
 from rcdn.types import Camera, LensCorrection
 
 SIZE = (640, 480)
@@ -133,6 +134,10 @@ def test_a_map_that_is_turned_over_has_no_rays_there():
     _, by_point, _ = project_with_slopes(camera, seen)
     assert (np.linalg.det(by_point[:, :, :2]) > 0).all()
     assert folds(camera)
+    wide = replace(base, K=K * [[1.2], [1.2], [1]])
+    lost = [(undistortion_maps(c, wide)[0] == NOWHERE).mean() for c in (camera, replace(base, correction=None))]
+    assert 0.01 < lost[0] < 0.5
+    assert lost[1] == 0
 
 
 @pytest.mark.parametrize("base", [BASES[0], BASES[-1]], ids=["pinhole", "fisheye"])

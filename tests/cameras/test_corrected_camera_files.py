@@ -138,6 +138,18 @@ def test_a_splined_lens_that_mrcal_made_is_read(tmp_path):
     assert again.largest < 0.01
 
 
+def test_a_lens_that_sees_behind_itself_is_written_to_120_degrees(tmp_path):
+    base = Camera([[230, 0, 640], [0, 230, 480], [0, 0, 1]], [0.01, -0.002, 0, 0], (1280, 960), "fisheye")
+    camera = replace(base, correction=zero_correction(base, 10))
+    fit = write_camera(tmp_path / "a.cameramodel", camera)
+    assert 230 <= fit.held.fov <= 240
+    assert fit.largest < 0.005
+    grid = np.stack(np.meshgrid(np.linspace(0, 1279, 40), np.linspace(0, 959, 40)), axis=-1).reshape(-1, 2)
+    rays = unproject(camera, grid)
+    rays = rays[rays[:, 2] > np.cos(np.radians(115))]
+    assert np.abs(project(read_camera(tmp_path / "a.cameramodel"), rays) - project(camera, rays)).max() < 0.01
+
+
 def test_splines_that_are_not_read(tmp_path):
     path = tmp_path / "a.cameramodel"
     write_camera(path, rippled())

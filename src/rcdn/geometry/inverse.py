@@ -44,6 +44,12 @@ def unfolded(camera: Camera, rays: Array) -> Array:
     return np.asarray(_upright(camera, u, J).reshape(np.shape(rays)[:-1]))
 
 
+def before_fold(camera: Camera, rays: Array) -> Array:
+    """(...,) bool: whether rays (..., 3) are before the fold of the parametric model. Not for the model `division`."""
+    u = stereographic(rays)
+    return np.asarray(np.hypot(u[..., 0], u[..., 1]) < 2 * np.tan(fold(camera) / 2))
+
+
 def _solve(camera: Camera, d: Array) -> Array:
     """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
     assert camera.correction is not None

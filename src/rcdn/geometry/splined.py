@@ -10,7 +10,7 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.correction import basis_at, bspline, point_of, stereographic, surface
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.models import distorted
-from rcdn.geometry.spline_grid import bending, frame_pixels
+from rcdn.geometry.spline_grid import WIDEST, bending, frame_pixels
 from rcdn.types import Array, Camera, LensCorrection
 from rcdn.types.correction import DEGREE
 
@@ -65,14 +65,13 @@ def splined_of(camera: Camera) -> tuple[Splined, float, float]:
     """The camera as a splined stereographic one, with the difference over the frame, px, RMS and largest.
 
     Least squares over the rays of the frame, and a little beyond; the coarsest grid of COLUMNS that is CLOSE, else the finest.
-    Raises RcdnError if the camera has no rays.
+    Rays over WIDEST degrees off the axis, where the stereographic plane grows without bound, are passed over. Raises RcdnError if the
+    camera has no rays.
     """
     pixels, rays = _rays(camera, ALONG, 0.0)
     u = stereographic(rays)
     half = np.abs(u).max(axis=0) * (1 + 1e-6)
     fov = int(np.ceil(np.degrees(4 * np.arctan(half[0] / 2))))
-    if fov >= 360:
-        raise RcdnError("splined_of: the frame sees all around, which no splined model can hold")
     for columns in COLUMNS:
         found = _fitted(camera, columns, fov, half[1])
         gap = np.linalg.norm(found.project(rays) - pixels, axis=1)
@@ -82,11 +81,11 @@ def splined_of(camera: Camera) -> tuple[Splined, float, float]:
 
 
 def _rays(camera: Camera, along: int, beyond: float) -> tuple[Array, Array]:
-    """Pixels (N, 2) of a grid over the frame, and a share `beyond` its sides, that have rays, and the rays (N, 3)."""
+    """Pixels (N, 2) of a grid over the frame, and a share `beyond` its sides, that have rays to WIDEST off the axis, and the rays (N, 3)."""
     middle = (np.array(camera.image_size) - 1) / 2
     pixels = middle + (frame_pixels(camera.image_size, along) - middle) * (1 + 2 * beyond)
     rays = unproject(camera, pixels)
-    seen = np.isfinite(rays).all(axis=1)
+    seen = np.degrees(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])) <= WIDEST  # NaN is not
     if not seen.any():
         raise RcdnError("splined_of: no pixel of the camera has a ray; calibrate it first")
     return pixels[seen], rays[seen]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from rcdn.geometry.inverse import unfolded
+from rcdn.geometry.inverse import before_fold, unfolded
 from rcdn.geometry.lens import project, unproject
+from rcdn.geometry.spline_grid import folds
 from rcdn.types import Array, Camera
 
 HALF_VIEW = 55.0
@@ -48,25 +50,25 @@ def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> t
     (H, W) float32, px, as cv2.remap takes them; NOWHERE where it doesn't."""
     width, height = flat.image_size
     rows = max(BLOCK // width, 1)
-    parts = [_block(camera, flat, R, y, min(y + rows, height)) for y in range(0, height, rows)]
+    sees = _reached if camera.correction is None else unfolded if folds(camera) else before_fold
+    parts = [_block(camera, flat, R, sees, y, min(y + rows, height)) for y in range(0, height, rows)]
     at = np.concatenate(parts)
     return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
 
 
-def _block(camera: Camera, flat: Camera, R: Array | None, top: int, bottom: int) -> Array:
+def _block(
+    camera: Camera, flat: Camera, R: Array | None, sees: Callable[[Camera, Array], Array], top: int, bottom: int
+) -> Array:
     """Rows `top` to `bottom` of the maps, (rows, W, 2) float32."""
     x, y = np.arange(flat.image_size[0], dtype=float), np.arange(top, bottom, dtype=float)
     rays = unproject(flat, np.stack(np.meshgrid(x, y), axis=-1))
     rays = rays if R is None else rays @ R
-    at = project(camera, rays)
-    return np.where(_sees(camera, rays, at)[..., None], at, NOWHERE).astype(np.float32)
+    return np.where(sees(camera, rays)[..., None], project(camera, rays), NOWHERE).astype(np.float32)
 
 
-def _sees(camera: Camera, rays: Array, at: Array) -> Array:
-    """Beyond the lens's fold a pixel is reached by a ray that it doesn't see: (...,) bool of rays (..., 3) that reach `at` (..., 2)."""
-    if camera.correction is not None:
-        return unfolded(camera, rays)
-    gap = np.linalg.norm(_unit(unproject(camera, at)) - _unit(rays), axis=-1)
+def _reached(camera: Camera, rays: Array) -> Array:
+    """(...,) bool: whether the pixels that rays (..., 3) reach see these rays; beyond the lens's fold they see others."""
+    gap = np.linalg.norm(_unit(unproject(camera, project(camera, rays))) - _unit(rays), axis=-1)
     return np.asarray(gap < 1e-6)
 
 
