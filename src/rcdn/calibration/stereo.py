@@ -12,7 +12,7 @@ from rcdn.calibration import robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
-from rcdn.calibration.labels import Size, bend, turn_labels
+from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
@@ -118,14 +118,18 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             at += len(view)
     joint = np.concatenate(ij)
     corners = Corners3(
-        np.concatenate(frame), np.concatenate(camera), joint * first.spacing, np.concatenate(xy), bend(joint, None)
+        np.concatenate(frame),
+        np.concatenate(camera),
+        joint * first.spacing,
+        np.concatenate(xy),
+        np.zeros((len(joint), 0)),
     )
     return _Task(seen, corners, np.concatenate(sigma), rows)
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
     poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
-    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), np.zeros(2))
+    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]))
 
 
 def _result(
@@ -137,7 +141,7 @@ def _result(
         raise CalibrationError(
             f"only {len(pairs)} pairs agree with each other: check that pictures are paired by moment"
         )
-    cov, T = covariance(fit.arrow, np.array(used), fit.scale), fit.state.rig[1]
+    cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)
     to_right = _motion_of_right(T, a, b, len(cov))
     keep = np.eye(len(cov))

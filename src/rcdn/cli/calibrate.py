@@ -74,7 +74,9 @@ def calibrate(
             help="The board's inner corners: 10x7 squares are 9x6. Not needed; boards that can't be part of it are left out.",
         ),
     ] = None,
-    warp: Annotated[bool, typer.Option("--warp", help="The board may be bent a little: solve for that, too.")] = False,
+    flat: Annotated[
+        bool, typer.Option("--flat", help="The board is perfect (glass, say): don't solve for its shape.")
+    ] = False,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
@@ -119,10 +121,8 @@ def calibrate(
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
         )
-    if stereo and warp:
-        raise ConfigError("--warp is for one camera; leave it away with --stereo")
-    if pattern is PatternName.deltille and (board is not None or warp or stereo):
-        raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
+    if pattern is PatternName.deltille and (board is not None or stereo):
+        raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
     outputs.check(inputs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
@@ -130,7 +130,7 @@ def calibrate(
     if stereo:
         _stereo(run, inputs, spacing, model.value, outputs)
     else:
-        _mono(run, inputs, spacing, model.value, warp, outputs)
+        _mono(run, inputs, spacing, model.value, flat, outputs)
     if run.failed:
         raise typer.Exit(FAILED)
 
@@ -194,7 +194,7 @@ class _Run:
         return got
 
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
+def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, flat: bool, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate
     from rcdn.cli import _camera_files, _camera_text
     from rcdn.io import write_calibration
@@ -202,7 +202,7 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
 
     got = run.gather(inputs)
     boards, names = _flat(got.images)
-    done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
+    done = calibrate(boards, spacing, names=names, model=model, size=run.size, flat=flat)
     _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
     for path in outputs.cameras:
         _camera_files.write_one(path, done.camera, outputs.format)

@@ -4,6 +4,7 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 """
 
 from rcdn.types.base import Array
+from rcdn.types.board_shape import BoardShape
 from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
@@ -13,6 +14,7 @@ __all__ = [
     "LENS",
     "Array",
     "Board",
+    "BoardShape",
     "BoardView",
     "Calibration",
     "Camera",

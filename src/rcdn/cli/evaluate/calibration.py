@@ -24,7 +24,9 @@ def calibration(
     detectors: Annotated[
         str, typer.Option(metavar="NAME,…", help="auto, paper, auto-fit, auto-first, and peers.")
     ] = "auto,paper,opencv,opencv-sb,boofcv-size",
-    warp: Annotated[bool, typer.Option("--warp", help="On common pictures, let the board be bent a little.")] = False,
+    shape: Annotated[
+        bool, typer.Option("--shape", help="On common pictures, solve for the shape of the board, too.")
+    ] = False,
     cache: Annotated[Path | None, typer.Option(metavar="DIR", help="Where detections are kept.")] = None,
     json: Json = None,
     markdown: Annotated[
@@ -54,10 +56,10 @@ def calibration(
     names = [name.strip() for name in detectors.split(",") if name.strip()]
     found, missing = suite.contestants(names, fingerprint, lambda salt: Cache(folder, salt))
     with bar("looking for boards") as step:
-        rows = suite.table(data, chosen := suite.chosen(sets or ()), found, missing, warp, step)
+        rows = suite.table(data, chosen := suite.chosen(sets or ()), found, missing, shape, step)
     if markdown is not None:
         write_text(markdown, suite.markdown(rows))
-    show(rows, json, "calibration", suite.settings_of(chosen, found, warp) | {"skipped": missing})
+    show(rows, json, "calibration", suite.settings_of(chosen, found, shape) | {"skipped": missing})
 
 
 def trust(
