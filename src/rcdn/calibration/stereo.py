@@ -14,6 +14,7 @@ from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, bend, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place
+from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
@@ -44,11 +45,17 @@ def calibrate_stereo(
     """
     pairs = _pairs(left, right, pairs)
     named = names or (None, None)
-    first = calibrate(left, spacing, names=named[0], model=model, size=size)
-    second = calibrate(right, spacing, names=named[1], model=model, size=size or first.size)
+    first = _alone(0, left, spacing, named[0], model, size)
+    second = _alone(1, right, spacing, named[1], model, size or first.size)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): name the size to use"
+        )
+    note = ""
+    if model == "auto":
+        boards, whole = (left, right), size or first.size
+        first, second, note = one_model(
+            (first, second), lambda side, name: _alone(side, boards[side], spacing, named[side], name, whole), pairs
         )
     shared = [p for p in pairs if _tells(first.views[p[0]]) and _tells(second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
@@ -61,7 +68,18 @@ def calibrate_stereo(
     start = _start(task, first, second, T)
     noise = max(first.noise, second.noise)
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
-    return _result(task, fit, first, second, odd, spacing)
+    done = _result(task, fit, first, second, odd, spacing)
+    return replace(done, advice=(*done.advice, note)) if note else done
+
+
+def _alone(
+    side: int, boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None
+) -> Calibration:
+    """The calibration of the left (0) or the right (1) camera alone; errors say whose it is."""
+    try:
+        return calibrate(boards, spacing, names=names, model=model, size=size)
+    except CalibrationError as error:
+        raise CalibrationError(f"{('left', 'right')[side]} camera: {error}") from error
 
 
 def _text(size: Size | None) -> str:
