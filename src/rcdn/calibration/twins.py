@@ -10,9 +10,10 @@ import numpy as np
 from rcdn.calibration import choose
 from rcdn.calibration.bundle import Corners3, State, default_free, solve
 from rcdn.calibration.calibrate import AUTO
+from rcdn.calibration.rig import matrix
 from rcdn.calibration.sight import off_axis, reach
 from rcdn.errors import CalibrationError
-from rcdn.types import Array, BoardView, Calibration
+from rcdn.types import Array, Calibration
 
 Both = tuple[Calibration, Calibration]
 ALIKE = 0.05
@@ -139,7 +140,7 @@ def _joint(candidates: list[Both], pairs: Sequence[tuple[int, int]]) -> tuple[ch
     starts = []
     for both in candidates:
         views = [c.views[k] for c, s in zip(both, (left, right), strict=True) for k in s.views]
-        poses = np.array([_pose(v) for v in views])
+        poses = np.array([matrix(v) for v in views])
         starts.append(State((both[0].camera, both[1].camera), poses, np.stack([np.eye(4)] * 2), np.zeros(2)))
     return choose.Task(corners, weight, picture), starts
 
@@ -177,11 +178,6 @@ def _pictures(both: Both, pairs: Sequence[tuple[int, int]]) -> tuple[list[int], 
     number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     numbers = [number[key] for key in keys]
     return numbers[: len(left.views)], numbers[len(left.views) :]
-
-
-def _pose(view: BoardView) -> Array:
-    assert view.pose is not None
-    return view.pose.T_cam_board
 
 
 def _with_scores(chosen: Calibration, alone: Calibration) -> Calibration:
