@@ -89,11 +89,11 @@ def _disagree(
         by, agreeing, (a, b) = found
         return (
             f"{text}, but {agreeing} would if the right pictures were shifted by {abs(by)}: {first.views[a].name} then belongs to "
-            f"{second.views[b].name}, and so on. Leave out the {abs(by)} that {'right' if by > 0 else 'left'} has first, or name the pairs"
+            f"{second.views[b].name}, and so on. Leave out the {abs(by)} that {'right' if by > 0 else 'left'} has first, or name the pairs (--pairs)"
         )
     return (
-        f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? Give the pairs if names and order "
-        "don't tell them"
+        f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? If names and "
+        "order don't tell, name the pairs (--pairs)"
     )
 
 

@@ -18,6 +18,8 @@ from rcdn.types import Array, Calibration
 Both = tuple[Calibration, Calibration]
 ALIKE = 0.05
 """share by which the angles of two lenses may differ, at half the distance that corners reach from the axis and at the whole"""
+PERHAPS = 0.25
+"""the same between lenses that may be alike although a wrong model bends one of them"""
 REACHED = 90
 """percentile of the corners' distances from the principal point up to which two lenses are compared"""
 ENOUGH = 6
@@ -34,17 +36,19 @@ def one_model(
     `found`: what each camera got alone by `auto`. `calibrate_as(side, model)` calibrates the left (0) or the right (1) camera with a
     model. `pairs`: (index of the left view, index of the right view) of one moment: both are held out together.
 
-    Twins are cameras of one picture size whose pixels see at the same angles from the axis (`alike`). Candidates are the models from the
-    simpler of both choices to the less simple; taken is the simplest that does nearly as well as the best on pictures held out of both
-    cameras, over all their corners (the rule of `choose.compare`). A camera of few pictures takes the model of its twin. A model that
-    predicts the pictures of one camera far worse than another does, or has no rays for a part of its frame, is passed over; if none is
-    left, both keep their own.
+    Twins are cameras of one picture size whose pixels see at the same angles from the axis (`alike`), under their own models or under a
+    common one. Candidates are the models from the simpler of both choices to the less simple; taken is the simplest that does nearly as
+    well as the best on pictures held out of both cameras, over all their corners (the rule of `choose.compare`). A camera of few pictures
+    takes the model of its twin. A model that predicts the pictures of one camera far worse than another does, or has no rays for a part
+    of its frame, is passed over; if none is left, both keep their own.
     """
     names = [c.models[0].model for c in found]
-    if names[0] == names[1] or not set(names) <= set(AUTO) or not alike(*found):
+    if names[0] == names[1] or not set(names) <= set(AUTO) or not alike(*found, PERHAPS):
         return *found, ""
     least, most = sorted(AUTO.index(name) for name in names)
     candidates = _candidates(found, AUTO[least : most + 1], calibrate_as)
+    if not any(alike(*both) for both in (found, *candidates.values())):
+        return *found, ""
     left_few, right_few = (len({v.name for v in c.used_views}) < ENOUGH for c in found)
     given = "" if left_few == right_few else names[1] if left_few else names[0]
     common = _common(candidates, pairs, given)
@@ -54,8 +58,8 @@ def one_model(
     return left, right, _together(common, names)
 
 
-def alike(first: Calibration, second: Calibration) -> bool:
-    """Whether two cameras have pictures of one size and see at the same angles from the axis, within a few per cent."""
+def alike(first: Calibration, second: Calibration, within: float = ALIKE) -> bool:
+    """Whether two cameras have pictures of one size and see at the same angles from the axis, up to the share `within`."""
     if first.camera.image_size != second.camera.image_size:
         return False
     radius = min(_reached(c) for c in (first, second))
@@ -63,7 +67,7 @@ def alike(first: Calibration, second: Calibration) -> bool:
     ring = radius * np.column_stack([np.cos(turn), np.sin(turn)])
     offsets = np.stack([ring / 2, ring])
     angles = [off_axis(c.camera, c.camera.K[:2, 2] + offsets).mean(axis=1) for c in (first, second)]
-    return bool((np.abs(angles[0] - angles[1]) <= ALIKE * angles[1]).all())
+    return bool((np.abs(angles[0] - angles[1]) <= within * angles[1]).all())
 
 
 def _reached(calibration: Calibration) -> float:

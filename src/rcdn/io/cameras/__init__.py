@@ -101,12 +101,19 @@ def write_stereo(
 ) -> list[Path]:
     """Write two cameras and where they stand; returns the files, which are two for ROS and mrcal: `path` with _left and _right.
 
-    Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification, and as `write_camera`.
+    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification,
+    and as `write_camera`, naming the camera that the format can't hold.
     """
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
         raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
-    texts = kind.stereo_texts(StereoCameras.of(pair))
+    cameras = StereoCameras.of(pair)
+    for side, camera in (("left", cameras.left), ("right", cameras.right)):
+        try:
+            kind.text(camera)
+        except FormatError as error:
+            raise FormatError(f"{side} camera: {error}") from error
+    texts = kind.stereo_texts(cameras)
     target = Path(path)
     sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
     files = [target] if len(texts) == 1 else sides
