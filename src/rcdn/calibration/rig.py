@@ -87,9 +87,11 @@ def _disagree(
         return f"{text}, but they would if one camera's pictures were mirrored: turn its mirror (selfie) mode off"
     if (found := _shift(first, second, given, most)) is not None:
         by, agreeing, (a, b) = found
+        first_ones = "picture" if abs(by) == 1 else f"{abs(by)} pictures"
         return (
             f"{text}, but {agreeing} would if the right pictures were shifted by {abs(by)}: {first.views[a].name} then belongs to "
-            f"{second.views[b].name}, and so on. Leave out the {abs(by)} that {'right' if by > 0 else 'left'} has first, or name the pairs (--pairs)"
+            f"{second.views[b].name}, and so on. Leave out the first {first_ones} of the {'right' if by > 0 else 'left'} camera, or name "
+            "the pairs (--pairs)"
         )
     return (
         f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? If names and "
