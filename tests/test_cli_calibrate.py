@@ -239,6 +239,45 @@ def test_stereo_that_does_not_pair(run):
     assert "pairs agree" in result.stderr
 
 
+def test_stereo_with_a_file_of_pairs(run):
+    left, right = rig()
+    order = [3, 1, 4, 0, 2, *range(5, len(right))]
+    a, b = save("l.json", left, "dawn{0}.png"), save("r.json", [right[k] for k in order], "x{}.png")
+    assert run("calibrate", a, b, "--stereo", *FAST).exit_code == 1
+    lines = [f"dawn{k} x{order.index(k)}.png" for k in range(len(left))]
+    Path("pairs.txt").write_text("\n".join(lines))
+    result = fine(run("calibrate", a, b, "--stereo", *FAST, "--pairs", "pairs.txt", "--json", "s.json"))
+    assert read_stereo_calibration("s.json").baseline == pytest.approx(0.1, rel=0.02)
+    assert "paired by" not in result.stderr
+    Path("pairs.txt").write_text("\n".join([*lines, "dusk x9"]))
+    result = run("calibrate", a, b, "--stereo", *FAST, "--pairs", "pairs.txt")
+    assert result.exit_code == 2
+    assert f"line {len(lines) + 1}: no picture of the left camera is called dusk" in result.stderr
+    result = run("calibrate", a, *FAST, "--pairs", "pairs.txt")
+    assert result.exit_code == 2
+    assert "give it with --stereo" in result.stderr
+
+
+def test_stereo_says_how_it_paired_by_order(run):
+    left, right = rig()
+    result = fine(
+        run("calibrate", save("l.json", left, "{}dawn.png"), save("r.json", right, "{}dusk.png"), "--stereo", *FAST)
+    )
+    assert "paired by number" in result.stderr
+    assert "--pairs pairs.txt, a file with a line for each, such as `0dawn.png 0dusk.png`" in result.stderr
+
+
+def test_a_format_that_cannot_hold_the_pair_does_not_stop_the_others(run):
+    left, right = rig()
+    a, b = save("l.json", left), save("r.json", right)
+    files = ("-o", "cameras.txt", "-o", "stereo.yaml", "--json", "s.json", "--report", "r.html")
+    result = run("calibrate", a, b, "--stereo", *FAST, *files)
+    assert result.exit_code == 1
+    assert "error: cameras.txt is not written: COLMAP" in result.stderr
+    assert "written: stereo.yaml, s.json, r.html" in result.stderr
+    assert all(Path(name).exists() for name in ("stereo.yaml", "s.json", "r.html"))
+
+
 # ---- poses
 
 
