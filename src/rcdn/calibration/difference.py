@@ -127,29 +127,34 @@ def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Array:
     return np.asarray(points[~(hidden[0] | hidden[1])])
 
 
-def agreement(a: Calibration, b: Calibration, found: Difference, fit: Array | None = None) -> Agreement:
+def agreement(a: Calibration, b: Calibration, found: Difference, inside: Array | None = None) -> Agreement:
     """`found`, the difference of `a.camera` and `b.camera`, beside what the two calibrations state, as if they had no picture in common.
 
-    First-order propagation of both covariances through the projection and through the rotation fitted over the pixels `fit` (M, 2), by default
-    the points of `found`. The mean square of the ratio is a weighted sum of χ² variables; its quantile is Satterthwaite's: χ² of as
-    many degrees of freedom as give the same variance (Biometrics Bulletin 2, 1946).
+    First-order propagation of both covariances through the projection and through the rotation, which was fitted over the points of `found`
+    that are `inside` (N,) bool (default: all); `rms` and what follows from it are over those, too. The mean square of the ratio is a weighted sum of
+    χ² variables; its quantile is Satterthwaite's: χ² of as many degrees of freedom as give the same variance (Biometrics Bulletin 2, 1946).
     """
-    fit = found.points if fit is None else fit
-    slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, fit)
+    inside = np.ones(len(found.points), bool) if inside is None else inside
+    slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
     half = [np.linalg.cholesky(_positive(c.cov[:-6, :-6])) for c in (a, b)]
     root = np.concatenate([s @ h for s, h in zip(slopes, half, strict=True)], axis=2)
-    cov = root @ root.transpose(0, 2, 1)
-    known = np.isfinite(cov).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
-    white = np.linalg.inv(np.linalg.cholesky(cov[known]))
-    ratio, deviation = np.full(len(cov), np.nan), np.full(len(cov), np.nan)
+    known = np.isfinite(root).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
+    cov = root[known] @ root[known].transpose(0, 2, 1)
+    white = np.linalg.inv(np.linalg.cholesky(cov))
+    ratio, deviation = np.full(len(root), np.nan), np.full(len(root), np.nan)
     ratio[known] = np.sqrt(((white @ found.vectors[known, :, None])[..., 0] ** 2).sum(axis=1) / 2)
-    deviation[known] = np.sqrt(np.trace(cov[known], axis1=1, axis2=2) / 2)
-    parts = (white @ root[known]).reshape(-1, root.shape[2]) / np.sqrt(2 * known.sum())
-    shares = np.linalg.eigvalsh(parts.T @ parts)  # their sum is 1
-    freedom = 1 / float((shares**2).sum())
-    square = float((ratio[known] ** 2).mean())
+    deviation[known] = np.sqrt(np.trace(cov, axis1=1, axis2=2) / 2)
+    judged = inside[known]
+    freedom = _freedom((white @ root[known])[judged].reshape(-1, root.shape[2]))
+    square = float((ratio[known][judged] ** 2).mean())
     limit = float(np.sqrt(chi2.isf(CHANCE, freedom) / freedom))
     return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chi2.sf(freedom * square, freedom)))
+
+
+def _freedom(rows: Array) -> float:
+    """Degrees of freedom of the mean square of `rows` (M, P) times P independent standard normal variables."""
+    weights = np.linalg.eigvalsh(rows.T @ rows)
+    return float(weights.sum() ** 2 / (weights**2).sum())
 
 
 def _checked(a: Camera, b: Camera, pixels: Array) -> Array:

@@ -1,6 +1,6 @@
 """Files in and out: pictures and videos, detections as JSON, corners.vnl, cameras and calibrations. Everything public is here."""
 
-from rcdn.io.calibration import read_calibration, read_stereo_calibration, write_calibration
+from rcdn.io.calibration import read_calibration, read_calibrations, read_stereo_calibration, write_calibration
 from rcdn.io.cameras import (
     CameraFormat,
     Rectification,
@@ -40,6 +40,7 @@ __all__ = [
     "image_of_line",
     "is_video",
     "read_calibration",
+    "read_calibrations",
     "read_camera",
     "read_cameras",
     "read_detections",
