@@ -279,3 +279,16 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
 def test_help(run, verb, words):
     text = fine(run(verb, "--help")).stdout
     assert all(word in text for word in words)
+
+
+def test_a_picture_is_left_out_by_hand(run, found):
+    result = fine(
+        run("calibrate", found, *FAST, "--leave-out", "02.png", "--json", "all.json", "--report", "page.html")
+    )
+    assert "5 of 6 views" in result.stdout
+    assert "left out: 02.png: left out by hand" in result.stdout
+    assert [v.name for v in read_calibration("all.json").left_out] == ["02.png"]
+    assert "--leave-out 03.png" in Path("page.html").read_text()
+    wrong = run("calibrate", found, *FAST, "--leave-out", "2.png")
+    assert wrong.exit_code == 2
+    assert "did you mean 02.png" in wrong.stderr

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+
 import numpy as np
 
+from rcdn.calibration.by_hand import view_name
 from rcdn.report.calibration import charts, pictures
 from rcdn.report.calibration.markup import Html, counted, each, join, number, pixels, tag
 from rcdn.report.calibration.pictures import Pictures, Sample, Shot
@@ -77,17 +81,26 @@ def _thumbnail(shot: Shot, most: int, key: str) -> Html:
 def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
     """Every view; those whose numbers aren't `shown` have their anchors here."""
     rows = []
+    every = [v.name for v in calibration.views]
     for k, v in enumerate(calibration.views, start=1):
         here = k not in shown
         first = tag("th", k if here else tag("a", k, href=f"#view-{key}{k}"), scope="row", class_="n")
         used = f"{int(v.used.sum()) if not v.reason else 0} / {len(v)}"
         cells = (tag("td", t, class_="n") for t in (v.board + 1, used, pixels(v.rms).removesuffix(" px")))
         state = tag("span", v.reason, class_="why") if v.reason else "used"
+        option = None if v.reason or key else leaving_out(every, k)
         row = tag(
-            "tr", first, tag("td", tag("bdi", v.name)), *cells, tag("td", state), id=f"view-{key}{k}" if here else None
+            "tr",
+            first,
+            tag("td", tag("bdi", v.name)),
+            *cells,
+            tag("td", state),
+            option and tag("td", option),
+            id=f"view-{key}{k}" if here else None,
         )
         rows.append(row)
-    names = (("#", "n"), ("picture", None), ("board", "n"), ("corners used", "n"), ("RMS, px", "n"), ("", None))
+    names = [("#", "n"), ("picture", None), ("board", "n"), ("corners used", "n"), ("RMS, px", "n"), ("", None)]
+    names += [] if key else [("to solve without it, add", None)]
     head = tag("tr", *(tag("th", n or tag("span", "state", class_="sr"), scope="col", class_=c) for n, c in names))
     table = tag(
         "table", tag("caption", "Every view, in the order of the input"), tag("thead", head), tag("tbody", each(rows))
@@ -95,6 +108,11 @@ def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
     return tag(
         "details", tag("summary", f"All {counted(len(rows), 'view')} as a table"), tag("div", table, class_="wide")
     )
+
+
+def leaving_out(names: Sequence[str], number: int) -> Html:
+    """The option of `rcdn calibrate` that leaves out view `number` (from 1) of pictures `names`."""
+    return tag("code", f"--leave-out {shlex.quote(view_name(names, number - 1))}")
 
 
 def before_after(found: Sample | None, camera: Camera, asked: bool) -> Html:
