@@ -20,11 +20,12 @@ def gallery(calibration: Calibration, show: Pictures | None, budget: int, key: s
     every = pictures.shots(calibration)
     chosen = pictures.with_jpegs(pictures.worth_showing(every), show, budget)
     most = pictures.DOTS // max(len(chosen), 1)
+    names = [v.name for v in calibration.views]
     parts: list[Html | None] = [_gallery_legend(chosen), _gallery_words(every, chosen, show is not None)]
     for title, group in (("Left out", [s for s in chosen if s.out]), ("Used", [s for s in chosen if not s.out])):
         if group:
             parts.append(tag(f"h{level}", f"{title} ({len(group)})"))
-            parts.append(tag("div", each([_thumbnail(s, most, key) for s in group]), class_="shots"))
+            parts.append(tag("div", each([_thumbnail(s, names, most, key) for s in group]), class_="shots"))
     parts.append(_table(calibration, key, {k for s in chosen for k, _ in s.views}))
     return tag("div", *parts, class_="views")
 
@@ -57,7 +58,7 @@ def _gallery_legend(chosen: list[Shot]) -> Html:
     ])  # fmt: skip
 
 
-def _thumbnail(shot: Shot, most: int, key: str) -> Html:
+def _thumbnail(shot: Shot, names: Sequence[str], most: int, key: str) -> Html:
     lines, told = [], []
     for k, view in shot.views:
         used = f"{int(view.used.sum())} of {counted(len(view), 'corner')}"
@@ -68,13 +69,26 @@ def _thumbnail(shot: Shot, most: int, key: str) -> Html:
         lines.append(
             tag("div", tag("span", f"Left out: {view.reason}", class_="why") if view.reason else tag("span", used))
         )
-    alt = f"{short(shot.name)}, {'; '.join(told)}"
-    caption = tag("figcaption", tag("bdi", short(shot.name)), *lines)
+        if not (view.reason or key):
+            lines.append(tag("div", tag("span", "To solve without it: ", leaving_out(names, k)), class_="more"))
+    number = shot.views[0][0]
+    name = short(shot.name)
+    alt = f"{name}, {'; '.join(told)}"
+    wide, high = shot.size
     return tag(
         "figure",
-        pictures.framed(shot, pictures.corners_overlay(shot, most), alt),
-        caption,
+        tag(
+            "a",
+            pictures.framed(shot, pictures.corners_overlay(shot, most), alt),
+            class_="large",
+            href=f"#shot-{key}{number}",
+            aria_label=f"Enlarge {name}",
+        ),
+        tag("figcaption", tag("bdi", name), *lines),
+        tag("p", tag("a", "Back to all pictures", href=f"#view-{key}{number}"), class_="back"),
         class_="shot out" if shot.out else "shot",
+        id=f"shot-{key}{number}",
+        style=f"--ratio:{wide / high:.4f}",
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rcdn.io import write_text
 from rcdn.provenance import provenance
-from rcdn.report.calibration import gallery, sections, style, verdict
+from rcdn.report.calibration import gallery, histogram, sections, style, verdict
 from rcdn.report.calibration import pictures as shown
 from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
@@ -94,7 +94,11 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
         (
             "residuals",
             "Residuals",
-            join(pair(*sections.residual_figures(calibration)), pair(*sections.chart_figures(calibration))),
+            join(
+                pair(*sections.residual_figures(calibration)),
+                pair(*sections.chart_figures(calibration)),
+                pair(*histogram.model_figures(calibration)),
+            ),
         ),
         ("straight", "Straight lines", gallery.before_after(sample, calibration.camera, pictures is not None)),
     ]

@@ -1,9 +1,11 @@
-"""The look of the report: one style sheet, and the one script, which nothing depends on."""
+"""The look of the report: one style sheet; and what the browser may load."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+
+from rcdn.report.calibration.script import SCRIPT as SCRIPT
 
 SHEET = """
 :root{color-scheme:light dark;--paper:#f6f7f9;--card:#fff;--ink:#1a1f26;--soft:#55606d;--line:#d9dee5;--faint:#eceff3;
@@ -123,6 +125,17 @@ figure .frame{margin:10px 0}.shot .frame{margin:0}
 .halo2{stroke:#000;stroke-opacity:.75}
 .u{stroke:#4be37c}.o{stroke:#ff5c4d}.l{stroke:#ffc14d}.c{stroke:#ffd84d}.h{stroke:#46c8ff}
 .frame path,.frame use{fill:none;stroke-linecap:round;vector-effect:non-scaling-stroke}
+.large{display:block;cursor:zoom-in}.back,figcaption .more{display:none}
+.shot:target figcaption .more,dialog figcaption .more{display:block}
+.shot:target{position:fixed;inset:0;z-index:2;overflow:auto;background:var(--paper);padding:16px}.shot:target .back{display:block}
+.shot:target .frame,dialog .shot .frame{width:min(100%,calc(var(--ratio)*(100vh - 190px)));margin:0 auto}
+.shot:target .large{cursor:auto}
+.shot:target .u,dialog .u{stroke-width:5px;filter:drop-shadow(0 0 1px #000)}
+dialog{width:min(96vw,1800px);max-width:none;max-height:none;border:1px solid var(--line);border-radius:12px;background:var(--card);color:var(--ink);
+padding:12px 16px}
+dialog::backdrop{background:rgba(0,0,0,.7)}
+dialog .bar{display:flex;flex-wrap:wrap;gap:8px;margin-bottom:10px}dialog .bar button:last-child{margin-left:auto}
+dialog .shot figcaption{max-width:900px;margin:8px auto 0}
 details{margin-top:12px}
 summary{cursor:pointer;color:var(--accent);padding:4px 0}
 dl.words{display:grid;grid-template-columns:minmax(150px,220px) 1fr;gap:8px 24px;margin:12px 0 0;font-size:.9375rem}
@@ -151,13 +164,6 @@ body{font-size:10.5pt}nav,button{display:none!important}main,header,footer{max-w
 .tall{max-height:none}details::details-content{content-visibility:visible}a{color:inherit;text-decoration:none}
 }
 """
-
-SCRIPT = (
-    "document.querySelectorAll('button[data-copy]').forEach(function(b){b.hidden=false;b.onclick=function(){"
-    "var p=document.getElementById(b.dataset.copy),r=document.createRange(),s=getSelection();r.selectNodeContents(p);"
-    "s.removeAllRanges();s.addRange(r);var ok=document.execCommand('copy');b.textContent=ok?'Copied':'Press Ctrl+C'}})"
-)
-"""Shows the buttons that copy a block of numbers."""
 
 POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
