@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rcdn.io import write_text
 from rcdn.provenance import provenance
-from rcdn.report.calibration import gallery, histogram, sections, style, verdict
+from rcdn.report.calibration import gallery, histogram, sections, space, style, verdict
 from rcdn.report.calibration import pictures as shown
 from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
@@ -91,6 +91,7 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     parts = [
         ("numbers", "The numbers", sections.numbers(calibration)),
         ("sensor", "Over the sensor", pair(*sections.sensor_figures(calibration, facts))),
+        *space_part(calibration),
         (
             "residuals",
             "Residuals",
@@ -109,6 +110,12 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     views = gallery.gallery(calibration, pictures, budget)
     parts += [("views", "Every picture", views), meaning]
     return page(title, subtitle(calibration), head, parts, told(calibration, facts))
+
+
+def space_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
+    """Where boards were; no part without a pose."""
+    drawn = space.space_figure(calibration)
+    return [] if drawn is None else [("poses", "Poses of the board", pair(drawn))]
 
 
 def subtitle(calibration: Calibration) -> str:

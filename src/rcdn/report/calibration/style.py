@@ -99,6 +99,11 @@ figcaption{font-size:.9375rem}
 .plot .hatch{stroke:var(--poor);stroke-width:1.2;stroke-opacity:.6}
 .plot .blind{fill:var(--line)}
 .plot .broken{fill:var(--poor);fill-opacity:.32}
+.plot .board{fill:var(--accent);fill-opacity:.05;stroke:var(--accent);stroke-width:1.1;stroke-linejoin:round}
+.plot .board.out{fill:none;stroke:var(--poor);stroke-dasharray:4 3}
+.plot a:hover .board,.plot a:focus .board{fill-opacity:.45;stroke-width:2}
+.plot .ray{fill:none;stroke:var(--ink);stroke-width:1.4;stroke-linejoin:round}
+.plot.space{touch-action:pan-y;cursor:grab;overflow:hidden}
 .plot .contour{fill:none;stroke:var(--ink);stroke-opacity:.55;stroke-width:.8}
 .plot .systematic{stroke:var(--poor)}
 .plot .heat{fill:var(--heat)}
