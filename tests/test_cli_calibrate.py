@@ -292,3 +292,12 @@ def test_a_picture_is_left_out_by_hand(run, found):
     wrong = run("calibrate", found, *FAST, "--leave-out", "2.png")
     assert wrong.exit_code == 2
     assert "did you mean 02.png" in wrong.stderr
+
+
+def test_where_to_hold_the_board_next_is_said_and_drawn(run):
+    """Boards in the middle of the frame: the advice leads out of it."""
+    found = save("few.json", random_boards(CAMERAS["brown"], 7, 6, whole=True, spread=0.1)[0])
+    result = fine(run("calibrate", found, "--model", "brown", "--spacing", SPACING, "--report", "page.html"))
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("- next picture: Hold the board in the ")]
+    assert "the worst projection uncertainty would fall from" in line
+    assert line.removeprefix("- next picture: ") in Path("page.html").read_text()

@@ -221,7 +221,8 @@ def _mono(
     got = run.gather(inputs)
     boards, names = _flat(got.images)
     done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp, leave_out=leave_out)
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
+    advice = [*done.advice, *_camera_text.next_lines(done)]
+    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), advice)
     for path in outputs.cameras:
         write_camera(path, done.camera, outputs.format)
     if outputs.json is not None:

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from rcdn.calibration.next_view import next_view
+from rcdn.calibration.view_information import pattern_of
 from rcdn.io import write_text
 from rcdn.provenance import provenance
-from rcdn.report.calibration import gallery, histogram, sections, space, style, verdict
+from rcdn.report.calibration import gallery, histogram, next_pose, sections, space, style, verdict
 from rcdn.report.calibration import pictures as shown
 from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
@@ -91,7 +95,7 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     parts = [
         ("numbers", "The numbers", sections.numbers(calibration)),
         ("sensor", "Over the sensor", pair(*sections.sensor_figures(calibration, facts))),
-        *space_part(calibration),
+        *pose_part(calibration),
         (
             "residuals",
             "Residuals",
@@ -112,10 +116,18 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     return page(title, subtitle(calibration), head, parts, told(calibration, facts))
 
 
-def space_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
-    """Where boards were; no part without a pose."""
-    drawn = space.space_figure(calibration)
-    return [] if drawn is None else [("poses", "Poses of the board", pair(drawn))]
+def pose_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
+    """Where to hold the board next, and where it was; no part without a pose."""
+    found = next_view(calibration)
+    suggested = None
+    if found is not None:
+        suggested = space.rectangle(
+            found.pose, np.array([-1, -1]), np.array(found.size), calibration.spacing, pattern_of(calibration)
+        )
+    drawn = [] if found is None else [next_pose.next_figure(calibration, found)]
+    where = space.space_figure(calibration, suggested)
+    drawn += [] if where is None else [where]
+    return [("poses", "Poses of the board", pair(*drawn))] if drawn else []
 
 
 def subtitle(calibration: Calibration) -> str:

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.advice import tilts
-from rcdn.geometry import unproject
+from rcdn.calibration.view_information import pattern_of
+from rcdn.geometry import transform, unproject
 from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
 from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag
 from rcdn.report.calibration.sections import figure, short
-from rcdn.types import Array, BoardView, Calibration, Camera
+from rcdn.types import Array, BoardView, Calibration, Camera, Pose, plane_points
+from rcdn.types.corners import Pattern
 
 HEIGHT, MARGIN, BELOW = 330.0, 14.0, 26.0
 """units: of the drawing, around what is drawn, and for the scale below it"""
@@ -44,9 +46,15 @@ class Look:
         return np.stack([across, down], axis=-1) * self.scale + [WIDTH / 2, HEIGHT / 2]
 
 
-def space_figure(calibration: Calibration, key: str = "", whose: str = "") -> Html | None:
-    """The drawing with its legend and a sentence; None if no board has a pose. Boards lead to their pictures, whose anchors begin with `key`."""
-    placed = [(k, v, outline(v, calibration.spacing)) for k, v in enumerate(calibration.views, start=1) if v.pose]
+def space_figure(
+    calibration: Calibration, suggested: Array | None = None, key: str = "", whose: str = ""
+) -> Html | None:
+    """The drawing with its legend and a sentence; None if no board has a pose. Boards lead to their pictures, whose anchors begin with
+    `key`; `suggested` (4, 3) m, camera coordinates, is the outline of one more."""
+    pattern = pattern_of(calibration)
+    placed = [
+        (k, v, outline(v, calibration.spacing, pattern)) for k, v in enumerate(calibration.views, start=1) if v.pose
+    ]
     used = [corners for _, v, corners in placed if not v.reason]
     if not used:
         return None
@@ -54,12 +62,15 @@ def space_figure(calibration: Calibration, key: str = "", whose: str = "") -> Ht
     shown = [p for p in placed if not p[1].reason or np.linalg.norm(p[2], axis=1).max() <= far]
     distance = np.array([np.linalg.norm(c.mean(axis=0)) for c in used])
     rim = frustum(calibration.camera, FRUSTUM * float(np.median(distance)))
-    look = look_at(np.concatenate([*(c for _, _, c in shown), rim, np.zeros((1, 3))]))
+    look = look_at(
+        np.concatenate([*(c for _, _, c in shown), *([] if suggested is None else [suggested]), rim, np.zeros((1, 3))])
+    )
     angle = tilts(calibration)
     sentence = f"The used boards’ middles stood {_between(distance)} m away, tilted by {angle.min():.0f}° to {angle.max():.0f}° against the sensor."
     art = plot(
         f"Poses of {counted(len(shown), 'board')} before the camera, from the side. {sentence}",
         each([*(_board(look, *p, key) for p in shown), _frustum(look, rim)]),
+        None if suggested is None else _polygon(look, suggested, "board next"),
         _scale(look),
         height=HEIGHT + BELOW,
     )
@@ -72,15 +83,23 @@ def space_figure(calibration: Calibration, key: str = "", whose: str = "") -> Ht
         if left
         else ""
     )
-    return figure(f"Where the boards were{whose}", each([art, _legend(shown), hint]), sentence + more)
+    return figure(
+        f"Where the boards were{whose}", each([art, _legend(shown, suggested is not None), hint]), sentence + more
+    )
 
 
-def outline(view: BoardView, spacing: float) -> Array:
+def outline(view: BoardView, spacing: float, pattern: Pattern = "checker") -> Array:
     """(4, 3) m, camera coordinates: the outer corners of a view's board, one square beyond its outermost corners seen."""
     assert view.pose is not None
-    low, high = view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1
-    box = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
-    return np.asarray(box * spacing @ view.pose.R.T + view.pose.t)
+    return rectangle(view.pose, view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, spacing, pattern)
+
+
+def rectangle(pose: Pose, low: Array, high: Array, spacing: float, pattern: Pattern = "checker") -> Array:
+    """(4, 3) m, camera coordinates of the places with labels between `low` (2,) and `high` (2,) on a board: their outermost ones, in order
+    around."""
+    ij = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    flat = plane_points(ij, pattern) * spacing
+    return transform(pose, np.column_stack([flat, np.zeros(4)]))
 
 
 def frustum(camera: Camera, length: float) -> Array:
@@ -142,11 +161,13 @@ def _scale(look: Look) -> Html:
     return each([bar, tag("text", f"{coordinate(length, 4)} m", class_="strong", x=right + 7, y=y + 4)])
 
 
-def _legend(shown: list[tuple[int, BoardView, Array]]) -> Html:
+def _legend(shown: list[tuple[int, BoardView, Array]], suggested: bool) -> Html:
     box = "M2 3l12-1 2 9-13 1z"
     marks = [("used board", tag("path", class_="board", d=box))]
     if any(v.reason for _, v, _ in shown):
         marks.append(("left out", tag("path", class_="board out", d=box)))
+    if suggested:
+        marks.append(("suggested next", tag("path", class_="board next", d=box)))
     marks.append(
         (
             "the camera and the rim of its frame",

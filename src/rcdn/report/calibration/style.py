@@ -101,6 +101,9 @@ figcaption{font-size:.9375rem}
 .plot .broken{fill:var(--poor);fill-opacity:.32}
 .plot .board{fill:var(--accent);fill-opacity:.05;stroke:var(--accent);stroke-width:1.1;stroke-linejoin:round}
 .plot .board.out{fill:none;stroke:var(--poor);stroke-dasharray:4 3}
+.plot .board.next{fill:var(--good);fill-opacity:.3;stroke:var(--good);stroke-width:2}
+.plot .suggested{stroke:var(--good);stroke-width:1;stroke-linejoin:round}
+.plot .suggested.light{fill:var(--good);fill-opacity:.1}.plot .suggested.dark{fill:var(--good);fill-opacity:.75}
 .plot a:hover .board,.plot a:focus .board{fill-opacity:.45;stroke-width:2}
 .plot .ray{fill:none;stroke:var(--ink);stroke-width:1.4;stroke-linejoin:round}
 .plot.space{touch-action:pan-y;cursor:grab;overflow:hidden}
