@@ -292,6 +292,9 @@ def test_a_picture_is_left_out_by_hand(run, found):
     wrong = run("calibrate", found, *FAST, "--leave-out", "2.png")
     assert wrong.exit_code == 2
     assert "did you mean 02.png" in wrong.stderr
+    pair = run("calibrate", "--stereo", found, found, *FAST, "--leave-out", "02.png")
+    assert pair.exit_code == 2
+    assert "--leave-out is for one camera" in pair.stderr
 
 
 def test_where_to_hold_the_board_next_is_said_and_drawn(run):

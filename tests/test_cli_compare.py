@@ -117,6 +117,13 @@ def test_the_seen_area_is_that_of_both(pair):
     assert compare(*pair, "frame").inside.all()
 
 
+def test_a_calibration_without_a_covariance_is_compared_like_a_camera(pair):
+    unknown = replace(pair[0], cov=np.nan * pair[0].cov)
+    found = compare(unknown, pair[1])
+    assert found.agreement is None
+    assert found.over_area.rms > 0
+
+
 def test_too_small_an_area_is_refused(pair):
     few = replace(pair[0].views[0], used=np.arange(len(pair[0].views[0])) < 3)
     with pytest.raises(RcdnError, match="points in common"):

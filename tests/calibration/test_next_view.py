@@ -149,3 +149,4 @@ def test_without_poses_there_is_no_next_view(middling):
     blank = tuple(replace(v, pose=None) for v in calibration.views)
     assert next_view(replace(calibration, views=blank)) is None
     assert next_view(replace(calibration, views=())) is None
+    assert next_view(replace(calibration, cov=np.nan * calibration.cov)) is None

@@ -30,8 +30,8 @@ class Comparison:
 
     `where`: `seen`, inside the convex hulls of the used corners of every calibration, or `frame`, wherever both cameras have rays.
     `outlines`: those hulls, (K, 2) px each. `ends` (2, 2, 2) the vectors in the frame's corners (rows, columns) and `middle` (2,) in its
-    middle, px, NaN without a ray. `agreement`: beside what both state, if both are calibrations; `shared`: how many pictures with the same
-    corners both rest on, which makes their difference smaller than they state.
+    middle, px, NaN without a ray. `agreement`: beside what both state, if both are calibrations with covariances; `shared`: how many views
+    with the same corners both rest on, which makes their difference smaller than they state.
     """
 
     cameras: tuple[Camera, Camera]
@@ -75,7 +75,7 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     found = camera_difference(one, other, points, points[inside])
     inside = inside & np.isfinite(found.vectors).all(axis=1)
     stated = None
-    if isinstance(a, Calibration) and isinstance(b, Calibration):
+    if isinstance(a, Calibration) and isinstance(b, Calibration) and np.isfinite([a.cov.sum(), b.cov.sum()]).all():
         stated = agreement(a, b, found, inside)
     width, height = one.image_size
     x, y = np.meshgrid([0.0, width - 1], [0.0, height - 1])

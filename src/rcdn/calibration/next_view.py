@@ -81,7 +81,8 @@ class _Candidates:
 
 
 def next_view(calibration: Calibration) -> NextView | None:
-    """The view that would lower the worst projection uncertainty over the frame most; None if no candidate can be seen or judged.
+    """The view that would lower the worst projection uncertainty over the frame most; None if no candidate can be seen or judged,
+    or if nobody knows the covariance.
 
     Candidates are boards in 25 places of the frame, at three distances within those seen, facing the camera or tilted by 30° or 45° in eight
     directions, with at least 70 % of their corners in the frame. Each would add its information to that of `calibration.cov`, its own pose
@@ -90,7 +91,7 @@ def next_view(calibration: Calibration) -> NextView | None:
     """
     distances = _distances(calibration)
     points, by_camera, by_motion = _judged(calibration)
-    if not len(distances) or not len(points):
+    if not len(distances) or not len(points) or not np.isfinite(calibration.cov).all():
         return None
     pattern, size = pattern_of(calibration), _size(calibration)
     candidates = _candidates(calibration, size, pattern, distances)

@@ -133,8 +133,8 @@ figure .frame{margin:10px 0}.shot .frame{margin:0}
 .halo2{stroke:#000;stroke-opacity:.75}
 .u{stroke:#4be37c}.o{stroke:#ff5c4d}.l{stroke:#ffc14d}.c{stroke:#ffd84d}.h{stroke:#46c8ff}
 .frame path,.frame use{fill:none;stroke-linecap:round;vector-effect:non-scaling-stroke}
-.large{display:block;cursor:zoom-in}.back,figcaption .more{display:none}
-.shot:target figcaption .more,dialog figcaption .more{display:block}
+.large{display:block;cursor:zoom-in}.back,.shot figcaption .more{display:none}
+.shot:target figcaption .more,dialog .shot figcaption .more{display:block}
 .shot:target{position:fixed;inset:0;z-index:2;overflow:auto;background:var(--paper);padding:16px}.shot:target .back{display:block}
 .shot:target .frame,dialog .shot .frame{width:min(100%,calc(var(--ratio)*(100vh - 190px)));margin:0 auto}
 .shot:target .large{cursor:auto}
