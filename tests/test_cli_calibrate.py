@@ -318,3 +318,28 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
 def test_help(run, verb, words):
     text = fine(run(verb, "--help")).stdout
     assert all(word in text for word in words)
+
+
+def test_a_picture_is_left_out_by_hand(run, found):
+    result = fine(
+        run("calibrate", found, *FAST, "--leave-out", "02.png", "--json", "all.json", "--report", "page.html")
+    )
+    assert "5 of 6 views" in result.stdout
+    assert "left out: 02.png: left out by hand" in result.stdout
+    assert [v.name for v in read_calibration("all.json").left_out] == ["02.png"]
+    assert "--leave-out 03.png" in Path("page.html").read_text()
+    wrong = run("calibrate", found, *FAST, "--leave-out", "2.png")
+    assert wrong.exit_code == 2
+    assert "did you mean 02.png" in wrong.stderr
+    pair = run("calibrate", "--stereo", found, found, *FAST, "--leave-out", "02.png")
+    assert pair.exit_code == 2
+    assert "--leave-out is for one camera" in pair.stderr
+
+
+def test_where_to_hold_the_board_next_is_said_and_drawn(run):
+    """Boards in the middle of the frame: the advice leads out of it."""
+    found = save("few.json", random_boards(CAMERAS["brown"], 7, 6, whole=True, spread=0.1)[0])
+    result = fine(run("calibrate", found, "--model", "brown", "--spacing", SPACING, "--report", "page.html"))
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("- next picture: Hold the board in the ")]
+    assert "the worst projection uncertainty would fall from" in line
+    assert line.removeprefix("- next picture: ") in Path("page.html").read_text()

@@ -58,6 +58,7 @@ def calibrate(
     model: str = "auto",
     size: Size | None = None,
     warp: bool = False,
+    leave_out: Sequence[str] = (),
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
@@ -66,12 +67,22 @@ def calibrate(
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
     in inner corners; default: the usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
+    `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
+    if leave_out:
+        from rcdn.calibration.by_hand import without  # which rests on this module
+
+        return without(
+            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, warp=warp),
+            boards,
+            names,
+            leave_out,
+        )
     image_size = _one_size(boards, names)
     whole = size or usual_size(boards)
     labels = settle(boards, whole, strict=size is not None)

@@ -76,6 +76,14 @@ def calibrate(
         ),
     ] = None,
     warp: Annotated[bool, typer.Option("--warp", help="The board may be bent a little: solve for that, too.")] = False,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            metavar="NAME",
+            help="Solve without this picture, or without its second board (NAME:2); may be given several times. The report names them.",
+        ),
+    ] = None,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
@@ -131,6 +139,8 @@ def calibrate(
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if stereo and warp:
         raise ConfigError("--warp is for one camera; leave it away with --stereo")
+    if stereo and leave_out:
+        raise ConfigError("--leave-out is for one camera; with --stereo name the pictures to take, without that one")
     if pattern is PatternName.deltille and (board is not None or warp or stereo):
         raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
     outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
@@ -141,7 +151,7 @@ def calibrate(
     if stereo:
         _stereo(run, inputs, spacing, model.value, outputs, pair_file)
     else:
-        _mono(run, inputs, spacing, model.value, warp, outputs)
+        _mono(run, inputs, spacing, model.value, warp, leave_out or (), outputs)
     if run.failed:
         raise typer.Exit(FAILED)
 
@@ -205,7 +215,15 @@ class _Run:
         return got
 
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
+def _mono(
+    run: _Run,
+    inputs: Sequence[str],
+    spacing: float,
+    model: str,
+    warp: bool,
+    leave_out: Sequence[str],
+    outputs: _Outputs,
+) -> None:
     from rcdn.calibration import calibrate
     from rcdn.cli import _camera_files, _camera_text
     from rcdn.io import write_calibration
@@ -213,8 +231,9 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
 
     got = run.gather(inputs)
     boards, names = _flat(got.images)
-    done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
+    done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp, leave_out=leave_out)
+    advice = [*done.advice, *_camera_text.next_lines(done)]
+    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), advice)
     for path in outputs.cameras:
         _camera_files.write_one(path, done.camera, outputs.format)
     if outputs.json is not None:
