@@ -239,6 +239,45 @@ def test_stereo_that_does_not_pair(run):
     assert "pairs agree" in result.stderr
 
 
+def test_stereo_with_a_file_of_pairs(run):
+    left, right = rig()
+    order = [3, 1, 4, 0, 2, *range(5, len(right))]
+    a, b = save("l.json", left, "dawn{0}.png"), save("r.json", [right[k] for k in order], "x{}.png")
+    assert run("calibrate", a, b, "--stereo", *FAST).exit_code == 1
+    lines = [f"dawn{k} x{order.index(k)}.png" for k in range(len(left))]
+    Path("pairs.txt").write_text("\n".join(lines))
+    result = fine(run("calibrate", a, b, "--stereo", *FAST, "--pairs", "pairs.txt", "--json", "s.json"))
+    assert read_stereo_calibration("s.json").baseline == pytest.approx(0.1, rel=0.02)
+    assert "paired by" not in result.stderr
+    Path("pairs.txt").write_text("\n".join([*lines, "dusk x9"]))
+    result = run("calibrate", a, b, "--stereo", *FAST, "--pairs", "pairs.txt")
+    assert result.exit_code == 2
+    assert f"line {len(lines) + 1}: no picture of the left camera is called dusk" in result.stderr
+    result = run("calibrate", a, *FAST, "--pairs", "pairs.txt")
+    assert result.exit_code == 2
+    assert "give it with --stereo" in result.stderr
+
+
+def test_stereo_says_how_it_paired_by_order(run):
+    left, right = rig()
+    result = fine(
+        run("calibrate", save("l.json", left, "{}dawn.png"), save("r.json", right, "{}dusk.png"), "--stereo", *FAST)
+    )
+    assert "paired by number" in result.stderr
+    assert "--pairs pairs.txt, a file with a line for each, such as `0dawn.png 0dusk.png`" in result.stderr
+
+
+def test_a_format_that_cannot_hold_the_pair_does_not_stop_the_others(run):
+    left, right = rig()
+    a, b = save("l.json", left), save("r.json", right)
+    files = ("-o", "cameras.txt", "-o", "stereo.yaml", "--json", "s.json", "--report", "r.html")
+    result = run("calibrate", a, b, "--stereo", *FAST, *files)
+    assert result.exit_code == 1
+    assert "error: cameras.txt is not written: COLMAP" in result.stderr
+    assert "written: stereo.yaml, s.json, r.html" in result.stderr
+    assert all(Path(name).exists() for name in ("stereo.yaml", "s.json", "r.html"))
+
+
 # ---- poses
 
 
@@ -279,3 +318,28 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
 def test_help(run, verb, words):
     text = fine(run(verb, "--help")).stdout
     assert all(word in text for word in words)
+
+
+def test_a_picture_is_left_out_by_hand(run, found):
+    result = fine(
+        run("calibrate", found, *FAST, "--leave-out", "02.png", "--json", "all.json", "--report", "page.html")
+    )
+    assert "5 of 6 views" in result.stdout
+    assert "left out: 02.png: left out by hand" in result.stdout
+    assert [v.name for v in read_calibration("all.json").left_out] == ["02.png"]
+    assert "--leave-out 03.png" in Path("page.html").read_text()
+    wrong = run("calibrate", found, *FAST, "--leave-out", "2.png")
+    assert wrong.exit_code == 2
+    assert "did you mean 02.png" in wrong.stderr
+    pair = run("calibrate", "--stereo", found, found, *FAST, "--leave-out", "02.png")
+    assert pair.exit_code == 2
+    assert "--leave-out is for one camera" in pair.stderr
+
+
+def test_where_to_hold_the_board_next_is_said_and_drawn(run):
+    """Boards in the middle of the frame: the advice leads out of it."""
+    found = save("few.json", random_boards(CAMERAS["brown"], 7, 6, whole=True, spread=0.1)[0])
+    result = fine(run("calibrate", found, "--model", "brown", "--spacing", SPACING, "--report", "page.html"))
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("- next picture: Hold the board in the ")]
+    assert "the worst projection uncertainty would fall from" in line
+    assert line.removeprefix("- next picture: ") in Path("page.html").read_text()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rcdn.cli._pairs import pair_names
+from rcdn.cli._pair_file import PairFile
+from rcdn.cli._pairs import pair_names, pairing_hint
 from rcdn.errors import ConfigError
 
 
@@ -27,28 +28,121 @@ def same(n):
     ],
 )
 def test_pairs_by_name_or_order(left, right):
-    assert pair_names(left, right) == same(2)
+    assert pair_names(left, right).pairs == same(2)
 
 
 def test_names_come_before_order():
-    assert pair_names(["a/2.png", "a/1.png"], ["b/1.png", "b/2.png"]) == [(0, 1), (1, 0)]
-    assert pair_names(["l_1.png", "l_2.png", "l_3.png"], ["r_3.png", "r_1.png", "r_2.png"]) == [(0, 1), (1, 2), (2, 0)]
+    assert pair_names(["a/2.png", "a/1.png"], ["b/1.png", "b/2.png"]).pairs == [(0, 1), (1, 0)]
+    assert pair_names(["l_1.png", "l_2.png", "l_3.png"], ["r_3.png", "r_1.png", "r_2.png"]).pairs == [
+        (0, 1),
+        (1, 2),
+        (2, 0),
+    ]
 
 
 def test_pictures_without_a_partner_are_passed_over():
     left, right = [f"a/{k}.png" for k in (1, 2, 3, 4, 5)], [f"b/{k}.png" for k in (2, 3, 4, 9)]
-    assert pair_names(left, right) == [(1, 0), (2, 1), (3, 2)]
+    assert pair_names(left, right).pairs == [(1, 0), (2, 1), (3, 2)]
 
 
 def test_numbers_with_other_zeros():
-    assert pair_names(["p01.png", "p02.png", "p10.png"], ["q1.png", "q2.png", "q10.png"]) == same(3)
+    assert pair_names(["p01.png", "p02.png", "p10.png"], ["q1.png", "q2.png", "q10.png"]).pairs == same(3)
 
 
 def test_frames_of_videos_by_their_numbers():
     left, right = ["a.avi#000001", "a.avi#000005", "a.avi#000007"], ["b.avi#000005", "b.avi#000007"]
-    assert pair_names(left, right) == [(1, 0), (2, 1)]
+    assert pair_names(left, right).pairs == [(1, 0), (2, 1)]
 
 
 def test_no_way_to_pair():
-    with pytest.raises(ConfigError, match="2 pictures of the left camera and 1 of the right"):
-        pair_names(["dawn.png", "noon.png"], ["blue.png"])
+    with pytest.raises(ConfigError, match="2 pictures of the left camera and 1 of the right") as error:
+        pair_names(["a/dawn.png", "a/noon.png"], ["b/blue sky.png"])
+    assert '--pairs pairs.txt, a file with a line for each, such as `dawn.png "blue sky.png"`' in str(error.value)
+
+
+def hint(left, right):
+    return pairing_hint(left, right, pair_names(left, right))
+
+
+def test_names_that_leave_no_doubt_need_no_hint():
+    assert hint(["a/1.png", "a/2.png"], ["b/1.png", "b/2.png"]) == ""
+    assert hint(["a/1.png", "a/2.png", "a/3.png"], ["b/1.png", "b/2.png"]) == ""  # more pictures of one camera
+
+
+def test_the_hint_says_how_pictures_were_paired_and_the_way_out():
+    text = hint(["x/dawn.png", "x/noon.png"], ["y/red.png", "y/blue.png"])
+    assert text.startswith("paired by order, 2 pairs: dawn.png with red.png, and so on. If that is wrong")
+    assert text.endswith("--pairs pairs.txt, a file with a line for each, such as `dawn.png red.png`")
+    assert hint(["p01.png", "p02.png"], ["q1.png", "q2.png"]).startswith(
+        "paired by number, 2 pairs: p01.png with q1.png"
+    )
+    text = hint([f"a/{k}.png" for k in (1, 2, 3, 4, 5, 6)], [f"b/{k}.png" for k in (2, 3, 4, 9)])
+    assert text.startswith("paired by name, 3 pairs: 2.png with 2.png")
+    assert "without a partner on the left: 1.png, 5.png, 6.png; without a partner on the right: 9.png." in text
+
+
+# ---- a file of pairs
+
+LEFT, RIGHT = (
+    ["/data/l/dawn.png", "/data/l/noon time.png", "/data/l/v.avi#000003"],
+    ["r/red.png", "r/blue.png", "r/s/red.jpg"],
+)
+
+
+def match(tmp_path, text, left=LEFT, right=RIGHT, unread=()):
+    file = tmp_path / "pairs.txt"
+    file.write_text(text)
+    return PairFile.read(file).match(left, right, unread)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'dawn blue\n"noon time" s/red',
+        "# of Monday\n\ndawn.png\tblue.png  # the first\nnoon time.png\tred.jpg\n",
+        "left,right\r\nl/dawn.png, r/blue.png\r\nnoon time, s/red.jpg\r\n",
+        "noon time.png;r/s/red.jpg\n/data/l/dawn.png;./r/blue.png",
+        "\ufeffLeft_Name,Right_Name\ndawn,blue\nnoon time,s/red",
+    ],
+)
+def test_a_file_of_pairs(tmp_path, text):
+    assert match(tmp_path, text) == [(0, 1), (1, 2)]
+
+
+def test_frames_and_names_beside_the_file(tmp_path):
+    left = [str(tmp_path / "l" / "1.png"), "v.avi#000003"]
+    assert match(tmp_path, "./l/1.png red.png\nv.avi#000003 blue", left) == [(0, 0), (1, 1)]
+
+
+def test_every_bad_line_is_named(tmp_path):
+    text = "dawn blue\ndusk blue\n'noon' green\nred.jpg dawn\nv.avi#000003 r/red\nl/dawn s/red\n"
+    with pytest.raises(ConfigError) as error:
+        match(tmp_path, text, right=[*RIGHT, "other/r/red.bmp"])
+    said = str(error.value)
+    assert (
+        "line 2: no picture of the left camera is called dusk (it has 3, such as /data/l/dawn.png) and blue is in line 1, too"
+        in said
+    )
+    assert "line 3: no picture of the left camera is called 'noon'" in said
+    assert "line 4: red.jpg is a picture of the right camera: the left one comes first" in said
+    assert "line 5: r/red may be r/red.png and other/r/red.bmp: write more of the folder" in said
+    assert "line 6: l/dawn is in line 1, too" in said
+    assert "line 1:" not in said
+
+
+def test_lines_without_two_names(tmp_path):
+    with pytest.raises(ConfigError, match="line 2: must hold two names, left and right, not 'noon'; line 4: must hold"):
+        match(tmp_path, "dawn blue\nnoon\n\na b c\n")
+    with pytest.raises(ConfigError, match="line 1: must hold two names"):
+        match(tmp_path, "dawn,\n")
+    many = "\n".join(f"x{k}" for k in range(14))
+    with pytest.raises(ConfigError, match="in lines 11, 12, 13, 14"):
+        match(tmp_path, many)
+    with pytest.raises(ConfigError, match="holds no pairs"):
+        match(tmp_path, "# nothing\n")
+    with pytest.raises(ConfigError, match="can't be read"):
+        PairFile.read(tmp_path)
+
+
+def test_pictures_that_could_not_be_read_are_passed_over(tmp_path):
+    assert match(tmp_path, "dawn blue\nbroken.png red.png", unread=["/data/l/broken.png"]) == [(0, 1)]

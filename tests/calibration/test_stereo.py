@@ -153,8 +153,27 @@ def test_wrong_pairs_are_left_out_of_the_place_and_named(usual):
 
 def test_pairs_of_other_moments_are_refused(usual):
     left, right, _ = usual
+    mixed = [right[k] for k in (5, 3, 8, 0, 7, 9, 2, 6, 1, 4)]
     with pytest.raises(CalibrationError, match="of 10 pairs agree on where the cameras stand: are the pictures paired"):
-        calibrate_stereo(left, [*right[1:], right[0]], SPACING, model="pinhole")
+        calibrate_stereo(left, mixed, SPACING, model="pinhole")
+
+
+@pytest.mark.parametrize("by", [1, -1, 2])
+def test_a_constant_offset_of_the_pictures_is_named(usual, by):
+    left, right, _ = usual
+    names = [f"l{k}.png" for k in range(10)], [f"r{k}.png" for k in range(10)]
+    late = [right[(k - by) % 10] for k in range(10)]
+    first = (
+        "l0.png then belongs to r1.png"
+        if by == 1
+        else "l1.png then belongs to r0.png"
+        if by == -1
+        else "l0.png then belongs to r2.png"
+    )
+    with pytest.raises(
+        CalibrationError, match=f"{10 - abs(by)} would if the right pictures were shifted by {abs(by)}: {first}"
+    ):
+        calibrate_stereo(left, late, SPACING, model="pinhole", names=names)
 
 
 @pytest.mark.parametrize("side", [0, 1])

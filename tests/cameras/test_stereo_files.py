@@ -1,5 +1,7 @@
 """Files of two cameras: round trips, what other programs make of them, and refusals."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -72,13 +74,24 @@ def test_what_cannot_hold_a_pair(tmp_path):
         write_stereo(tmp_path / "cameras.txt", pair())
     with pytest.raises(FormatError, match="rectification, and this pair has none"):
         write_stereo(tmp_path / "a", pair(rectified=False), "ros")
-    mixed = StereoCameras(camera("fisheye"), camera("brown4"), np.eye(4))
-    with pytest.raises(FormatError, match="one fisheye_model for both"):
-        write_stereo(tmp_path / "a.yaml", mixed)
+    mixed = StereoCameras(camera("brown4"), camera("fisheye"), np.eye(4))
+    with pytest.raises(FormatError, match=r"right camera: mrcal's \.cameramodel has no lens model for 'fisheye'"):
+        write_stereo(tmp_path / "a.cameramodel", mixed)
     assert list(tmp_path.iterdir()) == []
     write_camera(tmp_path / "cameras.txt", camera())
     with pytest.raises(FormatError, match="no place for the pose"):
         read_stereo(tmp_path / "cameras.txt")
+
+
+@pytest.mark.parametrize("lenses", [("fisheye", "brown4"), ("brown5", "fisheye"), ("pinhole", "fisheye")])
+@pytest.mark.parametrize("kind", ["opencv", "ros", "json", "kalibr"])
+def test_a_fisheye_beside_a_normal_lens(tmp_path, kind, lenses):
+    made = replace(pair(), left=camera(lenses[0]), right=camera(lenses[1]))
+    if kind == "kalibr" and "brown5" in lenses:
+        with pytest.raises(FormatError, match="left camera: Kalibr's camchain: radtan holds k1 k2 p1 p2 only"):
+            write_stereo(tmp_path / "a", made, kind)
+    else:
+        same_pair(made, read_stereo(*write_stereo(tmp_path / "a", made, kind)), kind in HOLD_TURNS)
 
 
 @pytest.mark.parametrize("angle", [0, 1e-9, 1e-6, 1e-3, 3.0, np.pi - 1e-6, np.pi])

@@ -292,7 +292,7 @@ def test_thumbnails_shrink_to_the_budget():
 def test_without_photographs_the_drawings_stand_alone(tmp_path):
     page = Page(written(tmp_path, simulated()))
     assert "img" not in page.tags
-    assert page.tags.count("figure") == 6 + 30
+    assert page.tags.count("figure") == 10 + 30
     assert "Drawn without the photographs." in page.text
 
 

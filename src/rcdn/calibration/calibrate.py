@@ -62,6 +62,7 @@ def calibrate(
     model: str = "auto",
     size: Size | None = None,
     flat: bool = False,
+    leave_out: Sequence[str] = (),
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
@@ -71,12 +72,23 @@ def calibrate(
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
     in inner corners; default: the usual one of the complete boards. `flat`: the board is known to be perfect, a glass one, say; by default its
     shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
+    `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
-    out and named. Covariances are by the scatter of whole views (`rcdn.calibration.uncertainty.clustered`), views alike counting as one. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
+    out and named. Covariances are by the scatter of whole views (`rcdn.calibration.uncertainty.clustered`), views alike counting as one.
+    Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
+    if leave_out:
+        from rcdn.calibration.by_hand import without  # which rests on this module
+
+        return without(
+            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat),
+            boards,
+            names,
+            leave_out,
+        )
     image_size = _one_size(boards, names)
     whole = size or usual_size(boards)
     labels = settle(boards, whole, strict=size is not None)

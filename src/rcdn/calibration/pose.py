@@ -57,7 +57,8 @@ def estimate_pose(
 def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
     if shape is not None and (board.pattern != "checker" or board.size != shape.size):
         raise ConfigError(
-            f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners; this one shows {board.size[0]}×{board.size[1]}: leave it out"
+            f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners, and this one shows "
+            f"{board.size[0]}×{board.size[1]}: leave it out"
         )
     zero = np.zeros(len(board), int)
     offsets = np.zeros((len(board), 3)) if shape is None else shape.at(board.ij)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -12,28 +15,27 @@ from rcdn.types import Array, BoardView, Calibration
 FEWEST_PAIRS = 3
 AGREE = (np.radians(5.0), 0.1)
 """rad, and share of the boards' distance, within which two pairs tell the same place of the cameras"""
+MOST_SHIFT = 3
+"""pictures by which one camera's order may be late, as far as is tried"""
 
 
 def place(
-    first: Calibration, second: Calibration, pairs: list[tuple[int, int]]
+    first: Calibration,
+    second: Calibration,
+    pairs: list[tuple[int, int]],
+    given: Sequence[tuple[int, int]] | None = None,
 ) -> tuple[Array, dict[int, int], list[tuple[int, int]]]:
-    """T_right_left (4, 4) that most pairs agree on, the half or quarter turns of right boards that it needs, and the pairs that disagree."""
-    found = [
-        [(q, _pose(second.views[b], q, second) @ np.linalg.inv(matrix(first.views[a]))) for q in _turns(first)]
-        for a, b in pairs
-    ]
-    reach = [float(np.linalg.norm(matrix(first.views[a])[:3, 3])) for a, _ in pairs]
-    best, most = found[0][0][1], -1
-    for candidates in found:
-        for _, T in candidates:
-            votes = sum(min(_gap(T, U, r) for _, U in c) <= 1 for c, r in zip(found, reach, strict=True))
-            if votes > most:
-                best, most = T, votes
+    """T_right_left (4, 4) that most pairs agree on, the half or quarter turns of right boards that it needs, and the pairs that disagree.
+
+    `given`: all pairs in the order of the pictures, those that tell nothing too (default: `pairs`): where most disagree, the error says
+    whether they would agree if the right pictures were shifted against the left ones. Raises CalibrationError if no place has half of the pairs.
+    """
+    best, most = _most_agreed(first, second, pairs)
     if 2 * most < len(pairs) or most < FEWEST_PAIRS:
-        raise CalibrationError(_disagree(first, second, pairs, most))
+        raise CalibrationError(_disagree(first, second, pairs, most, pairs if given is None else given))
     turned, odd = {}, []
-    for pair, candidates, r in zip(pairs, found, reach, strict=True):
-        gap, turn = min((_gap(best, U, r), q) for q, U in candidates)
+    for pair in pairs:
+        gap, turn = _nearest(best, _hypothesis(first, second, pair))
         if gap <= 1:
             turned[pair[1]] = turn
         else:
@@ -41,11 +43,81 @@ def place(
     return best, turned, odd
 
 
-def _disagree(first: Calibration, second: Calibration, pairs: list[tuple[int, int]], most: int) -> str:
+@dataclass(frozen=True, eq=False)
+class _Hypothesis:
+    """What one pair tells of the right camera's place: `places` (turn of the right board, T_right_left) and the board's distance `reach`, m."""
+
+    places: list[tuple[int, Array]]
+    reach: float
+
+
+def _hypothesis(first: Calibration, second: Calibration, pair: tuple[int, int]) -> _Hypothesis:
+    left, right = first.views[pair[0]], second.views[pair[1]]
+    back = np.linalg.inv(matrix(left))
+    places = [(q, _pose(right, q, second) @ back) for q in _turns(first)]
+    return _Hypothesis(places, float(np.linalg.norm(matrix(left)[:3, 3])))
+
+
+def _nearest(T: Array, told: _Hypothesis) -> tuple[float, int]:
+    """How far a pair's place is from T, 1 where it still agrees, and the turn that brings it there."""
+    return min((_gap(T, U, told.reach), q) for q, U in told.places)
+
+
+def _most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
+    """The place of one of the pairs with which most pairs agree, and how many."""
+    told = [_hypothesis(first, second, pair) for pair in pairs]
+    best, most = told[0].places[0][1], -1
+    for hypothesis in told:
+        for _, T in hypothesis.places:
+            votes = sum(_nearest(T, other)[0] <= 1 for other in told)
+            if votes > most:
+                best, most = T, votes
+    return best, most
+
+
+def _disagree(
+    first: Calibration,
+    second: Calibration,
+    pairs: list[tuple[int, int]],
+    most: int,
+    given: Sequence[tuple[int, int]],
+) -> str:
     text = f"only {most} of {len(pairs)} pairs agree on where the cameras stand"
     if first.orientation == "unique" and _agree_mirrored(first, second, pairs) > max(most, len(pairs) // 2):
         return f"{text}, but they would if one camera's pictures were mirrored: turn its mirror (selfie) mode off"
-    return f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount?"
+    if (found := _shift(first, second, given, most)) is not None:
+        by, agreeing, (a, b) = found
+        first_ones = "picture" if abs(by) == 1 else f"{abs(by)} pictures"
+        return (
+            f"{text}, but {agreeing} would if the right pictures were shifted by {abs(by)}: {first.views[a].name} then belongs to "
+            f"{second.views[b].name}, and so on. Leave out the first {first_ones} of the {'right' if by > 0 else 'left'} camera, or name "
+            "the pairs (--pairs)"
+        )
+    return (
+        f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? If names and "
+        "order don't tell, name the pairs (--pairs)"
+    )
+
+
+def _shift(
+    first: Calibration, second: Calibration, given: Sequence[tuple[int, int]], most: int
+) -> tuple[int, int, tuple[int, int]] | None:
+    """By how many places the right pictures are late, how many pairs agree then, and the first of those pairs; None if no shift explains it."""
+    best = None
+    for by in sorted((k for k in range(-MOST_SHIFT, MOST_SHIFT + 1) if k), key=abs):
+        late, early = given[max(0, -by) :], given[max(0, by) :]
+        pairs = [(a, b) for (a, _), (_, b) in zip(late, early, strict=False) if tells(first.views[a], second.views[b])]
+        if len(pairs) < FEWEST_PAIRS:
+            continue
+        votes = _most_agreed(first, second, pairs)[1]
+        if votes >= max(2 * len(pairs) / 3, FEWEST_PAIRS, most + 1) and (best is None or votes > best[1]):
+            best = (by, votes, pairs[0])
+    return best
+
+
+def tells(*views: BoardView) -> bool:
+    """Whether views can tell where cameras stand: it is settled which corner is which, and they weren't left out."""
+    return all(v.settled and not v.reason for v in views)
 
 
 def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[int, int]]) -> int:

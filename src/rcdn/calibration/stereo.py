@@ -13,11 +13,12 @@ from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, turn_labels
-from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place
+from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
+from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
-from rcdn.types import Array, Board, BoardView, Calibration, Camera, Pose, StereoCalibration
+from rcdn.types import Array, Board, Calibration, Camera, Pose, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -44,24 +45,41 @@ def calibrate_stereo(
     """
     pairs = _pairs(left, right, pairs)
     named = names or (None, None)
-    first = calibrate(left, spacing, names=named[0], model=model, size=size)
-    second = calibrate(right, spacing, names=named[1], model=model, size=size or first.size)
+    first = _alone(0, left, spacing, named[0], model, size)
+    second = _alone(1, right, spacing, named[1], model, size or first.size)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): name the size to use"
         )
-    shared = [p for p in pairs if _tells(first.views[p[0]]) and _tells(second.views[p[1]])]
+    note = ""
+    if model == "auto":
+        boards, whole = (left, right), size or first.size
+        first, second, note = one_model(
+            (first, second), lambda side, name: _alone(side, boards[side], spacing, named[side], name, whole), pairs
+        )
+    shared = [p for p in pairs if tells(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
         raise CalibrationError(
             f"only {len(shared)} pairs show the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
             "and check that the pictures are given in the same order or with the same names"
         )
-    T, turned, odd = place(first, second, shared)
+    T, turned, odd = place(first, second, shared, pairs)
     task = _task(first, second, [p for p in shared if p not in odd], turned)
     start = _start(task, first, second, T)
-    noise = max(first.noise, second.noise)
+    start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
-    return _result(task, fit, first, second, odd, spacing)
+    done = _result(task, fit, first, second, odd, spacing)
+    return replace(done, advice=(*done.advice, note)) if note else done
+
+
+def _alone(
+    side: int, boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None
+) -> Calibration:
+    """The calibration of the left (0) or the right (1) camera alone; errors say whose it is."""
+    try:
+        return calibrate(boards, spacing, names=names, model=model, size=size)
+    except CalibrationError as error:
+        raise CalibrationError(f"{('left', 'right')[side]} camera: {error}") from error
 
 
 def _text(size: Size | None) -> str:
@@ -80,10 +98,6 @@ def _pairs(
     if any(len({p[side] for p in pairs}) < len(pairs) for side in (0, 1)):
         raise ConfigError("pairs must not hold an index of left or right twice")
     return list(pairs)
-
-
-def _tells(view: BoardView) -> bool:
-    return view.settled and not view.reason
 
 
 @dataclass(frozen=True, eq=False)

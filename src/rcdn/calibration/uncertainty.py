@@ -38,10 +38,10 @@ def clustered(
     """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
 
     An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
-    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^¾, between the square
-    root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe side (CR3). The scatter of
-    the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of the whitened residuals. With fewer than
-    three clusters the scatter tells nothing: the covariance by the noise of corners.
+    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^¾, between
+    the square root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe
+    side (CR3). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of
+    the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
     """
     here = Linear.of(state, corners, weight, free)
     info, score = _by_cluster(here, cluster if cluster is not None else np.arange(here.frames))

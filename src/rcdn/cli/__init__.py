@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import bench, board, calibrate, detect, evaluate, export, pose, render, report, train
+from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
 from rcdn.cli._group import Group
 
 app = typer.Typer(
@@ -51,6 +51,7 @@ app.command("detect")(detect.detect)
 app.command("calibrate")(calibrate.calibrate)
 app.command("pose")(pose.pose)
 app.command("report")(report.report)
+app.command("compare")(compare.compare)
 app.command("board")(board.board)
 app.command("render")(render.render)
 app.command("train")(train.train)

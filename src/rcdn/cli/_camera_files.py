@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from rcdn.cli._group import say_error
+from rcdn.errors import FormatError
+
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat, LensFit
     from rcdn.types import Camera, StereoCalibration
@@ -30,15 +33,20 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
         _say(path, [write_camera(path, camera, format)])
 
 
-def write_pair(path: Path, found: StereoCalibration, format: CameraFormat | None) -> None:
-    """Write two cameras, and say what the file can't hold of them."""
+def write_pair(path: Path, found: StereoCalibration, format: CameraFormat | None) -> bool:
+    """Write two cameras, and say what the file can't hold of them; False, and why is said, if it can't hold them at all."""
     from rcdn.io import lens_fit, write_stereo, write_stereo_maps
 
     if _maps(path, format):
         write_stereo_maps(path, found)
-        return
-    write_stereo(path, found, format)
+        return True
+    try:
+        write_stereo(path, found, format)
+    except FormatError as error:
+        say_error(f"{path} is not written: {error}")
+        return False
     _say(path, [lens_fit(path, side.camera, format) for side in (found.left, found.right)])
+    return True
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:

@@ -60,6 +60,14 @@ def left_out_lines(calibration: Calibration) -> list[str]:
     return [f"left out: {one_line(v.name)}: {v.reason}" for v in calibration.left_out]
 
 
+def next_lines(calibration: Calibration) -> list[str]:
+    """Where to hold the board for the next picture, if that would help."""
+    from rcdn.calibration.next_view import next_view, sentence
+
+    found = next_view(calibration)
+    return [f"next picture: {sentence(found, calibration.camera.image_size)}"] if found and found.worth_saying else []
+
+
 def stereo_lines(stereo: StereoCalibration) -> list[str]:
     """Where the right camera stands, and how well both fit."""
     std = np.sqrt(np.diag(stereo.cov))

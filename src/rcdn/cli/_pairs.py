@@ -1,20 +1,31 @@
-"""Which pictures of two cameras were taken at the same moment: by their names, else by their order."""
+"""Which pictures of two cameras were taken at the same moment: by their names, else by their numbers, else by their order."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import PurePath
 
 from rcdn.errors import ConfigError
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
 """words that name a camera"""
+SHOWN = 3
+"""names in a sentence, before it says …"""
 
 
-def pair_names(left: Sequence[str], right: Sequence[str]) -> list[tuple[int, int]]:
-    """(index in `left`, index in `right`) of pictures that belong together, in the order of `left`.
+@dataclass(frozen=True)
+class Pairing:
+    """`pairs`: (index of the left picture, index of the right one), in the order of the left ones; `way`: `name`, `number` or `order`."""
+
+    pairs: list[tuple[int, int]]
+    way: str
+
+
+def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
+    """The pictures that belong together.
 
     By the file names but for the word that names the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, else
     by order if there are as many. Frames of two videos belong together by their numbers. Raises ConfigError if nothing of that works.
@@ -25,12 +36,53 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> list[tuple[int, int
             at = {key: k for k, key in enumerate(two)}
             pairs = [(k, at[key]) for k, key in enumerate(one) if key in at]
             if 2 * len(pairs) > min(len(left), len(right)):
-                return pairs
+                return Pairing(pairs, "number" if keys is _numbers else "name")
     if len(left) == len(right):
-        return [(k, k) for k in range(len(left))]
+        return Pairing([(k, k) for k in range(len(left))], "order")
     raise ConfigError(
         f"{len(left)} pictures of the left camera and {len(right)} of the right one don't pair by name (a/01.png and b/01.png, or left_01.png and "
-        "right_01.png); give names that do, or as many of each in the same order"
+        f"right_01.png); give names that do, or as many of each in the same order, or {_way_out(left, right)}"
+    )
+
+
+def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> str:
+    """How the pictures were paired and how to pair them otherwise; "" where names leave no doubt."""
+    alone = [
+        [n for k, n in enumerate(names) if k not in {p[c] for p in found.pairs}]
+        for c, names in enumerate((left, right))
+    ]
+    if found.way == "name" and not (alone[0] and alone[1]):
+        return ""
+    a, b = found.pairs[0]
+    text = f"paired by {found.way}, {len(found.pairs)} pairs: {_short(left[a])} with {_short(right[b])}, and so on"
+    text += "".join(
+        f"; without a partner on the {side}: {_some(names)}"
+        for side, names in zip(("left", "right"), alone, strict=True)
+        if names
+    )
+    return f"{text}. If that is wrong, {_way_out(left, right, found.pairs[0])}"
+
+
+def _way_out(left: Sequence[str], right: Sequence[str], pair: tuple[int, int] = (0, 0)) -> str:
+    if not left or not right:
+        return "name the pairs: --pairs pairs.txt"
+    example = f"{quoted(_short(left[pair[0]]))} {quoted(_short(right[pair[1]]))}"
+    return f"name the pairs: --pairs pairs.txt, a file with a line for each, such as `{example}`"
+
+
+def _short(name: str) -> str:
+    """A picture's name without its folder; a frame keeps its number."""
+    return re.split(r"[/\\]", name)[-1]
+
+
+def quoted(name: str) -> str:
+    """As a file of pairs takes it."""
+    return f'"{name}"' if re.search(r"[\s,;]", name) else name
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(_short(n) for n in names[:SHOWN]) + (
+        f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,8 +12,9 @@ import typer
 
 from rcdn.cli import _batch
 from rcdn.cli._cache import Cache, open_cache
-from rcdn.cli._group import FAILED
+from rcdn.cli._group import FAILED, one_line
 from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
+from rcdn.cli._pair_file import PairFile
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, FormatError
 
@@ -77,10 +78,25 @@ def calibrate(
     flat: Annotated[
         bool, typer.Option("--flat", help="The board is perfect (glass, say): don't solve for its shape.")
     ] = False,
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            metavar="NAME",
+            help="Solve without this picture, or without its second board (NAME:2); may be given several times. The report names them.",
+        ),
+    ] = None,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
     ] = False,
+    pairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="With --stereo: which pictures belong together, a line for each pair: the left one's name and the right one's.",
+        ),
+    ] = None,
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -121,16 +137,21 @@ def calibrate(
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
         )
+    if pairs is not None and not stereo:
+        raise ConfigError("--pairs is for two cameras; give it with --stereo")
+    if stereo and leave_out:
+        raise ConfigError("--leave-out is for one camera; with --stereo name the pictures to take, without that one")
     if pattern is PatternName.deltille and (board is not None or stereo):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
-    outputs.check(inputs)
+    outputs.check(inputs if pairs is None else [*inputs, str(pairs)])
+    pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     if stereo:
-        _stereo(run, inputs, spacing, model.value, outputs)
+        _stereo(run, inputs, spacing, model.value, outputs, pair_file)
     else:
-        _mono(run, inputs, spacing, model.value, flat, outputs)
+        _mono(run, inputs, spacing, model.value, flat, leave_out or (), outputs)
     if run.failed:
         raise typer.Exit(FAILED)
 
@@ -194,7 +215,15 @@ class _Run:
         return got
 
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, flat: bool, outputs: _Outputs) -> None:
+def _mono(
+    run: _Run,
+    inputs: Sequence[str],
+    spacing: float,
+    model: str,
+    flat: bool,
+    leave_out: Sequence[str],
+    outputs: _Outputs,
+) -> None:
     from rcdn.calibration import calibrate
     from rcdn.cli import _camera_files, _camera_text
     from rcdn.io import write_calibration
@@ -202,8 +231,9 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, flat: bo
 
     got = run.gather(inputs)
     boards, names = _flat(got.images)
-    done = calibrate(boards, spacing, names=names, model=model, size=run.size, flat=flat)
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
+    done = calibrate(boards, spacing, names=names, model=model, size=run.size, flat=flat, leave_out=leave_out)
+    advice = [*done.advice, *_camera_text.next_lines(done)]
+    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), advice)
     for path in outputs.cameras:
         _camera_files.write_one(path, done.camera, outputs.format)
     if outputs.json is not None:
@@ -213,29 +243,43 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, flat: bo
     outputs.say()
 
 
-def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
+def _stereo(
+    run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs, pair_file: PairFile | None
+) -> None:
     from rcdn.calibration import calibrate_stereo
     from rcdn.cli import _camera_files, _camera_text
-    from rcdn.cli._pairs import pair_names
     from rcdn.io import write_calibration
     from rcdn.report.calibration import write_stereo_report
 
     left = run.gather(inputs[:1])
     right = run.gather(inputs[1:], left.frames or None)
-    pictures = pair_names([i.path for i in left.images], [i.path for i in right.images])
+    pictures = _paired(left, right, pair_file)
     (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
     first, second = _first_boards(left.images), _first_boards(right.images)
     pairs = [(first[a], second[b]) for a, b in pictures if a in first and b in second]
     done = calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(_camera_text.stereo_lines(done), out, done.advice)
-    for path in outputs.cameras:
-        _camera_files.write_pair(path, done, outputs.format)
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
         write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
-    outputs.say()
+    written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
+    run.failed = run.failed or len(written) < len(outputs.cameras)
+    replace(outputs, cameras=written).say()
+
+
+def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
+    """(index of the left picture, index of the right one) of those that belong together; says how, where names leave a doubt."""
+    from rcdn.cli._pairs import pair_names, pairing_hint
+
+    one, two = ([image.path for image in side.images] for side in (left, right))
+    if pair_file is not None:
+        return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
+    found = pair_names(one, two)
+    if hint := pairing_hint(one, two, found):
+        typer.echo(one_line(hint), err=True)
+    return found.pairs
 
 
 def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:

@@ -1,6 +1,6 @@
 """Files in and out: pictures and videos, detections as JSON, corners.vnl, cameras and calibrations. Everything public is here."""
 
-from rcdn.io.calibration import read_calibration, read_stereo_calibration, write_calibration
+from rcdn.io.calibration import read_calibration, read_calibrations, read_stereo_calibration, write_calibration
 from rcdn.io.cameras import (
     CameraFormat,
     LensFit,
@@ -45,6 +45,7 @@ __all__ = [
     "is_video",
     "lens_fit",
     "read_calibration",
+    "read_calibrations",
     "read_camera",
     "read_cameras",
     "read_detections",

@@ -11,7 +11,7 @@ from rcdn.errors import FormatError, RcdnError
 from rcdn.io.cameras import ours
 from rcdn.io.fields import nullable, number, numbers, read_text, take, two_whole_numbers
 from rcdn.io.files import write_text
-from rcdn.types import Array, BoardShape, BoardView, Calibration, ModelScore, Orientation, Pose, StereoCalibration
+from rcdn.types import BoardShape, BoardView, Calibration, ModelScore, Orientation, Pose, StereoCalibration
 
 _KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
 
@@ -44,6 +44,19 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     cov = numbers(data, "cov", where, shape=(6, 6))
     advice = _texts(data, "advice", where)
     return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice)
+
+
+def read_calibrations(path: str | Path) -> dict[str, Calibration]:
+    """The calibrations of a file by name: `camera`, or `left` and `right` of a pair; none if `path` is no calibration of ours, but a camera
+    file of whatever format. Raises FormatError as `read_calibration`."""
+    text = read_text(path)
+    kind = next((k for k in _KINDS.values() if f'"kind": "{k}"' in text[:200]), None)
+    if kind is None:
+        return {}
+    if kind == _KINDS[Calibration]:
+        return {"camera": read_calibration(path)}
+    pair = read_stereo_calibration(path)
+    return {"left": pair.left, "right": pair.right}
 
 
 # ---- values → JSON

@@ -131,15 +131,16 @@ def write_stereo(
 ) -> list[Path]:
     """Write two cameras and where they stand; returns the files, which are two for ROS and mrcal: `path` with _left and _right.
 
-    Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification, and as `write_camera`.
+    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification,
+    and as `write_camera`, naming the camera that the format can't hold.
     """
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
         raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
     found = StereoCameras.of(pair)
-    fits = [lens_fit(path, camera, format) for camera in (found.left, found.right)]
-    left, right = (c if f is None else f.held for c, f in zip((found.left, found.right), fits, strict=True))
-    texts = kind.stereo_texts(replace(found, left=left, right=right))
+    left, right = (_side(path, kind, side, format) for side in (("left", found.left), ("right", found.right)))
+    fits = [left[1], right[1]]
+    texts = kind.stereo_texts(replace(found, left=left[0], right=right[0]))
     target = Path(path)
     sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
     files = [target] if len(texts) == 1 else sides
@@ -148,6 +149,20 @@ def write_stereo(
     for file, text, of in zip(files, texts, [fits] if len(texts) == 1 else [fits[:1], fits[1:]], strict=True):
         write_text(file, _noted(kind, text, of))
     return files
+
+
+def _side(
+    path: str | Path, kind: Format, side: tuple[str, Camera], format: CameraFormat | None
+) -> tuple[Camera, LensFit | None]:
+    """What a file holds of the camera of a side, and `lens_fit`; raises FormatError, naming the side, if the format can't hold it."""
+    name, camera = side
+    try:
+        fit = lens_fit(path, camera, format)
+        held = camera if fit is None else fit.held
+        kind.text(held)
+    except FormatError as error:
+        raise FormatError(f"{name} camera: {error}") from error
+    return held, fit
 
 
 def read_stereo(left: str | Path, right: str | Path | None = None, format: CameraFormat | None = None) -> StereoCameras:

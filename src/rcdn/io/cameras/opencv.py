@@ -26,6 +26,7 @@ from rcdn.types import Array, Camera
 TITLE = "OpenCV's YAML"
 _TURNS = ("R1", "R2", "P1", "P2", "Q")
 _FLAG = "fisheye_model"
+_FLAGS = (f"{_FLAG}_1", f"{_FLAG}_2")
 
 
 def _matrix(key: str, array: Array) -> str:
@@ -40,10 +41,13 @@ def _lens(camera: Camera) -> Array:
     return (np.zeros(5) if camera.model == "pinhole" else camera.distortion)[:, None]
 
 
-def _head(camera: Camera) -> str:
+def _head(camera: Camera, other: Camera | None = None) -> str:
+    """Picture size and lens flag; a flag for each camera where only one of a pair is a fisheye: a reader of one flag must not take it for both."""
     width, height = camera.image_size
-    flag = int(camera.model == "fisheye")
-    return f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n{_FLAG}: {flag}\n"
+    flags = [int(c.model == "fisheye") for c in (camera, other or camera)]
+    names = (_FLAG,) if flags[0] == flags[1] else _FLAGS
+    lens = "".join(f"{name}: {flag}\n" for name, flag in zip(names, flags, strict=False))
+    return f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n{lens}"
 
 
 def _text(camera: Camera) -> str:
@@ -52,11 +56,7 @@ def _text(camera: Camera) -> str:
 
 def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
     left, right = pair.left, pair.right
-    if (left.model == "fisheye") != (right.model == "fisheye"):
-        raise FormatError(
-            f"{TITLE} has one {_FLAG} for both cameras; calibrate both with one lens model, or write json"
-        )
-    text = _head(left)
+    text = _head(left, right)
     if right.image_size != left.image_size:
         text += "image_width_2: {}\nimage_height_2: {}\n".format(*right.image_size)
     matrices = {"M1": left.K, "D1": _lens(left), "M2": right.K, "D2": _lens(right)}
@@ -76,14 +76,18 @@ def _get(data: dict[str, Any], key: str, shape: tuple[int, int] | None, where: s
     return array
 
 
-def _camera(data: dict[str, Any], keys: tuple[str, str], size: tuple[int, int], where: str) -> Camera:
+def _camera(
+    data: dict[str, Any], keys: tuple[str, str], size: tuple[int, int], where: str, own_flag: str = _FLAG
+) -> Camera:
+    """The camera of the matrix and the distortion `keys`; the lens flag is `own_flag`, or else that of all."""
     K, values = _get(data, keys[0], (3, 3), where), _get(data, keys[1], None, where).ravel()
     where = f"{where}: {keys[1]!r}"
-    if _FLAG not in data and len(values) == 4:
+    flag = own_flag if own_flag in data else _FLAG
+    if flag not in data and len(values) == 4:
         raise FormatError(
             f"{where} has 4 numbers, which a plain and a fisheye lens can have; add `{_FLAG}: 0` (or 1) to the file"
         )
-    if _FLAG in data and number(data, _FLAG, where):
+    if flag in data and number(data, flag, where):
         return make_camera(where, K, values, size, "fisheye")
     model, distortion = opencv_lens(where, values)
     return make_camera(where, K, distortion, size, model)
@@ -99,7 +103,10 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
     if "m1" not in data:
         return {"camera": _camera(data, ("camera_matrix", "distortion_coefficients"), size, path)}
     other = size_of(data, "image_width_2", "image_height_2", path) if "image_width_2" in data else size
-    return {"left": _camera(data, ("M1", "D1"), size, path), "right": _camera(data, ("M2", "D2"), other, path)}
+    return {
+        "left": _camera(data, ("M1", "D1"), size, path, _FLAGS[0]),
+        "right": _camera(data, ("M2", "D2"), other, path, _FLAGS[1]),
+    }
 
 
 def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.sight import off_axis
 from rcdn.report.calibration.facts import thinned, used_residuals
 from rcdn.report.calibration.markup import Html, coordinate, crosses, dots, each, join, number, pixels, tag
 from rcdn.types import Array, Calibration
@@ -84,7 +85,10 @@ class Axes:
         """Numbers below, and the axis' name below them."""
         y = HEIGHT - BOTTOM
         out = [tag("path", class_="axis", d=f"M{LEFT} {y}H{WIDTH - RIGHT}")]
-        out += [tag("text", coordinate(v), x=float(self.x(v)), y=y + 15, text_anchor="middle") for v in values]
+        out += [
+            tag("text", coordinate(v).replace("-", "−"), x=float(self.x(v)), y=y + 15, text_anchor="middle")
+            for v in values
+        ]
         out.append(tag("text", name, x=WIDTH - RIGHT, y=HEIGHT - 6, text_anchor="end"))
         return each(out)
 
@@ -160,33 +164,52 @@ def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Html:
 
 def radius_chart(calibration: Calibration) -> tuple[Html, str]:
     """The residuals' part that points outwards, against the distance from the principal point; and a sentence on it."""
-    xy, residuals = used_residuals(calibration)
+    _, outward, radius = _outward(calibration)
     camera = calibration.camera
-    away = xy - camera.K[:2, 2]
-    radius = np.hypot(*away.T)
-    outward = (residuals * away).sum(axis=1) / np.maximum(radius, 1e-9)
     width, height = camera.image_size
     ends = np.array([[0, 0], [width, 0], [0, height], [width, height]]) - camera.K[:2, 2]
-    far = float(np.hypot(*ends.T).max())
+    return _against(radius, outward, float(np.hypot(*ends.T).max()), "radius", "distance from the principal point, px")
+
+
+def angle_chart(calibration: Calibration) -> tuple[Html, str]:
+    """The same against the angle between the corner's ray and the axis, in which the lens models are written; up to the widest angle
+    of a corner."""
+    xy, outward, _ = _outward(calibration)
+    angle = off_axis(calibration.camera, xy)
+    seen = np.isfinite(angle)
+    far = 1.05 * float(angle[seen].max(initial=1.0))
+    return _against(angle[seen], outward[seen], far, "angle off the axis", "angle off the axis, degrees")
+
+
+def _outward(calibration: Calibration) -> tuple[Array, Array, Array]:
+    """Used corners (N, 2), their residuals' part (N,) away from the principal point, and their distance from it (N,), px."""
+    xy, residuals = used_residuals(calibration)
+    away = xy - calibration.camera.K[:2, 2]
+    radius = np.hypot(*away.T)
+    return xy, (residuals * away).sum(axis=1) / np.maximum(radius, 1e-9), radius
+
+
+def _against(position: Array, outward: Array, far: float, what: str, name: str) -> tuple[Html, str]:
+    """Dots of `outward` (N,) at `position` (N,) up to `far`, with their running mean; `what` that is, `name` of its axis."""
     reach = float(np.quantile(np.abs(outward), 0.995)) * 1.15 if len(outward) else 1.0
     axes = Axes(0.0, far, -reach or -1.0, reach or 1.0)
-    some = thinned(len(xy), MOST)
-    shown = np.stack([axes.x(radius[some]), axes.y(np.clip(outward[some], axes.low, axes.high))], axis=-1)
-    middle, mean, spread = _running(radius, outward, far)
+    some = thinned(len(position), MOST)
+    shown = np.stack([axes.x(position[some]), axes.y(np.clip(outward[some], axes.low, axes.high))], axis=-1)
+    middle, mean, spread = _running(position, outward, far)
     sentence = ""
     if len(middle):
         worst = int(np.argmax(np.abs(mean)))
-        scatter = number(np.std(outward), 2)
+        scatter = number(float(np.std(outward)), 2)
         sentence = (
             f"The running mean stays within ±{number(abs(mean[worst]), 2)} px; single residuals scatter by {scatter} px "
             "(one standard deviation)."
         )
     art = plot(
-        f"Residuals against the radius, {len(xy)} corners. {sentence}",
+        f"Residuals against the {what}, {len(position)} corners. {sentence}",
         axes.rows("outward part of the residual, px"),
         tag("path", class_="dot", stroke_width=2.6, stroke_opacity=0.35, d=dots(shown)),
         _ribbon(axes, middle, mean, spread),
-        axes.columns("distance from the principal point, px", ticks(0, far, 5)),
+        axes.columns(name, ticks(0, far, 5)),
     )
     return art, sentence
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+
 import numpy as np
 
+from rcdn.calibration.by_hand import view_name
 from rcdn.report.calibration import charts, pictures
 from rcdn.report.calibration.markup import Html, counted, each, join, number, pixels, tag
 from rcdn.report.calibration.pictures import Pictures, Sample, Shot
@@ -16,11 +20,12 @@ def gallery(calibration: Calibration, show: Pictures | None, budget: int, key: s
     every = pictures.shots(calibration)
     chosen = pictures.with_jpegs(pictures.worth_showing(every), show, budget)
     most = pictures.DOTS // max(len(chosen), 1)
+    names = [v.name for v in calibration.views]
     parts: list[Html | None] = [_gallery_legend(chosen), _gallery_words(every, chosen, show is not None)]
     for title, group in (("Left out", [s for s in chosen if s.out]), ("Used", [s for s in chosen if not s.out])):
         if group:
             parts.append(tag(f"h{level}", f"{title} ({len(group)})"))
-            parts.append(tag("div", each([_thumbnail(s, most, key) for s in group]), class_="shots"))
+            parts.append(tag("div", each([_thumbnail(s, names, most, key) for s in group]), class_="shots"))
     parts.append(_table(calibration, key, {k for s in chosen for k, _ in s.views}))
     return tag("div", *parts, class_="views")
 
@@ -53,7 +58,7 @@ def _gallery_legend(chosen: list[Shot]) -> Html:
     ])  # fmt: skip
 
 
-def _thumbnail(shot: Shot, most: int, key: str) -> Html:
+def _thumbnail(shot: Shot, names: Sequence[str], most: int, key: str) -> Html:
     lines, told = [], []
     for k, view in shot.views:
         used = f"{int(view.used.sum())} of {counted(len(view), 'corner')}"
@@ -64,30 +69,52 @@ def _thumbnail(shot: Shot, most: int, key: str) -> Html:
         lines.append(
             tag("div", tag("span", f"Left out: {view.reason}", class_="why") if view.reason else tag("span", used))
         )
-    alt = f"{short(shot.name)}, {'; '.join(told)}"
-    caption = tag("figcaption", tag("bdi", short(shot.name)), *lines)
+        if not (view.reason or key):
+            lines.append(tag("div", tag("span", "To solve without it: ", leaving_out(names, k)), class_="more"))
+    number = shot.views[0][0]
+    name = short(shot.name)
+    alt = f"{name}, {'; '.join(told)}"
+    wide, high = shot.size
     return tag(
         "figure",
-        pictures.framed(shot, pictures.corners_overlay(shot, most), alt),
-        caption,
+        tag(
+            "a",
+            pictures.framed(shot, pictures.corners_overlay(shot, most), alt),
+            class_="large",
+            href=f"#shot-{key}{number}",
+            aria_label=f"Enlarge {name}",
+        ),
+        tag("figcaption", tag("bdi", name), *lines),
+        tag("p", tag("a", "Back to all pictures", href=f"#view-{key}{number}"), class_="back"),
         class_="shot out" if shot.out else "shot",
+        id=f"shot-{key}{number}",
+        style=f"--ratio:{wide / high:.4f}",
     )
 
 
 def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
     """Every view; those whose numbers aren't `shown` have their anchors here."""
     rows = []
+    every = [v.name for v in calibration.views]
     for k, v in enumerate(calibration.views, start=1):
         here = k not in shown
         first = tag("th", k if here else tag("a", k, href=f"#view-{key}{k}"), scope="row", class_="n")
         used = f"{int(v.used.sum()) if not v.reason else 0} / {len(v)}"
         cells = (tag("td", t, class_="n") for t in (v.board + 1, used, pixels(v.rms).removesuffix(" px")))
         state = tag("span", v.reason, class_="why") if v.reason else "used"
+        option = None if v.reason or key else leaving_out(every, k)
         row = tag(
-            "tr", first, tag("td", tag("bdi", v.name)), *cells, tag("td", state), id=f"view-{key}{k}" if here else None
+            "tr",
+            first,
+            tag("td", tag("bdi", v.name)),
+            *cells,
+            tag("td", state),
+            option and tag("td", option),
+            id=f"view-{key}{k}" if here else None,
         )
         rows.append(row)
-    names = (("#", "n"), ("picture", None), ("board", "n"), ("corners used", "n"), ("RMS, px", "n"), ("", None))
+    names = [("#", "n"), ("picture", None), ("board", "n"), ("corners used", "n"), ("RMS, px", "n"), ("", None)]
+    names += [] if key else [("to solve without it, add", None)]
     head = tag("tr", *(tag("th", n or tag("span", "state", class_="sr"), scope="col", class_=c) for n, c in names))
     table = tag(
         "table", tag("caption", "Every view, in the order of the input"), tag("thead", head), tag("tbody", each(rows))
@@ -95,6 +122,11 @@ def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
     return tag(
         "details", tag("summary", f"All {counted(len(rows), 'view')} as a table"), tag("div", table, class_="wide")
     )
+
+
+def leaving_out(names: Sequence[str], number: int) -> Html:
+    """The option of `rcdn calibrate` that leaves out view `number` (from 1) of pictures `names`."""
+    return tag("code", f"--leave-out {shlex.quote(view_name(names, number - 1))}")
 
 
 def before_after(found: Sample | None, camera: Camera, asked: bool) -> Html:

@@ -115,7 +115,7 @@ def residual_map(calibration: Calibration) -> Html:
         f"The longest is {number(longer.max(initial=0))} px.",
         sensor.clipped(tag("path", class_="line", stroke_width=1, stroke_opacity=0.8, d=lines)),
         tag("path", class_="dot", stroke_width=2.2, d=dots(start)),
-        _scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
+        scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
     return each([art, _thinning(len(xy), len(some)) or Html("")])
 
@@ -140,20 +140,20 @@ def mean_map(calibration: Calibration) -> tuple[Html, str]:
         )
     else:
         sentence = f"Nothing stands out from chance in {counted(len(size), 'cell')}; the largest mean is {number(float(size.max()), 2)} px."
-    arrows = [
+    drawn = [
         tag(
             "path",
             class_=f"line{' systematic' if red else ''}",
             stroke_width=2.2 if red else 1.3,
-            d=_arrows(start[pick], end[pick]),
+            d=arrows(start[pick], end[pick]),
         )
         for red, pick in ((False, ~systematic), (True, systematic))
         if pick.any()
     ]
     art = sensor.draw(
         f"Mean residual in each cell of the sensor. {sentence}",
-        sensor.clipped(*arrows),
-        _scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
+        sensor.clipped(*drawn),
+        scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
     marks = legend(
         ("as chance would have it", tag("path", class_="line", stroke_width=1.3, d="M1 7h15m-4-4l4 4l-4 4")),
@@ -181,7 +181,7 @@ def mean_residuals(calibration: Calibration) -> tuple[Array, Array, Array]:
     return where[enough], mean[enough], np.sqrt(np.maximum(own, noise) / share)[enough]
 
 
-def _arrows(start: Array, end: Array) -> str:
+def arrows(start: Array, end: Array) -> str:
     """Arrows from `start` to `end` (N, 2), units; the head is a fixed size, or shorter than half of a short arrow."""
     along = end - start
     length = np.maximum(np.hypot(*along.T), 1e-9)[:, None]
@@ -190,7 +190,8 @@ def _arrows(start: Array, end: Array) -> str:
     return segments(start, end) + segments(end - back + side, end) + segments(end - back - side, end)
 
 
-def _scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
+def scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
+    """A bar of a round number of px below the frame, as long as an enlarged residual of that size, and `words`."""
     value = nice(45 / stretch)
     value = value if value * stretch < sensor.width / 3 else nice(18 / stretch)
     y, right = sensor.height + 19, 1 + value * stretch
@@ -210,8 +211,8 @@ def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
         tag(
             "path",
             class_={-1: "blind", -2: "broken"}.get(int(b), "heat"),
-            fill_opacity=None if b < 0 else _shade(b, len(levels)),
-            d=_runs(band == b, step),
+            fill_opacity=None if b < 0 else shade(b, len(levels)),
+            d=runs(band == b, step),
         )
         for b in np.unique(band)
     ]
@@ -241,11 +242,12 @@ def band_levels(field: Array) -> Array:
     return np.array(inside[: BANDS - 1] or [nice(float(known.max()))])
 
 
-def _shade(band: int, levels: int) -> str:
+def shade(band: int, levels: int) -> str:
+    """Opacity of a band among `levels` limits."""
     return coordinate(0.04 + 0.78 * band / max(levels, 1), 2)
 
 
-def _runs(mask: Array, step: Array) -> str:
+def runs(mask: Array, step: Array) -> str:
     """Boxes that fill the true cells of `mask`, one for each run in a row."""
     out = []
     edge = np.diff(np.pad(mask.astype(int), ((0, 0), (1, 1))), axis=1)
@@ -272,15 +274,21 @@ def _values(sensor: Sensor, facts: Facts) -> Html:
     ])  # fmt: skip
 
 
-def _band_legend(levels: Array, least: int) -> Html:
+def band_marks(levels: Array, unit: str = " px") -> list[tuple[str, Html]]:
+    """Entries of a legend, one for each band between `levels`."""
     edges = [coordinate(v, 9) for v in levels]
     words = [
-        f"below {edges[0]} px",
+        f"below {edges[0]}{unit}",
         *(f"{a}–{b}" for a, b in pairwise(edges)),
         f"above {edges[-1]}",
     ]
     box = "M1 0h16v14h-16z"
-    marks = [(w, tag("path", class_="heat", fill_opacity=_shade(k, len(levels)), d=box)) for k, w in enumerate(words)]
+    return [(w, tag("path", class_="heat", fill_opacity=shade(k, len(levels)), d=box)) for k, w in enumerate(words)]
+
+
+def _band_legend(levels: Array, least: int) -> Html:
+    box = "M1 0h16v14h-16z"
+    marks = band_marks(levels)
     marks.append(("hull of the used corners", tag("path", class_="rule", fill="none", d="M0 7h18")))
     if least < 0:
         word, kind = (BROKEN, "broken") if least == -2 else ("out of the lens’s sight", "blind")

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from rcdn.calibration.next_view import next_view
+from rcdn.calibration.view_information import pattern_of
 from rcdn.io import write_text
 from rcdn.provenance import provenance
-from rcdn.report.calibration import gallery, sections, style, verdict
+from rcdn.report.calibration import gallery, histogram, next_pose, sections, space, style, verdict
 from rcdn.report.calibration import pictures as shown
 from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
@@ -91,10 +95,15 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     parts = [
         ("numbers", "The numbers", sections.numbers(calibration)),
         ("sensor", "Over the sensor", pair(*sections.sensor_figures(calibration, facts))),
+        *pose_part(calibration),
         (
             "residuals",
             "Residuals",
-            join(pair(*sections.residual_figures(calibration)), pair(*sections.chart_figures(calibration))),
+            join(
+                pair(*sections.residual_figures(calibration)),
+                pair(*sections.chart_figures(calibration)),
+                pair(*histogram.model_figures(calibration)),
+            ),
         ),
         ("straight", "Straight lines", gallery.before_after(sample, calibration.camera, pictures is not None)),
     ]
@@ -105,6 +114,20 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     views = gallery.gallery(calibration, pictures, budget)
     parts += [("views", "Every picture", views), meaning]
     return page(title, subtitle(calibration), head, parts, told(calibration, facts))
+
+
+def pose_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
+    """Where to hold the board next, and where it was; no part without a pose."""
+    found = next_view(calibration)
+    suggested = None
+    if found is not None:
+        suggested = space.rectangle(
+            found.pose, np.array([-1, -1]), np.array(found.size), calibration.spacing, pattern_of(calibration)
+        )
+    drawn = [] if found is None else [next_pose.next_figure(calibration, found)]
+    where = space.space_figure(calibration, suggested)
+    drawn += [] if where is None else [where]
+    return [("poses", "Poses of the board", pair(*drawn))] if drawn else []
 
 
 def subtitle(calibration: Calibration) -> str:

@@ -18,7 +18,7 @@ from rcdn.types import Array, BoardView, Calibration, Camera
 Pictures = Callable[[str], Array | None]
 """The photograph (H, W) of a view's name, or None."""
 
-WIDTHS = (560, 480, 400, 320, 240, 180, 128)
+WIDTHS = (960, 760, 560, 480, 400, 320, 240, 180, 128)
 """px that thumbnails may be wide; the widest that fits is taken"""
 MOST = 120
 """pictures that are shown"""

@@ -1,9 +1,11 @@
-"""The look of the report: one style sheet, and the one script, which nothing depends on."""
+"""The look of the report: one style sheet; and what the browser may load."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+
+from rcdn.report.calibration.script import SCRIPT as SCRIPT
 
 SHEET = """
 :root{color-scheme:light dark;--paper:#f6f7f9;--card:#fff;--ink:#1a1f26;--soft:#55606d;--line:#d9dee5;--faint:#eceff3;
@@ -97,6 +99,14 @@ figcaption{font-size:.9375rem}
 .plot .hatch{stroke:var(--poor);stroke-width:1.2;stroke-opacity:.6}
 .plot .blind{fill:var(--line)}
 .plot .broken{fill:var(--poor);fill-opacity:.32}
+.plot .board{fill:var(--accent);fill-opacity:.05;stroke:var(--accent);stroke-width:1.1;stroke-linejoin:round}
+.plot .board.out{fill:none;stroke:var(--poor);stroke-dasharray:4 3}
+.plot .board.next{fill:var(--good);fill-opacity:.3;stroke:var(--good);stroke-width:2}
+.plot .suggested{stroke:var(--good);stroke-width:1;stroke-linejoin:round}
+.plot .suggested.light{fill:var(--good);fill-opacity:.1}.plot .suggested.dark{fill:var(--good);fill-opacity:.75}
+.plot a:hover .board,.plot a:focus .board{fill-opacity:.45;stroke-width:2}
+.plot .ray{fill:none;stroke:var(--ink);stroke-width:1.4;stroke-linejoin:round}
+.plot.space{touch-action:pan-y;cursor:grab;overflow:hidden}
 .plot .contour{fill:none;stroke:var(--ink);stroke-opacity:.55;stroke-width:.8}
 .plot .systematic{stroke:var(--poor)}
 .plot .heat{fill:var(--heat)}
@@ -123,6 +133,17 @@ figure .frame{margin:10px 0}.shot .frame{margin:0}
 .halo2{stroke:#000;stroke-opacity:.75}
 .u{stroke:#4be37c}.o{stroke:#ff5c4d}.l{stroke:#ffc14d}.c{stroke:#ffd84d}.h{stroke:#46c8ff}
 .frame path,.frame use{fill:none;stroke-linecap:round;vector-effect:non-scaling-stroke}
+.large{display:block;cursor:zoom-in}.back,.shot figcaption .more{display:none}
+.shot:target figcaption .more,dialog .shot figcaption .more{display:block}
+.shot:target{position:fixed;inset:0;z-index:2;overflow:auto;background:var(--paper);padding:16px}.shot:target .back{display:block}
+.shot:target .frame,dialog .shot .frame{width:min(100%,calc(var(--ratio)*(100vh - 190px)));margin:0 auto}
+.shot:target .large{cursor:auto}
+.shot:target .u,dialog .u{stroke-width:5px;filter:drop-shadow(0 0 1px #000)}
+dialog{width:min(96vw,1800px);max-width:none;max-height:none;border:1px solid var(--line);border-radius:12px;background:var(--card);color:var(--ink);
+padding:12px 16px}
+dialog::backdrop{background:rgba(0,0,0,.7)}
+dialog .bar{display:flex;flex-wrap:wrap;gap:8px;margin-bottom:10px}dialog .bar button:last-child{margin-left:auto}
+dialog .shot figcaption{max-width:900px;margin:8px auto 0}
 details{margin-top:12px}
 summary{cursor:pointer;color:var(--accent);padding:4px 0}
 dl.words{display:grid;grid-template-columns:minmax(150px,220px) 1fr;gap:8px 24px;margin:12px 0 0;font-size:.9375rem}
@@ -151,13 +172,6 @@ body{font-size:10.5pt}nav,button{display:none!important}main,header,footer{max-w
 .tall{max-height:none}details::details-content{content-visibility:visible}a{color:inherit;text-decoration:none}
 }
 """
-
-SCRIPT = (
-    "document.querySelectorAll('button[data-copy]').forEach(function(b){b.hidden=false;b.onclick=function(){"
-    "var p=document.getElementById(b.dataset.copy),r=document.createRange(),s=getSelection();r.selectNodeContents(p);"
-    "s.removeAllRanges();s.addRange(r);var ok=document.execCommand('copy');b.textContent=ok?'Copied':'Press Ctrl+C'}})"
-)
-"""Shows the buttons that copy a block of numbers."""
 
 POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "

@@ -1,0 +1,122 @@
+"""Views that a person leaves out: found by name, kept with their reason, and placed before the camera that the others give."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from rcdn.calibration.calibrate import sigma_of
+from rcdn.calibration.pose import estimate_pose
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import Board, BoardView, Calibration, Pose
+
+REASON = "left out by hand"
+
+
+def view_name(names: Sequence[str], index: int) -> str:
+    """What to write to leave out view `index` of pictures `names`: the picture's own name if no other has it, else its whole path, and
+    `:` and the board's number, from 1, where the picture has several."""
+    name = names[index]
+    own = _own_name(name)
+    alone = sum(_own_name(n) == own for n in set(names)) == 1
+    return (own if alone else name) + (f":{names[:index].count(name) + 1}" if list(names).count(name) > 1 else "")
+
+
+def chosen(leave_out: Sequence[str], names: Sequence[str]) -> set[int]:
+    """Indices of the views that `leave_out` names, of pictures `names` (one a view, the largest board of a picture first).
+
+    An entry is a picture's name, whole or without its folders, which leaves out all its boards, or such a name with `:` and the board's number,
+    counted from 1 as in the report. Raises ConfigError for a name that no picture has, naming those that come near, and for one of several.
+    """
+    return {k for entry in leave_out for k in _indices(entry, names)}
+
+
+def without(
+    solve: Callable[[Sequence[Board], Sequence[str]], Calibration],
+    boards: Sequence[Board],
+    names: Sequence[str],
+    leave_out: Sequence[str],
+) -> Calibration:
+    """What `solve` gives of all `boards` but those that `leave_out` names; these are among its views with the reason REASON.
+
+    Their poses and residuals are those under the camera of the others, and their labels start at their own first corner.
+    """
+    out = chosen(leave_out, names)
+    rest = [k for k in range(len(boards)) if k not in out]
+    done = solve([boards[k] for k in rest], [names[k] for k in rest])
+    found = dict(zip(rest, done.views, strict=True))
+    turn: Counter[str] = Counter()
+    views = []
+    for k, (board, name) in enumerate(zip(boards, names, strict=True)):
+        view = found[k] if k in found else _view(board, name, done)
+        views.append(replace(view, board=turn[name]))
+        turn[name] += 1
+    return replace(done, views=tuple(views))
+
+
+def _indices(entry: str, names: Sequence[str]) -> list[int]:
+    name, _, number = entry.rpartition(":")
+    pictures = _pictures(entry, names)
+    if not pictures and number.isdigit() and (pictures := _pictures(name, names)):
+        views = [k for k, n in enumerate(names) if n == pictures[0]]
+        if not 1 <= int(number) <= len(views):
+            boards = "one board" if len(views) == 1 else f"boards 1 to {len(views)}"
+            raise ConfigError(f"leave_out: {pictures[0]} has {boards}, not number {number}")
+        _one(name, pictures)
+        return [views[int(number) - 1]]
+    if not pictures:
+        raise ConfigError(
+            f"leave_out: no view is named {entry!r}; {_close(name if number.isdigit() else entry, names)}"
+        )
+    _one(entry, pictures)
+    return [k for k, n in enumerate(names) if n == pictures[0]]
+
+
+def _pictures(name: str, names: Sequence[str]) -> list[str]:
+    """The pictures of that whole name, or else without folders, each once."""
+    every = list(dict.fromkeys(names))
+    return [n for n in every if n == name] or [n for n in every if _own_name(n) == name]
+
+
+def _one(name: str, pictures: Sequence[str]) -> None:
+    if len(pictures) > 1:
+        raise ConfigError(f"leave_out: {name!r} is the name of several pictures; name one of {', '.join(pictures[:4])}")
+
+
+def _close(name: str, names: Sequence[str]) -> str:
+    every = list(dict.fromkeys(names))
+    known = {_own_name(n): n for n in every} | {n: n for n in every}
+    near = list(dict.fromkeys(known[n] for n in get_close_matches(name, list(known), 4)))
+    if near:
+        return f"did you mean {' or '.join(near[:3])}?"
+    return f"the pictures with boards are {', '.join(every[:4])}{', …' if len(every) > 4 else ''}"
+
+
+def _own_name(name: str) -> str:
+    return name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1] or name
+
+
+def _view(board: Board, name: str, done: Calibration) -> BoardView:
+    pose, residuals = None, np.full((len(board), 2), np.nan)
+    if board.image_size == tuple(done.camera.image_size):
+        try:
+            found = estimate_pose(board, done.camera, done.spacing)
+            pose, residuals = Pose(found.T_cam_board), found.residuals
+        except CalibrationError:
+            pass
+    return BoardView(
+        name=name,
+        board=0,
+        ij=board.ij - (board.ij.min(axis=0) if len(board) else 0),
+        xy=board.xy,
+        sigma=sigma_of(board),
+        pose=pose,
+        residuals=residuals,
+        used=np.zeros(len(board), bool),
+        reason=REASON,
+        settled=False,
+    )

@@ -1,0 +1,108 @@
+"""Two cameras side by side: the area they are compared over, the difference there, and whether it is more than both state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from rcdn.calibration.difference import (
+    Agreement,
+    Difference,
+    agreement,
+    camera_difference,
+    common_grid,
+    displacement,
+)
+from rcdn.errors import RcdnError
+from rcdn.types import Array, Calibration, Camera
+
+Where = Literal["seen", "frame"]
+FEWEST = 20
+"""points of the grid in the area that two cameras are compared over"""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two cameras compared: `found` over the whole frame, after the rotation fitted `where`; `inside` (N,) its points there.
+
+    `where`: `seen`, inside the convex hulls of the used corners of every calibration, or `frame`, wherever both cameras have rays.
+    `outlines`: those hulls, (K, 2) px each. `ends` (2, 2, 2) the vectors in the frame's corners (rows, columns) and `middle` (2,) in its
+    middle, px, NaN without a ray. `agreement`: beside what both state, if both are calibrations with covariances; `shared`: how many views
+    with the same corners both rest on, which makes their difference smaller than they state.
+    """
+
+    cameras: tuple[Camera, Camera]
+    found: Difference
+    where: Where
+    inside: Array
+    outlines: tuple[Array, ...]
+    ends: Array
+    middle: Array
+    agreement: Agreement | None = None
+    shared: int = 0
+
+    @property
+    def over_area(self) -> Difference:
+        """The difference at the points that count."""
+        return Difference(self.found.rotation, self.found.vectors[self.inside], self.found.points[self.inside])
+
+
+def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | None = None) -> Comparison:
+    """Compare two cameras of one frame size over a regular grid.
+
+    `where`: `seen` needs a calibration with used corners, `frame` doesn't; default: `seen` where it can be had. Raises RcdnError if the
+    frames differ in size, if there is no area to compare, or if `seen` is asked of two cameras without corners.
+    """
+    one, other = (c.camera if isinstance(c, Calibration) else c for c in (a, b))
+    outlines = tuple(h for c in (a, b) if isinstance(c, Calibration) and len(h := _hull(c)))
+    if where == "seen" and not outlines:
+        raise RcdnError(
+            "where='seen' needs the corners of a calibration (written by `rcdn calibrate --json`); use where='frame'"
+        )
+    place: Where = where or ("seen" if outlines else "frame")
+    points = common_grid(one, other) if tuple(one.image_size) == tuple(other.image_size) else np.zeros((1, 2))
+    inside = np.ones(len(points), bool)
+    if place == "seen":
+        for hull in outlines:
+            inside &= _within(hull, points)
+    if tuple(one.image_size) == tuple(other.image_size) and inside.sum() < FEWEST:
+        raise RcdnError(
+            f"the cameras have only {int(inside.sum())} of {len(points)} points in common to compare; use where='frame'"
+        )
+    found = camera_difference(one, other, points, points[inside])
+    inside = inside & np.isfinite(found.vectors).all(axis=1)
+    stated = None
+    if isinstance(a, Calibration) and isinstance(b, Calibration) and np.isfinite([a.cov.sum(), b.cov.sum()]).all():
+        stated = agreement(a, b, found, inside)
+    width, height = one.image_size
+    x, y = np.meshgrid([0.0, width - 1], [0.0, height - 1])
+    spots = np.stack([*np.stack([x, y], axis=-1).reshape(4, 2), [(width - 1) / 2, (height - 1) / 2]])
+    there = displacement(one, other, found.rotation, spots)
+    return Comparison(
+        (one, other), found, place, inside, outlines, there[:4].reshape(2, 2, 2), there[4], stated, _shared(a, b)
+    )
+
+
+def _hull(calibration: Calibration) -> Array:
+    """(K, 2) px, the convex hull of the used corners; empty if there are too few."""
+    xy = np.concatenate([v.xy[v.used] for v in calibration.used_views] or [np.zeros((0, 2))])
+    return cv2.convexHull(xy.astype(np.float32))[:, 0].astype(float) if len(xy) > 2 else np.zeros((0, 2))
+
+
+def _within(hull: Array, points: Array) -> Array:
+    """(N,) bool: `points` (N, 2) in the convex polygon `hull` (K, 2) or on its rim."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    away = points[:, None] - hull
+    side = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
+    return np.asarray((side >= 0).all(axis=1) | (side <= 0).all(axis=1))
+
+
+def _shared(a: Camera | Calibration, b: Camera | Calibration) -> int:
+    """How many used views of both have the same corners."""
+    if not (isinstance(a, Calibration) and isinstance(b, Calibration)):
+        return 0
+    known = {v.xy.tobytes() for v in a.used_views}
+    return sum(v.xy.tobytes() in known for v in b.used_views)

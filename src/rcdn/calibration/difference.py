@@ -1,0 +1,228 @@
+"""How far two cameras differ: where one sees what the other sees, after the best rotation, and what both state of it.
+
+Two calibrations of one camera never agree in every parameter: a shift of the principal point and a rotation of the camera do nearly the
+same to a picture, and only the ray of a pixel means something. So the rays of one camera are turned onto those of the other first, as in
+mrcal's `show-projection-diff` (D. Kogan, mrcal documentation, "Projection differencing").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from rcdn.calibration.sight import cell_centres, out_of_sight
+from rcdn.errors import RcdnError
+from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
+from rcdn.types import Array, Calibration, Camera
+
+GRID = 60
+"""points along the longer side of the frame at which cameras are compared by default"""
+FEWEST = 3
+"""pixels with rays of both cameras that a rotation takes"""
+SAME_RAY = 1e-6
+"""rad: beyond it a pixel isn't reached by the ray that was projected, but by one on this side of the lens model's fold"""
+CHANCE = 0.01
+"""probability by chance alone, below which two calibrations don't agree within what they state"""
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """`rotation` (3,) rad, the rotation vector taken out, from axes of the first camera to those of the second; `vectors` (N, 2) px at
+    the pixels `points` (N, 2): where the second camera sees what the first sees there, minus the point; NaN where either has no ray."""
+
+    rotation: Array
+    vectors: Array
+    points: Array
+
+    @property
+    def lengths(self) -> Array:
+        """(N,) px."""
+        return np.asarray(np.linalg.norm(self.vectors, axis=1))
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean squared length of the vectors that are known, px; NaN if none is."""
+        known = self.lengths[np.isfinite(self.lengths)]
+        return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+
+    @property
+    def angle(self) -> float:
+        """Angle of the rotation, degrees."""
+        return float(np.degrees(np.linalg.norm(self.rotation)))
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """A difference beside what two independent calibrations state of it.
+
+    `deviation` (N,) px, root mean square of both axes, at the points of the difference; `ratio` (N,): |vector| ÷ stated along that direction, in the
+    sense of √(vᵀ C⁻¹ v ÷ 2), so that its mean square is 1 by chance. `rms` of `ratio`; `expected`: what `rms` stays below in 99 of
+    100 cases by chance; `probability` of an `rms` as large or larger.
+    """
+
+    deviation: Array
+    ratio: Array
+    rms: float
+    expected: float
+    probability: float
+
+    @property
+    def agree(self) -> bool:
+        """The calibrations agree within what they state."""
+        return self.probability >= CHANCE
+
+
+def difference(a: Camera, b: Camera, pixels: Array) -> tuple[Array, Array]:
+    """Where `b` sees what `a` sees at `pixels` (N, 2), minus `pixels`: (N, 2) px; and the rotation vector (3,), rad, that was taken out.
+
+    The rotation takes the axes of `a` to those of `b` and makes the sum of squared lengths of the vectors least: plain least squares, every pixel
+    with the same weight, none left out. NaN where either camera has no ray. Raises RcdnError if the frames differ in size or if fewer
+    than three of the pixels have rays in both cameras.
+    """
+    pixels = _checked(a, b, pixels)
+    rays = _unit(unproject(a, pixels))
+    theirs = _unit(unproject(b, pixels))
+    common = np.isfinite(rays).all(axis=1) & np.isfinite(theirs).all(axis=1)
+    if common.sum() < FEWEST:
+        raise RcdnError(
+            f"the cameras have rays in common at {int(common.sum())} of {len(pixels)} pixels; a rotation takes {FEWEST} at least"
+        )
+    turn = _rotation_between(rays[common], theirs[common])
+    common &= np.isfinite(displacement(a, b, turn, pixels)).all(axis=1)
+    if common.sum() < FEWEST:
+        raise RcdnError("the cameras look at different directions wherever both have rays: are they of the same lens?")
+    turn = _least_squares(b, rays[common], pixels[common], turn)
+    return displacement(a, b, turn, pixels), turn
+
+
+def displacement(a: Camera, b: Camera, turn: Array, pixels: Array) -> Array:
+    """(N, 2) px: where `b` sees the rays of `a` at `pixels` (N, 2), rotated by the vector `turn` (3,), minus `pixels`; NaN without a ray."""
+    rays = _unit(unproject(a, pixels)) @ rotation(turn).T
+    seen = project(b, rays)
+    back = _unit(unproject(b, np.where(np.isfinite(seen), seen, np.nan)))
+    same = np.linalg.norm(back - rays, axis=1) < SAME_RAY
+    return np.asarray(np.where(same[:, None], seen - pixels, np.nan))
+
+
+def camera_difference(a: Camera, b: Camera, points: Array | None = None, fit: Array | None = None) -> Difference:
+    """The difference of two cameras at `points` (N, 2) px, by default a grid over the part of the frame that both lenses see.
+
+    The rotation is that of `difference` over the pixels `fit` (M, 2), by default `points`.
+    """
+    points = common_grid(a, b) if points is None else np.atleast_2d(np.asarray(points, float))
+    vectors, turn = difference(a, b, points if fit is None else fit)
+    return Difference(turn, vectors if fit is None else displacement(a, b, turn, points), points)
+
+
+def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Array:
+    """(N, 2) px: middles of nearly square cells over the frame, `longer` along its longer side, where both lenses see."""
+    width, height = a.image_size
+    side = max(width, height) / longer
+    cells = max(round(width / side), 1), max(round(height / side), 1)
+    points = cell_centres(a.image_size, cells).reshape(-1, 2)
+    hidden = [np.logical_or(*out_of_sight(camera, points)) for camera in (a, b)]
+    return np.asarray(points[~(hidden[0] | hidden[1])])
+
+
+def agreement(a: Calibration, b: Calibration, found: Difference, inside: Array | None = None) -> Agreement:
+    """`found`, the difference of `a.camera` and `b.camera`, beside what the two calibrations state, as if they had no picture in common.
+
+    First-order propagation of both covariances through the projection and through the rotation, which was fitted over the points of `found`
+    that are `inside` (N,) bool (default: all); `rms` and what follows from it are over those, too. The mean square of the ratio is a weighted sum of
+    χ² variables; its quantile is Satterthwaite's: χ² of as many degrees of freedom as give the same variance (Biometrics Bulletin 2, 1946).
+    """
+    inside = np.ones(len(found.points), bool) if inside is None else inside
+    slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
+    half = [np.linalg.cholesky(_positive(c.cov[:-6, :-6])) for c in (a, b)]
+    root = np.concatenate([s @ h for s, h in zip(slopes, half, strict=True)], axis=2)
+    known = np.isfinite(root).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
+    cov = root[known] @ root[known].transpose(0, 2, 1)
+    white = np.linalg.inv(np.linalg.cholesky(cov))
+    ratio, deviation = np.full(len(root), np.nan), np.full(len(root), np.nan)
+    ratio[known] = np.sqrt(((white @ found.vectors[known, :, None])[..., 0] ** 2).sum(axis=1) / 2)
+    deviation[known] = np.sqrt(np.trace(cov, axis1=1, axis2=2) / 2)
+    judged = inside[known]
+    freedom = _freedom((white @ root[known])[judged].reshape(-1, root.shape[2]))
+    square = float((ratio[known][judged] ** 2).mean())
+    limit = float(np.sqrt(chi2.isf(CHANCE, freedom) / freedom))
+    return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chi2.sf(freedom * square, freedom)))
+
+
+def _freedom(rows: Array) -> float:
+    """Degrees of freedom of the mean square of `rows` (M, P) times P independent standard normal variables."""
+    weights = np.linalg.eigvalsh(rows.T @ rows)
+    return float(weights.sum() ** 2 / (weights**2).sum())
+
+
+def _checked(a: Camera, b: Camera, pixels: Array) -> Array:
+    if tuple(a.image_size) != tuple(b.image_size):
+        (w, h), (cols, rows) = a.image_size, b.image_size
+        raise RcdnError(
+            f"the cameras' frames differ in size ({w}×{h} and {cols}×{rows} px): compare cameras of one resolution"
+        )
+    pixels = np.atleast_2d(np.asarray(pixels, float))
+    if pixels.ndim != 2 or pixels.shape[1] != 2:
+        raise RcdnError(f"pixels must have shape (N, 2), not {pixels.shape}")
+    return pixels
+
+
+def _unit(rays: Array) -> Array:
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+
+
+def _rotation_between(rays: Array, theirs: Array) -> Array:
+    """The rotation vector that takes unit `rays` (N, 3) nearest to `theirs` (Kabsch, Acta Cryst. A32, 1976)."""
+    u, _, vt = np.linalg.svd(theirs.T @ rays)
+    R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+    sine = float(np.linalg.norm(axis))
+    angle = np.arctan2(sine, (np.trace(R) - 1) / 2)
+    return np.asarray(axis * (angle / sine if sine > 1e-12 else 1.0))
+
+
+def _least_squares(camera: Camera, rays: Array, pixels: Array, start: Array) -> Array:
+    """The rotation vector near `start` after which `camera` sees `rays` (N, 3) nearest to `pixels` (N, 2).
+
+    Solved for a small rotation after `start`, by central differences, which every lens model has.
+    """
+    turned = rays @ rotation(start).T
+
+    def gaps(v: Array) -> Array:
+        return np.nan_to_num(project(camera, turned @ rotation(v).T) - pixels).ravel()
+
+    step = least_squares(gaps, np.zeros(3), jac="3-point", x_scale=1e-3, xtol=1e-14, ftol=1e-14).x
+    return _rotation_between(np.eye(3), (rotation(step) @ rotation(start)).T)
+
+
+def _difference_jacobian(a: Camera, b: Camera, turn: Array, points: Array, fit: Array) -> tuple[Array, Array]:
+    """Derivatives (N, 2, P) of the difference's vectors at `points` in the parameters of `a` and of `b`, the rotation following."""
+    *by_cameras, by_turn = _fixed_jacobian(a, b, turn, fit)
+    seen = np.isfinite(by_turn).all(axis=(1, 2)) & np.isfinite(by_cameras[0]).all(axis=(1, 2))
+    rows = by_turn[seen].reshape(-1, 3)
+    solve = np.linalg.pinv(rows)
+    follows = [-solve @ s[seen].reshape(len(rows), -1) for s in by_cameras]
+    of_a, of_b, by_turn = _fixed_jacobian(a, b, turn, points)
+    return of_a + by_turn @ follows[0], of_b + by_turn @ follows[1]
+
+
+def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[Array, Array, Array]:
+    """Derivatives of the vectors at `pixels` in the parameters of `a` and of `b`, (N, 2, P), and in a small rotation (N, 2, 3)."""
+    rays = _unit(unproject(a, pixels))
+    _, by_ray, by_a = project_with_slopes(a, rays)
+    R = rotation(turn)
+    _, by_turned, by_b = project_with_slopes(b, rays @ R.T)
+    # a change of a's parameters moves the ray of a fixed pixel, within the plane across it: by_ray·δray = −by_a·δparameters
+    gram = by_ray @ by_ray.transpose(0, 2, 1)
+    seen = np.isfinite(gram).all(axis=(1, 2))
+    moves = np.full((len(pixels), 3, by_a.shape[2]), np.nan)
+    moves[seen] = -by_ray[seen].transpose(0, 2, 1) @ np.linalg.solve(gram[seen], by_a[seen])
+    return by_turned @ R @ moves, by_b, -by_turned @ cross_matrix(rays @ R.T)
+
+
+def _positive(cov: Array) -> Array:
+    """A covariance with a little on its diagonal, so that it has a Cholesky factor."""
+    size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    return np.asarray(cov + 1e-12 * np.diag(size**2))

@@ -1,0 +1,133 @@
+"""What one more view would tell: its information on the camera with its own pose marginalised, and the covariance with it.
+
+A view whose corners have the Jacobian J in the camera's parameters and B in the board's motion, both divided by the corners' standard
+deviations, brings the information JᵀJ − JᵀB (BᵀB)⁻¹ BᵀJ (the Schur complement of its pose: Triggs et al., Bundle Adjustment, 2000, §6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.geometry import cross_matrix, project_with_slopes
+from rcdn.types import Array, Calibration, Camera, plane_points
+from rcdn.types.corners import Pattern
+
+NEGLIGIBLE = 1e-12
+"""× the largest eigenvalue of a covariance of unit diagonal: what lies below is no freedom"""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Of C views: `camera` (C, P, P) on the camera's parameters; `reach` (C, 6, P), minus the derivative of the board's motion in them;
+    `own` (C, 6, 6), the covariance of that motion under a known camera."""
+
+    camera: Array
+    reach: Array
+    own: Array
+
+    @classmethod
+    def of(cls, camera: Camera, points: Array, weight: Array) -> Information:
+        """Of views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point isn't seen."""
+        flat = points.reshape(-1, 3)
+        _, by_point, by_camera = project_with_slopes(camera, flat)
+        by_motion = np.concatenate([-by_point @ cross_matrix(flat), by_point], axis=2)
+        shape = (len(points), -1)
+        scale = np.repeat(weight.reshape(-1), 2).reshape(*shape, 1)
+        J, B = (np.nan_to_num(a.reshape(*shape, a.shape[2])) * scale for a in (by_camera, by_motion))
+        own = np.linalg.pinv(B.transpose(0, 2, 1) @ B, rcond=1e-12, hermitian=True)
+        mixed = B.transpose(0, 2, 1) @ J
+        reach = own @ mixed
+        return cls(J.transpose(0, 2, 1) @ J - mixed.transpose(0, 2, 1) @ reach, reach, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What a calibration of `views` views states, in independent parts: camera parameters = `root` (P, R) times R unit variables; mean
+    motion of the boards = −`reach` (6, P) times the parameters' error, plus an error of its own with covariance `own` (6, 6)."""
+
+    root: Array
+    reach: Array
+    own: Array
+    views: int
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> Prior:
+        """From `calibration.cov`; parameters that are held fixed have no freedom."""
+        cov, P = calibration.cov, len(calibration.camera.parameters)
+        unit = np.sqrt(np.maximum(np.diag(cov)[:P], 0))
+        safe = np.where(unit > 0, unit, 1.0)
+        values, vectors = np.linalg.eigh(cov[:P, :P] / np.outer(safe, safe))
+        free = values > NEGLIGIBLE * values.max()
+        root = safe[:, None] * vectors[:, free] * np.sqrt(values[free])
+        inverse = (vectors[:, free] / np.sqrt(values[free])).T / safe
+        reach = -(inverse.T @ (inverse @ cov[:P, P:])).T
+        own = cov[P:, P:] - reach @ cov[:P, :P] @ reach.T
+        return cls(root, reach, own, len(calibration.used_views))
+
+
+def pattern_of(calibration: Calibration) -> Pattern:
+    """Squares or triangles: under which of the two the used views' poses put the corners where they were seen."""
+    patterns: tuple[Pattern, Pattern] = ("checker", "deltille")
+    misfit = []
+    for pattern in patterns:
+        gaps = []
+        for view in calibration.used_views[:3]:
+            if view.pose is not None:
+                points = _in_camera(view.ij, view.pose.T_cam_board, calibration.spacing, pattern)
+                seen = project_with_slopes(calibration.camera, points)[0]
+                gaps.append(np.linalg.norm(view.xy - seen - view.residuals, axis=1))
+        misfit.append(float(np.nanmedian(np.concatenate(gaps))) if gaps else 0.0)
+    return patterns[0] if misfit[0] <= misfit[1] else patterns[1]
+
+
+def weight_of(calibration: Calibration) -> float:
+    """1 / px: of a usual corner, whose variance is the median sigma's and the scatter's beyond it."""
+    sigma = np.concatenate([v.sigma[v.used] for v in calibration.used_views] or [np.zeros(0)])
+    known = sigma[np.isfinite(sigma)]
+    usual = float(np.median(known)) if len(known) else 0.0
+    return 1 / max(float(np.hypot(calibration.noise, usual)), 1e-6)
+
+
+def share_told(calibration: Calibration, prior: Prior) -> float:
+    """By what the information of a view, as if its corners erred independently, is to be multiplied so that the used views together bring
+    what `calibration.cov` states: residuals of one view are correlated, and a view tells less than its corners seem to."""
+    pattern, weight = pattern_of(calibration), weight_of(calibration)
+    views = [v for v in calibration.used_views if v.pose is not None and v.used.any()]
+    if not views:
+        return 1.0
+    many = max(int(v.used.sum()) for v in views)
+    points, weights = np.tile([0.0, 0.0, 1.0], (len(views), many, 1)), np.zeros((len(views), many))
+    for k, view in enumerate(views):
+        assert view.pose is not None
+        n = int(view.used.sum())
+        points[k, :n] = _in_camera(view.ij[view.used], view.pose.T_cam_board, calibration.spacing, pattern)
+        weights[k, :n] = weight
+    total = Information.of(calibration.camera, points, weights).camera.sum(axis=0)
+    told = float(np.trace(prior.root.T @ total @ prior.root)) / max(prior.root.shape[1], 1)
+    return 1 / told if np.isfinite(told) and told > 0 else 1.0
+
+
+def variances(prior: Prior, more: Information, by_camera: Array, by_motion: Array) -> Array:
+    """(C, G) px²: variance of projections at G points, mean of both axes, with each of C views added.
+
+    `by_camera` (G, 2, P) and `by_motion` (G, 2, 6): derivatives of the projection. The mean motion is then one over one view more.
+    """
+    n = prior.views
+    count, many = len(more.camera), len(by_camera)
+    flat = by_motion.reshape(2 * many, 6)
+    reach = (n * prior.reach + more.reach) / (n + 1)
+    own = (n**2 * prior.own + more.own) / (n + 1) ** 2
+    slopes = by_camera.reshape(1, 2 * many, -1) - flat @ reach
+    information = np.eye(prior.root.shape[1]) + prior.root.T @ more.camera @ prior.root
+    half = np.linalg.inv(np.linalg.cholesky((information + information.transpose(0, 2, 1)) / 2))
+    rows = (slopes @ prior.root) @ half.transpose(0, 2, 1)
+    square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
+    return np.asarray(square.reshape(count, many, 2).mean(axis=2))
+
+
+def _in_camera(ij: Array, T: Array, spacing: float, pattern: Pattern) -> Array:
+    """(N, 3) m, camera coordinates of the corners `ij` (N, 2)."""
+    flat = plane_points(ij, pattern) * spacing
+    return np.asarray(flat @ T[:3, :2].T + T[:3, 3])

@@ -1,0 +1,135 @@
+"""The file of `--pairs`: which pictures of two cameras belong together, a line for each pair."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+
+from rcdn.errors import ConfigError
+
+SEPARATORS = (",", ";", "\t")
+HEADERS = ({"left", "left_name", "left name"}, {"right", "right_name", "right name"})
+MOST_SAID = 10
+"""bad lines that an error tells in words; of the others it gives the numbers"""
+
+
+@dataclass(frozen=True)
+class PairLine:
+    """A line of the file: its `number`, from 1, and the names of the left and the right picture."""
+
+    number: int
+    left: str
+    right: str
+
+
+@dataclass(frozen=True)
+class PairFile:
+    """A file of pairs: its `path` and its `lines`."""
+
+    path: Path
+    lines: tuple[PairLine, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> PairFile:
+        """A line for each pair: `left right`, between them spaces, a tab, a comma or a semicolon; names that hold those in double quotes.
+
+        Empty lines, what follows a `#` at the start of a line or after a space, and a first line `left, right` are passed over.
+        Raises ConfigError that names every line without two names, or says that the file can't be read.
+        """
+        lines, bad = [], []
+        for number, text in enumerate(_text(path).splitlines(), 1):
+            names = _names(text)
+            if len(names) == 2 and all(names):
+                lines.append(PairLine(number, *names))
+            elif names:
+                bad.append((number, f"must hold two names, left and right, not {text.strip()!r}"))
+        _refuse(path, bad)
+        if len(lines) > 1 and lines[0].left.lower() in HEADERS[0] and lines[0].right.lower() in HEADERS[1]:
+            lines = lines[1:]
+        if not lines:
+            raise ConfigError(
+                f"{path}: holds no pairs; write a line for each: the left picture's name, then the right one's"
+            )
+        return cls(path, tuple(lines))
+
+    def match(self, left: Sequence[str], right: Sequence[str], unread: Sequence[str] = ()) -> list[tuple[int, int]]:
+        """(index in `left`, index in `right`) of the pictures that the lines name, in the order of `left`.
+
+        A name is that of a picture if it is its path, or the end of it, with or without the ending of the file; names may also be
+        relative to the folder of the file. A line with a picture that is `unread` (it was reported already) is passed over. Raises
+        ConfigError that names every line with an unknown name, a name that several pictures have, or a picture of another line.
+        """
+        sides, folder = (list(left), list(right)), self.path.parent
+        taken: tuple[dict[int, int], dict[int, int]] = ({}, {})
+        pairs, bad = [], []
+        for line in self.lines:
+            names = (line.left, line.right)
+            if any(_matches(name, unread, folder) for name in names):
+                continue
+            found = [_find(name, side, sides, folder) for side, name in enumerate(names)]
+            faults = [fault for _, fault in found if fault]
+            for name, (at, _), before in zip(names, found, taken, strict=True):
+                if at in before:
+                    faults.append(f"{name} is in line {before[at]}, too")
+                elif at >= 0:
+                    before[at] = line.number
+            if faults:
+                bad.append((line.number, " and ".join(faults)))
+            else:
+                pairs.append((found[0][0], found[1][0]))
+        _refuse(self.path, bad)
+        return sorted(pairs)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig", errors="surrogateescape")  # as file names are
+    except OSError as error:
+        raise ConfigError(f"--pairs {path}: can't be read ({error.strerror or error}); check the path") from error
+
+
+def _names(line: str) -> list[str]:
+    text = re.sub(r"(^|\s)#.*", "", line).strip()
+    if not text:
+        return []
+    separator = next((s for s in SEPARATORS if s in re.sub(r'"[^"]*"', "", text)), " ")
+    fields = next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    fields = [f.strip() for f in fields]
+    return fields if separator != " " else [f for f in fields if f]
+
+
+def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path) -> tuple[int, str]:
+    """The index of the picture called `name` on a side, or −1 and what is wrong with it."""
+    found = _matches(name, sides[side], folder)
+    if len(found) == 1:
+        return found[0], ""
+    here, there = ("left", "right") if side == 0 else ("right", "left")
+    if found:
+        some = " and ".join(sides[side][k] for k in found[:2])
+        return -1, f"{name} may be {some}: write more of the folder"
+    if _matches(name, sides[1 - side], folder):
+        return -1, f"{name} is a picture of the {there} camera: the left one comes first"
+    example = f", such as {sides[side][0]}" if sides[side] else ""
+    return -1, f"no picture of the {here} camera is called {name} (it has {len(sides[side])}{example})"
+
+
+def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
+    """Indices of the pictures that may be meant by `name`: by the strictest of the rules that any picture meets."""
+    absolute = {os.path.abspath(name), os.path.abspath(folder / name)}
+    parts = PurePath(os.path.normpath(name)).parts
+    exact = [k for k, p in enumerate(pictures) if p == name or os.path.abspath(p) in absolute]
+    ends = [k for k, p in enumerate(pictures) if PurePath(p).parts[-len(parts) :] == parts]
+    bare = [k for k, p in enumerate(pictures) if PurePath(p).with_suffix("").parts[-len(parts) :] == parts]
+    return exact or ends or bare
+
+
+def _refuse(path: Path, bad: Sequence[tuple[int, str]]) -> None:
+    if not bad:
+        return
+    said = "; ".join(f"line {number}: {text}" for number, text in bad[:MOST_SAID])
+    rest = [str(number) for number, _ in bad[MOST_SAID:]]
+    raise ConfigError(f"{path}: {said}" + (f"; and the same kind of fault in lines {', '.join(rest)}" if rest else ""))

@@ -1,0 +1,182 @@
+"""All boards before the camera, in space: an orthographic drawing that a script turns, and that stands still without one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.calibration.advice import tilts
+from rcdn.calibration.view_information import pattern_of
+from rcdn.geometry import transform, unproject
+from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
+from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag
+from rcdn.report.calibration.sections import figure, short
+from rcdn.types import Array, BoardView, Calibration, Camera, Pose, plane_points
+from rcdn.types.corners import Pattern
+
+HEIGHT, MARGIN, BELOW = 330.0, 14.0, 26.0
+"""units: of the drawing, around what is drawn, and for the scale below it"""
+YAW, PITCH = 55.0, 20.0
+"""degrees by which the camera is turned away and seen from above, at first"""
+FRUSTUM = 0.45
+"""length of the frustum's edges, in median distances of the boards"""
+RIM = 8
+"""points along each side of the frustum's end"""
+FAR_OUT = 1.5
+"""× the farthest used board: a board left out that stands beyond isn't drawn"""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """An orthographic look at camera coordinates (x right, y down, z forward): turned by `yaw` about y, then by `pitch` about the screen's
+    x, degrees; `centre` (3,) m is in the drawing's middle, `scale` units a metre."""
+
+    centre: Array
+    scale: float
+    yaw: float = YAW
+    pitch: float = PITCH
+
+    def to(self, points: Array) -> Array:
+        """Units (N, 2) of camera points (N, 3), m."""
+        a, b = np.radians([self.yaw, self.pitch])
+        x, y, z = (np.atleast_2d(points) - self.centre).T
+        across, ahead = np.cos(a) * x + np.sin(a) * z, np.cos(a) * z - np.sin(a) * x
+        down = np.cos(b) * y - np.sin(b) * ahead
+        return np.stack([across, down], axis=-1) * self.scale + [WIDTH / 2, HEIGHT / 2]
+
+
+def space_figure(
+    calibration: Calibration, suggested: Array | None = None, key: str = "", whose: str = ""
+) -> Html | None:
+    """The drawing with its legend and a sentence; None if no board has a pose. Boards lead to their pictures, whose anchors begin with
+    `key`; `suggested` (4, 3) m, camera coordinates, is the outline of one more."""
+    pattern = pattern_of(calibration)
+    placed = [
+        (k, v, outline(v, calibration.spacing, pattern)) for k, v in enumerate(calibration.views, start=1) if v.pose
+    ]
+    used = [corners for _, v, corners in placed if not v.reason]
+    if not used:
+        return None
+    far = FAR_OUT * max(float(np.linalg.norm(c, axis=1).max()) for c in used)
+    shown = [p for p in placed if not p[1].reason or np.linalg.norm(p[2], axis=1).max() <= far]
+    distance = np.array([np.linalg.norm(c.mean(axis=0)) for c in used])
+    rim = frustum(calibration.camera, FRUSTUM * float(np.median(distance)))
+    look = look_at(
+        np.concatenate([*(c for _, _, c in shown), *([] if suggested is None else [suggested]), rim, np.zeros((1, 3))])
+    )
+    angle = tilts(calibration)
+    sentence = f"The used boards’ middles stood {_between(distance)} m away, tilted by {angle.min():.0f}° to {angle.max():.0f}° against the sensor."
+    art = plot(
+        f"Poses of {counted(len(shown), 'board')} before the camera, from the side. {sentence}",
+        each([*(_board(look, *p, key) for p in shown), _frustum(look, rim)]),
+        None if suggested is None else _polygon(look, suggested, "board next"),
+        _scale(look),
+        height=HEIGHT + BELOW,
+    )
+    numbers = " ".join(_digits(v) for v in (*look.centre, look.scale, look.yaw, look.pitch))
+    art = Html(art.replace('class="plot"', f'class="plot space" data-look="{numbers}"', 1))
+    hint = tag("p", "Drag to turn it, or use the arrow keys.", class_="soft turn", hidden=True)
+    left = len(placed) - len(shown)
+    more = (
+        f" {counted(left, 'board')} left out would stand far beyond, and {'is' if left == 1 else 'are'} not drawn."
+        if left
+        else ""
+    )
+    return figure(
+        f"Where the boards were{whose}", each([art, _legend(shown, suggested is not None), hint]), sentence + more
+    )
+
+
+def outline(view: BoardView, spacing: float, pattern: Pattern = "checker") -> Array:
+    """(4, 3) m, camera coordinates: the outer corners of a view's board, one square beyond its outermost corners seen."""
+    assert view.pose is not None
+    return rectangle(view.pose, view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, spacing, pattern)
+
+
+def rectangle(pose: Pose, low: Array, high: Array, spacing: float, pattern: Pattern = "checker") -> Array:
+    """(4, 3) m, camera coordinates of the places with labels between `low` (2,) and `high` (2,) on a board: their outermost ones, in order
+    around."""
+    ij = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    flat = plane_points(ij, pattern) * spacing
+    return transform(pose, np.column_stack([flat, np.zeros(4)]))
+
+
+def frustum(camera: Camera, length: float) -> Array:
+    """(4·RIM, 3) m: points `length` away along the rays of the frame's rim, from its first corner round; where the lens model has
+    no ray, along the outermost one towards the middle."""
+    width, height = camera.image_size
+    ends = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+    share = np.arange(RIM)[:, None] / RIM
+    rim = np.concatenate([a + share * (b - a) for a, b in zip(ends, np.roll(ends, -1, axis=0), strict=True)])
+    out = np.full((len(rim), 3), np.nan)
+    for inwards in np.linspace(1, 0.1, 46):
+        lost = np.isnan(out).any(axis=1)
+        out[lost] = unproject(camera, camera.K[:2, 2] + inwards * (rim[lost] - camera.K[:2, 2]))
+    out = np.where(np.isfinite(out), out, [0.0, 0.0, 1.0])
+    return np.asarray(length * out / np.linalg.norm(out, axis=1, keepdims=True))
+
+
+def look_at(points: Array) -> Look:
+    """The look whose drawing `points` (N, 3) fit into, however they are turned about the vertical."""
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    away = points - centre
+    across, down = np.hypot(away[:, 0], away[:, 2]).max(), np.abs(Look(centre, 1.0).to(points)[:, 1] - HEIGHT / 2).max()
+    room = np.array([WIDTH, HEIGHT]) / 2 - MARGIN
+    return Look(centre, float(min(room / np.maximum([across, down], 1e-9))))
+
+
+def _board(look: Look, index: int, view: BoardView, corners: Array, key: str) -> Html:
+    state = f"left out: {view.reason}" if view.reason else pixels(view.rms)
+    told = f"view {index}: {short(view.name)}, {_distance(corners)} m away, {state}"
+    kind = "board out" if view.reason else "board"
+    return tag("a", tag("title", told), _polygon(look, corners, kind), href=f"#view-{key}{index}", tabindex="-1")
+
+
+def _distance(corners: Array) -> str:
+    return number(float(np.linalg.norm(corners.mean(axis=0))), 2)
+
+
+def _frustum(look: Look, rim: Array) -> Html:
+    edges = [_polygon(look, np.stack([np.zeros(3), rim[k]]), "ray", "polyline") for k in range(0, len(rim), RIM)]
+    return each([_polygon(look, rim, "ray"), *edges])
+
+
+def _polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Html:
+    """A shape through `points` (N, 3), with their coordinates for the script."""
+    drawn = " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in look.to(points))
+    return tag(shape, class_=kind, points=drawn, data_p=" ".join(_digits(v) for v in points.ravel()))
+
+
+def _digits(value: float) -> str:
+    return f"{value:.4g}"
+
+
+def _scale(look: Look) -> Html:
+    """A bar of a round length; in an orthographic drawing it holds however the boards are turned."""
+    length = nice(60 / look.scale)
+    length = length if length * look.scale < WIDTH / 3 else nice(25 / look.scale)
+    y, right = HEIGHT + 12, MARGIN + length * look.scale
+    bar = tag("path", class_="mean", d=f"M{coordinate(MARGIN)} {coordinate(y - 4)}v8m0-4H{coordinate(right)}m0-4v8")
+    return each([bar, tag("text", f"{coordinate(length, 4)} m", class_="strong", x=right + 7, y=y + 4)])
+
+
+def _legend(shown: list[tuple[int, BoardView, Array]], suggested: bool) -> Html:
+    box = "M2 3l12-1 2 9-13 1z"
+    marks = [("used board", tag("path", class_="board", d=box))]
+    if any(v.reason for _, v, _ in shown):
+        marks.append(("left out", tag("path", class_="board out", d=box)))
+    if suggested:
+        marks.append(("suggested next", tag("path", class_="board next", d=box)))
+    marks.append(
+        (
+            "the camera and the rim of its frame",
+            tag("path", class_="ray", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"),
+        )
+    )
+    return legend(*marks)
+
+
+def _between(values: Array) -> str:
+    low, high = (number(float(v), 2) for v in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
