@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.geometry import cross_matrix, project_with_slopes, rotation
+from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation
 from rcdn.types import Array, Camera
 
 DENOMINATOR = 1.0
@@ -114,16 +114,26 @@ def _move(T: Array, motions: Array) -> Array:
 
 def residuals(state: State, corners: Corners3) -> Array:
     """(N, 2) observed − projected, px; NaN where the camera can't see."""
-    return corners.xy - linearise(state, corners)[0]
+    points, xy = _placed(state, corners)[1], np.full((len(corners), 2), np.nan)
+    for c, camera in enumerate(state.cameras):
+        of = np.flatnonzero(corners.camera == c)
+        xy[of] = project(camera, points[of])
+    return np.asarray(corners.xy - xy)
+
+
+def _placed(state: State, corners: Corners3) -> tuple[Array, Array]:
+    """(N, 3) the corners in the first camera's coordinates, and in those of the camera that saw each."""
+    shape = corners.basis[:, : len(state.shape)] @ state.shape
+    board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
+    T, rig = state.poses[corners.frame], state.rig[corners.camera]
+    first = (T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3]
+    return first, (rig[:, :3, :3] @ first[:, :, None])[..., 0] + rig[:, :3, 3]
 
 
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """Pixels (N, 2), their Jacobians in the frames' motions (N, 2, 6) and in what all share (N, 2, K)."""
-    shape = corners.basis[:, : len(state.shape)] @ state.shape
-    board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
     T, cam, offsets = state.poses[corners.frame], corners.camera, np.cumsum([0, *state.counts])
-    first = (T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3]
-    points = (state.rig[cam, :3, :3] @ first[:, :, None])[..., 0] + state.rig[cam, :3, 3]
+    first, points = _placed(state, corners)
     by_motion = _motion_jacobian(first)
     xy, by_frame = np.full((len(corners), 2), np.nan), np.zeros((len(corners), 2, 6))
     shared = np.zeros((len(corners), 2, offsets[-1]))

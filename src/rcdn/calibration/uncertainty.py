@@ -129,6 +129,27 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
     return out
 
 
+def projection_deviation(calibration: Calibration, pixels: Array) -> Array:
+    """Covariance (N, 2, 2), px², of where the camera sees the directions that it sees at `pixels` (N, 2), but for a rotation of all of them.
+
+    What a rotation of the camera does to all pixels is no error: the one that takes most away, by least squares over `pixels`, is taken out.
+    With it the difference of two calibrations after the best rotation can be compared. NaN where the lens model has no ray.
+    """
+    pixels = np.atleast_2d(np.asarray(pixels, float))
+    rays = unproject(calibration.camera, pixels)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    seen = np.isfinite(rays).all(axis=1)
+    _, by_point, by_camera = project_with_slopes(calibration.camera, rays[seen])
+    turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
+    flat = by_camera.reshape(len(turn), -1)
+    flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]
+    J = flat.reshape(by_camera.shape)
+    many = J.shape[2]
+    out = np.full((len(pixels), 2, 2), np.nan)
+    out[seen] = np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True)
+    return out
+
+
 def coverage(calibration: Calibration, cells: tuple[int, int] = (12, 9)) -> Array:
     """(rows, columns) how many used corners lie in each of `cells` (columns, rows) equal parts of the sensor."""
     width, height = calibration.camera.image_size
