@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation
-from rcdn.types import Array, Camera
+from rcdn.types import LENS, Array, Camera
 
 DENOMINATOR = 1.0
 """prior standard deviation of k4, k5 and k6 of a rational lens: numerator and denominator may share a factor that no picture tells"""
+RADIAL, TANGENTIAL = 1.0, 0.1
+"""prior standard deviations of the other coefficients of a lens: real ones are several times smaller, and what the corners don't tell stays 0"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +97,13 @@ class State:
 
 
 def lens_prior(state: State) -> Prior:
-    """What is known of the lenses beforehand: the denominator of a rational one is small."""
+    """What is known of the lenses beforehand: their coefficients are small. A polynomial that no corner holds would fold where none was seen."""
     precision, at = np.zeros(sum(state.counts)), 0
     for camera in state.cameras:
-        if camera.model == "rational":
-            precision[at + 9 : at + 12] = 1 / DENOMINATOR**2
+        for k, name in enumerate(LENS[camera.model][: len(camera.distortion)]):
+            denominator = name in ("k4", "k5", "k6") and camera.model == "rational"
+            spread = DENOMINATOR if denominator else TANGENTIAL if name.startswith("p") else RADIAL
+            precision[at + 4 + k] = 1 / spread**2
         at += len(camera.parameters)
     return Prior(np.zeros(len(precision)), np.diag(precision))
 

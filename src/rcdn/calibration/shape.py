@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from rcdn.calibration.bundle import Prior, State, lens_prior
+from rcdn.calibration.bundle import Prior, State
 from rcdn.types import Array, BoardShape
 
 Size = tuple[int, int]
@@ -63,7 +63,7 @@ class Spread:
 
 def with_spread(state: State, spread: Spread) -> State:
     """`state` with a prior of these spreads on its shape, beside that of its lenses."""
-    lens = lens_prior(State(state.cameras, state.poses, state.rig, state.shape))
+    lens = state.beforehand
     each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
     at = len(lens.mean) - state.shape.size
     precision = lens.precision.copy()
