@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,22 @@ import numpy as np
 from rcdn.cli._group import one_line
 
 if TYPE_CHECKING:
-    from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration
+    from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
+
+
+def verdict_line(verdict: Verdict | None) -> list[str]:
+    """The verdict, which is said first; nothing where there is none."""
+    from rcdn.calibration.verdict import headline
+
+    return [] if verdict is None else [headline(verdict)]
+
+
+def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
+    """What else to tell: the gravest reason stands in the first line already."""
+    from rcdn.calibration.verdict import sentences
+
+    said = () if verdict is None else sentences(verdict)[:1]
+    return [f"- {text}" for text in advice if text not in said]
 
 
 def camera_lines(calibration: Calibration) -> list[str]:
@@ -25,19 +41,28 @@ def camera_lines(calibration: Calibration) -> list[str]:
     lines += [
         f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names, _values(c.camera.parameters, c.std), strict=True)
     ]
-    held = "too few pictures to hold any out" if np.isnan(c.held_out) else f"{c.held_out:.3f} px in pictures held out"
-    lines.append(f"RMS {c.rms:.3f} px, {held}")
+    lines.append(f"RMS {c.rms:.3f} px; {_held_out(c)}")
     if len(c.models) > 1:
-        lines.append("models: " + ", ".join(_model(m) for m in c.models))
+        lines.append(
+            f"models, × the RMS of {c.models[0].model}: " + ", ".join(_model(m, c.models[0]) for m in c.models)
+        )
     if c.warp is not None and c.warp_std is not None:
         bent = " and ".join(f"{1e3 * w:.2f} ± {1e3 * s:.2f} mm" for w, s in zip(c.warp, c.warp_std, strict=True))
         lines.append(f"board bent by {bent} along its columns and rows")
     return lines
 
 
-def _model(score: ModelScore) -> str:
-    """`brown 0.159 (held out 0.164)`; a model that can't beat a simpler one isn't tried on pictures held out."""
-    return f"{score.model} {score.rms:.3f}" + ("" if np.isnan(score.held_out) else f" (held out {score.held_out:.3f})")
+def _held_out(c: Calibration) -> str:
+    """As a multiple of the RMS: both on the corners on which models were compared, of which the chosen one may leave some out."""
+    if np.isnan(c.held_out):
+        return "too few pictures to hold any out"
+    return f"in pictures held out {c.held_out / c.models[0].rms:.2f} times that"
+
+
+def _model(score: ModelScore, chosen: ModelScore) -> str:
+    """`brown 1.00 (held out 1.03)`; a model that can't beat a simpler one isn't tried on pictures held out."""
+    held = "" if np.isnan(score.held_out) else f" (held out {score.held_out / chosen.rms:.2f})"
+    return f"{score.model} {score.rms / chosen.rms:.2f}{held}"
 
 
 def _values(values: Array, std: Array) -> list[str]:

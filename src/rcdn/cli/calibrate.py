@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
     from rcdn.cli._pictures import Pictures
     from rcdn.io import CameraFormat, ImageResult
-    from rcdn.types import Board, Calibration
+    from rcdn.types import Board, Calibration, StereoCalibration, Verdict
 
 
 class Model(StrEnum):
@@ -33,6 +33,14 @@ class Model(StrEnum):
     brown = "brown"
     fisheye = "fisheye"
     rational = "rational"
+
+
+class FailOn(StrEnum):
+    """Verdicts that may be failures; `good` isn't."""
+
+    fair = "fair"
+    unsure = "unsure"
+    bad = "bad"
 
 
 class FileFormat(StrEnum):
@@ -99,6 +107,13 @@ def calibrate(
         Path | None,
         typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
     ] = None,
+    fail_on: Annotated[
+        FailOn | None,
+        typer.Option(
+            "--fail-on",
+            help="Exit with 1 if the verdict is this or worse (fair, unsure, bad); files are written all the same.",
+        ),
+    ] = None,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     frames: Frames = 40,
@@ -110,9 +125,13 @@ def calibrate(
     Any board will do, nobody has to say its size; partial boards and several boards a picture count, too. Corners and
     views that disagree with the others are left out and named. What was found in a picture is kept for the next run.
 
-    Exit code: 0 if a camera was found, 1 if not or if a file failed, 2 for wrong use, 130 after Ctrl-C.
+    The first line is the verdict: good (use it), fair (with care), unsure (something that the numbers can't vouch for) or bad (don't
+    use it), with the gravest reason.
+
+    Exit code: 0 if a camera was found, 1 if not, if a file failed or if the verdict is one of --fail-on, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration.calibrate import check_spacing
+    from rcdn.calibration.verdict import fails
 
     check_spacing(spacing)  # before the work
     if stereo and len(inputs) != 2:
@@ -127,11 +146,12 @@ def calibrate(
     outputs.check(inputs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    if stereo:
+    found = (
         _stereo(run, inputs, spacing, model.value, outputs)
-    else:
-        _mono(run, inputs, spacing, model.value, warp, outputs)
-    if run.failed:
+        if stereo
+        else _mono(run, inputs, spacing, model.value, warp, outputs)
+    )
+    if run.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
         raise typer.Exit(FAILED)
 
 
@@ -194,7 +214,9 @@ class _Run:
         return got
 
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
+def _mono(
+    run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs
+) -> Verdict | None:
     from rcdn.calibration import calibrate
     from rcdn.cli import _camera_text
     from rcdn.io import write_calibration, write_camera
@@ -203,7 +225,7 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
     got = run.gather(inputs)
     boards, names = _flat(got.images)
     done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
+    _say(done, _camera_text.camera_lines(done), _camera_text.left_out_lines(done))
     for path in outputs.cameras:
         write_camera(path, done.camera, outputs.format)
     if outputs.json is not None:
@@ -211,10 +233,12 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bo
     if outputs.report is not None:
         write_report(outputs.report, done, _pictures(done))
     outputs.say()
+    return done.verdict
 
 
-def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
+def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> Verdict | None:
     from rcdn.calibration import calibrate_stereo
+    from rcdn.calibration.stereo_verdict import judged_stereo
     from rcdn.cli import _camera_text
     from rcdn.cli._pairs import pair_names
     from rcdn.io import write_calibration, write_stereo
@@ -226,9 +250,11 @@ def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, output
     (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
     first, second = _first_boards(left.images), _first_boards(right.images)
     pairs = [(first[a], second[b]) for a, b in pictures if a in first and b in second]
-    done = calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
+    done = judged_stereo(
+        calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
+    )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
-    _say(_camera_text.stereo_lines(done), out, done.advice)
+    _say(done, _camera_text.stereo_lines(done), out)
     for path in outputs.cameras:
         write_stereo(path, done, outputs.format)
     if outputs.json is not None:
@@ -236,6 +262,7 @@ def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, output
     if outputs.report is not None:
         write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
     outputs.say()
+    return done.verdict
 
 
 def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
@@ -260,6 +287,8 @@ def _pictures(calibration: Calibration) -> Pictures:
     return Pictures(v.name for v in calibration.views)
 
 
-def _say(lines: Sequence[str], left_out: Sequence[str], advice: Sequence[str]) -> None:
-    for line in [*lines, *left_out, *(f"- {text}" for text in advice)]:
+def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
+    from rcdn.cli._camera_text import advice_lines, verdict_line
+
+    for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
         typer.echo(line)
