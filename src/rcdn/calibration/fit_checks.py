@@ -91,8 +91,8 @@ def smooth(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "smooth", r.smooth, f"What neighbouring corners share is small (correlation {r.correlation:.2f}).",
-            f"Neighbouring corners err alike, by {r.smooth:.2f} px (correlation {r.correlation:.2f}): a board that isn't flat, or that moved while "
-            "the picture was taken.",
+            f"Neighbouring corners err alike, by {r.smooth:.2f} px (correlation {r.correlation:.2f}): a board that isn't flat or evenly printed, or "
+            "that moved while the picture was taken.",
             "Put the board on something flat and stiff, and hold it still.", factor=growth(c.camera.image_size),
         )
     ]  # fmt: skip

@@ -114,7 +114,7 @@ LIMITS = {
         "Means over cells that chance doesn't explain: directions there are wrong by as much, and no deviation holds it.", grows=True,
     ),
     "smooth": Limit(
-        "Part of the residuals that neighbours share (RMS)", "px", 0.35, 0.6, 2.0,
+        "Part of the residuals that neighbours share (RMS)", "px", 0.35, 0.45, 2.0,
         "Noise of corners is independent; what neighbours share is a bent board, a moving picture or a lens that isn't followed.", grows=True,
     ),
     "uneven": Limit(
@@ -130,7 +130,7 @@ LIMITS = {
         "Where no corner was, the lens is extrapolated.", rising=True,
     ),
     "focal": Limit(
-        "Standard deviation of the focal length", "share", 0.005, 0.02, 0.1,
+        "Standard deviation of the focal length", "share", 0.005, 0.03, 0.1,
         "All distances measured with the camera are off by the same share.",
     ),
     "centre": Limit(
@@ -138,11 +138,11 @@ LIMITS = {
         "All directions are turned by as much, unless poses make up for it.",
     ),
     "aspect": Limit(
-        "fy ÷ fx beyond 1 by more than three standard deviations", "share", 0.01, 0.02, NEVER,
+        "fy ÷ fx beyond 1 by more than three standard deviations", "share", 0.015, 0.025, NEVER,
         "Pixels of today's sensors are square to a thousandth; a stretched print or video isn't.",
     ),
     "typical": Limit(
-        "Projection uncertainty, median over the picture", "px", 0.5, 2.0, 10.0,
+        "Projection uncertainty, median over the picture", "px", 1.0, 4.0, 20.0,
         "The size of error to expect in half of the picture.", grows=True,
     ),
     "corners": Limit(
