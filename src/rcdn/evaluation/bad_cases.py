@@ -202,12 +202,12 @@ def circle_centres(rng: Rng) -> CaseInput:
         ij = labels()
         rims = FLAT(ij)[:, None] + ring
         xy = project(BROWN, rims.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]).reshape(len(ij), -1, 2)
-        return _board(BROWN, ij, _centroids(xy), rng)
+        return _board(BROWN, ij, centroids(xy), rng)
 
     return _as(views(seen, rng, distance=(0.2, 0.35)))
 
 
-def _centroids(outline: Array) -> Array:
+def centroids(outline: Array) -> Array:
     """(N, 2) centroids of the areas of polygons (N, K, 2)."""
     base = outline[:, :1]
     a = outline - base
@@ -271,9 +271,10 @@ def _named_by_squares(rng: Rng) -> CaseInput:
 
 
 def _mirrored_half(rng: Rng) -> CaseInput:
-    """Half of the pictures mirrored before corners were found: a mirrored checkerboard is a checkerboard again."""
+    """Half of the pictures mirrored before corners were found: a mirrored checkerboard is a checkerboard again. The principal point, 26 px
+    off the middle, lies on both sides of it then."""
     width = BROWN.image_size[0]
-    boards = plain(BROWN, rng)
+    boards = plain(BROWN.with_parameters(BROWN.parameters + np.eye(9)[2] * 16), rng)
     for k in range(VIEWS // 2, VIEWS):
         b = boards[k]
         ij = b.ij * [-1, 1]
