@@ -90,7 +90,7 @@ def smooth(c: Calibration, facts: Facts) -> list[Reason]:
     r = facts.residuals
     return [
         reason(
-            "smooth", r.smooth, f"What neighbouring corners share is small (correlation {r.correlation:.2f}).",
+            "smooth", r.smooth, f"Neighbouring corners share {r.smooth:.2f} px of their residuals: little enough.",
             f"Neighbouring corners err alike, by {r.smooth:.2f} px (correlation {r.correlation:.2f}): a board that isn't flat or evenly printed, or "
             "that moved while the picture was taken.",
             "Put the board on something flat and stiff, and hold it still.", factor=growth(c.camera.image_size),
@@ -154,7 +154,7 @@ def projections(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "typical", facts.typical, f"In half of the picture projections are known to ±{facts.typical:.2f} px.",
-            f"In half of the picture projections are known only to ±{facts.typical:.1f} px, or less.",
+            f"In half of the picture projections are known only to ±{facts.typical:.1f} px or worse.",
             "Add pictures, with more variety: tilted, near and far, all over the picture.", factor=factor,
         ),
         reason(

@@ -50,9 +50,10 @@ class Limit:
         """`≤ 0.5 px`, as the report prints it; "" for a level that no value has."""
         k = LEVELS.index(level)
         last = self.bounds[min(k, 2)]
-        if (k and abs(self.bounds[k - 1]) == NEVER) or (k and self.rising and self.bounds[k - 1] <= 0):
+        end = 0.0 if self.rising else NEVER  # no value lies beyond
+        if k and (self.bounds[k - 1] == end or (k < 3 and last == self.bounds[k - 1])):
             return ""
-        if k < 3 and (abs(last) == NEVER or (self.rising and last <= 0)):
+        if k < 3 and last == end:
             k, last = 3, self.bounds[k - 1]
         unit = "%" if self.unit == "share" else self.unit
         sign, edge = ("≥", "<") if self.rising else ("≤", ">")

@@ -93,7 +93,9 @@ def value_of(reason: Reason) -> str:
         return pixels(reason.value)
     if reason.unit == "share":
         return percent(reason.value)
-    return f"{number(reason.value)} {reason.unit}".rstrip()
+    if not reason.unit:  # a count
+        return f"{reason.value:g}"
+    return f"{number(reason.value)}{'' if reason.unit == '°' else ' '}{reason.unit}"
 
 
 def limits_hint(image_size: tuple[int, int]) -> str:
@@ -135,7 +137,7 @@ def figures_of(calibration: Calibration, facts: Facts) -> Html:
     K, fov = calibration.camera.K, facts.fov
     return key_figures([
         ("RMS", pixels(calibration.rms), "reprojection error"),
-        ("Held-out pictures", f"{number(facts.held_ratio)} × the RMS" if np.isfinite(facts.held_ratio) else "–", "not calibrated from"),
+        ("Held-out pictures", f"{number(facts.held_ratio)} ×" if np.isfinite(facts.held_ratio) else "–", "the RMS"),
         ("Focal length", f"{number(float(np.sqrt(K[0, 0] * K[1, 1])), 5)} px", f"± {percent(facts.focal_std)}"),
         ("Field of view", *field_of_view(fov)),
         ("Lens model", calibration.camera.model, "{} × {} px".format(*calibration.camera.image_size)),

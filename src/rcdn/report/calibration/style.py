@@ -52,6 +52,7 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:4px 18px;padding:0;margin
 .reasons .head{display:flex;justify-content:space-between;gap:12px;font-weight:600}
 .reasons .head span:last-child{white-space:nowrap}
 .reasons p{margin:0;font-size:.9375rem;color:var(--soft)}
+.why-limit{font-weight:400;max-width:60ch}
 .advice{margin:4px 0 0;padding-left:1.3em}.advice li{margin:4px 0;max-width:85ch}
 .key{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:1px;background:var(--line);border:1px solid var(--line);
 border-radius:12px;overflow:hidden;margin:20px 0 0}
