@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.board_facts import BoardFacts, measure_board
 from rcdn.calibration.residual_facts import ResidualFacts, measure_residuals
 from rcdn.calibration.sight import cell_centres, cells_of, off_axis, out_of_sight
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
@@ -28,7 +29,7 @@ class Facts:
     vertical and diagonal, degrees. `focal_std` relative, the worse axis; `centre_std` px, the worse axis; `aspect` fy ÷ fx and its
     standard deviation `aspect_std`. `seen` corners in all views, `used` those that the calibration rests on. `held_ratio`: error in
     pictures held out ÷ that of the calibration, both on the corners on which lens models were compared; NaN if nothing was held out.
-    `residuals`, `views`: what residuals and poses show."""
+    `residuals`, `views`, `board`: what residuals and poses show, and what they ask of the board."""
 
     coverage: Array
     in_view: Array
@@ -51,6 +52,7 @@ class Facts:
     held_ratio: float
     residuals: ResidualFacts
     views: ViewFacts
+    board: BoardFacts
 
 
 def measure(calibration: Calibration) -> Facts:
@@ -88,6 +90,7 @@ def measure(calibration: Calibration) -> Facts:
         held_ratio=_held_ratio(calibration),
         residuals=measure_residuals(calibration),
         views=measure_views(calibration),
+        board=measure_board(calibration),
     )
 
 

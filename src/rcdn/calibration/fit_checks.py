@@ -14,6 +14,27 @@ SIGMAS = 3.0
 """standard deviations by which fy ÷ fx must differ from 1 to be told from it"""
 
 
+def board(c: Calibration, facts: Facts) -> list[Reason]:
+    """A print that is stretched, and a board that is bent alike in all views; nothing where it can't be told."""
+    b = facts.board
+    if not np.isfinite(b.stretched):
+        return []
+    way = "wider" if b.stretch > 0 else "less wide"
+    side = 1e3 * (max(c.size or (1, 1)) - 1) * c.spacing
+    along = f"{b.bend[0] * side:.1f} mm along its columns and {b.bend[1] * side:.1f} mm along its rows"
+    return [
+        reason(
+            "stretched", b.stretched, f"The print's squares are square, to {max(abs(b.stretch), SIGMAS * b.stretch_std):.1%}.",
+            f"The board's squares aren't square: {abs(b.stretch):.1%} (± {b.stretch_std:.1%}) {way} than high.",
+            "Measure the print both ways, and print it again without scaling.",
+        ),
+        reason(
+            "bent", b.bent, "The board is flat, as far as the pictures tell.", f"The board is bent: its middle stands out by {along}.",
+            "Put it on something flat and stiff, or calibrate with --warp.",
+        ),
+    ]  # fmt: skip
+
+
 def dropped(c: Calibration, facts: Facts) -> list[Reason]:
     """Corners left out of views that were used: how many, and whether together."""
     r = facts.residuals

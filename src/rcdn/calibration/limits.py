@@ -90,6 +90,14 @@ LIMITS = {
         "Spread of the tilts, in the direction of the least", "°", 4, 2, 0,
         "Tilts about one axis, or all alike, leave focal length and principal point to make up for each other.", rising=True,
     ),
+    "stretched": Limit(
+        "Squares wider than high, beyond three standard deviations", "share", 0.005, 0.015, NEVER,
+        "Printers stretch by a few thousandths; what is beyond goes into fx and fy, or into poses.",
+    ),
+    "bent": Limit(
+        "Bend of the board, share of its side, beyond three standard deviations", "share", 0.002, 0.008, NEVER,
+        "Paper on cardboard stands out by 1 mm in 300; lens and focal length make up for it, and are wrong by it.",
+    ),
     "left_out": Limit(
         "Views left out", "share", 0.1, 0.15, 0.5,
         "Where more than every seventh view disagrees with the others, something was different in them.",

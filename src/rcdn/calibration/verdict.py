@@ -21,6 +21,7 @@ CHECKS: tuple[Check, ...] = (
     view_checks.board_size,
     view_checks.views,
     view_checks.tilt,
+    fit_checks.board,
     view_checks.left_out,
     fit_checks.dropped,
     fit_checks.parameters,
