@@ -61,9 +61,9 @@ def headline(verdict: Verdict) -> str:
     return " ".join([f"{WORD[verdict.level]}:", *filter(None, [MEANING[verdict.level]]), *sentences(verdict)[:1]])
 
 
-def sentences(verdict: Verdict, whose: str = "") -> tuple[str, ...]:
+def sentences(verdict: Verdict) -> tuple[str, ...]:
     """What speaks against the calibration and what to do about it, gravest first."""
-    return tuple(f"{whose}{r.sentence} {r.action}".rstrip() for r in verdict.against)
+    return tuple(f"{r.sentence} {r.action}".rstrip() for r in verdict.against)
 
 
 def fails(verdict: Verdict, limit: Level) -> bool:

@@ -303,7 +303,7 @@ def _scattered(share: float) -> Callable[[Rng], CaseInput]:
 TOGETHER = ("one_camera", "aspect", "smooth", "left_out", "uneven", "systematic", "rms")
 """several cameras in one set; until they are told apart, what they leave in residuals"""
 BEND = ("smooth", "dropped", "rms", "systematic", "left_out")
-VARIETY = ("tilt", "tilt_spread", "views", "focal", "centre", "typical", "observability")
+VARIETY = ("tilt", "tilt_spread", "views", "focal", "centre", "typical", "unsettled")
 CASES = (
     BadCase("two cameras, half and half", _groups(BROWN, OTHER), TOGETHER),
     BadCase("autofocus, 2 % between groups", _groups(BROWN, zoomed(BROWN, 1.02)), TOGETHER),
@@ -323,7 +323,7 @@ CASES = (
     BadCase("the centre only", _within((0.3, 0.25), (0.7, 0.75)), ("coverage", "typical", "corners", "focal", "centre", "reach")),
     BadCase("labels that pass over a column", _wrong_labels, ("left_out", "dropped")),
     BadCase("a lens that no coefficient follows", _ripples, ("systematic", "smooth")),
-    BadCase("a fisheye taken for a pinhole", _pinhole_for_fisheye, ("rms", "systematic", "smooth", "dropped", "left_out")),
+    BadCase("a fisheye taken for a pinhole", _pinhole_for_fisheye, ("rms", "systematic", "smooth", "dropped", "left_out", "unsettled")),
     BadCase("pictures of another size, one in five", _other_size(5), ("picture_size",)),
     BadCase("pictures of another size, every other", _other_size(2), ("error",)),
     BadCase("spacing in millimetres", _millimetres, ("spacing",)),

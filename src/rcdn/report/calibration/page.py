@@ -10,7 +10,7 @@ from rcdn.calibration.limits import LIMITS
 from rcdn.calibration.verdict import judge
 from rcdn.io import write_text
 from rcdn.provenance import provenance
-from rcdn.report.calibration import gallery, sections, style
+from rcdn.report.calibration import gallery, sections, style, verdict
 from rcdn.report.calibration import pictures as shown
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
 from rcdn.report.calibration.pictures import Pictures
@@ -78,11 +78,11 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     """The page that `write_report` writes."""
     facts = measure(calibration)
     found = calibration.verdict or judge(calibration, facts)
-    why = sections.reasons(
-        found, calibration.advice, list(LIMITS.values()), sections.limits_hint(calibration.camera.image_size)
+    why = verdict.reasons(
+        found, calibration.advice, list(LIMITS.values()), verdict.limits_hint(calibration.camera.image_size)
     )
     head = join(
-        sections.banner(found, sections.summary_of(calibration, facts)),
+        verdict.banner(found, sections.summary_of(calibration, facts)),
         sections.figures_of(calibration, facts),
         section("why", "The reasons", why),
     )

@@ -11,7 +11,7 @@ from rcdn.calibration.limits import LIMITS, STEREO_LIMITS
 from rcdn.calibration.stereo_verdict import baseline_std, judge_stereo
 from rcdn.geometry import unproject
 from rcdn.io import as_grey, write_text
-from rcdn.report.calibration import charts, gallery, page, pictures, rig, sections, style
+from rcdn.report.calibration import charts, gallery, page, pictures, rig, sections, style, verdict
 from rcdn.report.calibration.markup import (
     Html,
     counted,
@@ -64,13 +64,13 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
     both = ("Left", stereo.left, measure(stereo.left)), ("Right", stereo.right, measure(stereo.right))
     std = baseline_std(stereo)
     found = stereo.verdict or judge_stereo(stereo)
-    hint = sections.limits_hint(stereo.left.camera.image_size)
+    hint = verdict.limits_hint(stereo.left.camera.image_size)
     limits = [*STEREO_LIMITS.values(), *LIMITS.values()]
     gaps = row_gaps(stereo)
     head = join(
-        sections.banner(found, _summary(stereo, std)),
+        verdict.banner(found, _summary(stereo, std)),
         _key_figures(stereo, std, both[0][2]),
-        page.section("why", "The reasons", sections.reasons(found, _advice(stereo), limits, hint)),
+        page.section("why", "The reasons", verdict.reasons(found, _advice(stereo), limits, hint)),
     )
     parts = [
         ("rig", "Where the cameras stand", rig.section(stereo)),
