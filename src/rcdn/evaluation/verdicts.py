@@ -15,6 +15,8 @@ from rcdn.evaluation import bad_cases, good_cases
 from rcdn.evaluation.bad_cases import CaseInput
 from rcdn.types import Board
 
+SHOWN = 120
+"""letters of the first line that a table has room for"""
 Step = Callable[[int, int], None] | None
 REAL = (
     "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left", "stereo1-right",
@@ -48,7 +50,7 @@ def row(of: Outcome) -> dict[str, Any]:
         "reason": of.key,
         "passed": "yes" if of.passed else "NO",
         "named": "yes" if of.named else "NO",
-        "first line": of.first_line,
+        "first line": of.first_line if len(of.first_line) <= SHOWN else f"{of.first_line[: SHOWN - 1]}…",
     }
 
 
