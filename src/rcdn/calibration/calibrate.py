@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import choose, robust
-from rcdn.calibration.advice import advise
+from rcdn.calibration.advice import judged
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.start import Seen, first_camera, poses
@@ -94,7 +94,7 @@ def calibrate(
     chosen, scores = _choose(task, fits, warp)
     done = _result(task, boards, labels, names, fits[chosen], whole, warp, scores, spacing)
     _believable(done)
-    return replace(done, advice=advise(done))
+    return judged(done)
 
 
 @dataclass(frozen=True, eq=False)
