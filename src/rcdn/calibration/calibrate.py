@@ -11,6 +11,7 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
@@ -122,12 +123,20 @@ def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     (usual, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
         return usual
-    odd = [n for n, b in zip(names, boards, strict=True) if b.image_size != usual]
-    counts = ", ".join(f"{w}×{h} in {n}" for (w, h), n in sizes.most_common())
     raise CalibrationError(
-        f"pictures of several sizes ({counts}): one calibration is of one camera at one resolution; "
-        f"leave the odd ones out ({', '.join(odd[:3])}{', …' if len(odd) > 3 else ''})"
+        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
+        "calibrate the pictures of each size by themselves"
     )
+
+
+def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
+    """Each size with the pictures that have it."""
+    texts = []
+    for size, many in sizes.most_common():
+        mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
+        rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
+        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
+    return "; ".join(texts)
 
 
 def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: bool) -> str:
