@@ -20,6 +20,8 @@ from rcdn.types import Array, BoardView, Calibration, Pattern, plane_points
 PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
+FIRM = 1e6
+"""× the information on a parameter: as good as fixed"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +40,25 @@ class ViewInformation:
         step = _solve(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
         return ViewInformation(self.score - self.information @ step, self.information, self.prior)
 
-    def deviations(self) -> Array:
-        """(P,) standard deviations of the camera's parameters: a jackknife over views, linearised."""
+    def deviations(self, directions: Array | None = None) -> Array:
+        """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a jackknife over views, linearised."""
         H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
         moved = _solve(H - self.information, g - self.score) - _solve(H, g)
+        if directions is not None:
+            moved = moved @ directions
         n = len(self)
         return np.asarray(np.sqrt((n - 1) / n * (moved**2).sum(axis=0)))
+
+    def scaled_deviations(self, directions: Array) -> Array:
+        """(q,) those of the information matrix, with the variance that the views' scores have over what it promises.
+
+        Coarser than the jackknife, as it takes all directions together, but steadier with few views.
+        """
+        free = self.at_optimum()
+        square = np.einsum("vp,vp->", free.score, _solve(free.information, free.score))
+        variance = square / max((len(self) - 1) * free.score.shape[1], 1)
+        H = free.information.sum(axis=0) + free.prior
+        return np.asarray(np.sqrt(variance * np.einsum("pq,pq->q", directions, _solve_all(H, directions))))
 
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
@@ -82,7 +97,19 @@ def view_information(calibration: Calibration) -> ViewInformation:
     """What each of `calibration.used_views` says about the camera's parameters."""
     views = calibration.used_views
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
-    return of_state(state_of(calibration, views), corners, 1 / np.sqrt(calibration.noise**2 + sigma**2))
+    info = of_state(state_of(calibration, views), corners, 1 / np.sqrt(calibration.noise**2 + sigma**2))
+    return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
+
+
+def _fixed(calibration: Calibration, info: ViewInformation) -> Array:
+    """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy where they vary as one."""
+    cov, camera = calibration.cov, calibration.camera
+    usual = np.diag(info.information.sum(axis=0))
+    out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * usual))
+    (fx, fy), (a, b) = camera.parameters[:2], np.sqrt(np.diag(cov)[:2])
+    if fx == fy and a > 0 and cov[0, 1] > (1 - 1e-9) * a * b:
+        out[:2, :2] += FIRM * usual[:2].max() * np.array([[1, -1], [-1, 1]])
+    return out
 
 
 def of_state(state: State, corners: Corners3, weight: Array) -> ViewInformation:
