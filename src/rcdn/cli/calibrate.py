@@ -14,6 +14,7 @@ from rcdn.cli import _batch
 from rcdn.cli._cache import Cache, open_cache
 from rcdn.cli._group import FAILED
 from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
+from rcdn.cli._spacing import Length, Spacing, check_length
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, FormatError
 
@@ -55,10 +56,7 @@ def calibrate(
             "detect, corners.vnl). With --stereo two: the left and the right camera's.",
         ),
     ],
-    spacing: Annotated[
-        float,
-        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
-    ],
+    spacing: Spacing,
     model: Annotated[
         Model,
         typer.Option(
@@ -99,6 +97,10 @@ def calibrate(
         Path | None,
         typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", help="Write the camera even if the views don't settle its focal length or centre."),
+    ] = False,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     frames: Frames = 40,
@@ -110,11 +112,11 @@ def calibrate(
     Any board will do, nobody has to say its size; partial boards and several boards a picture count, too. Corners and
     views that disagree with the others are left out and named. What was found in a picture is kept for the next run.
 
-    Exit code: 0 if a camera was found, 1 if not or if a file failed, 2 for wrong use, 130 after Ctrl-C.
-    """
-    from rcdn.calibration.calibrate import check_spacing
+    What the views can't settle is said first, and the camera is written then only with --force.
 
-    check_spacing(spacing)  # before the work
+    Exit code: 0 if a camera was found, 1 if not, if it wasn't written, or if a file failed, 2 for wrong use, 130 after Ctrl-C.
+    """
+    check_length(spacing, board)  # before the work
     if stereo and len(inputs) != 2:
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
@@ -123,7 +125,7 @@ def calibrate(
         raise ConfigError("--warp is for one camera; leave it away with --stereo")
     if pattern is PatternName.deltille and (board is not None or warp or stereo):
         raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
-    outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
+    outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
     outputs.check(inputs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
@@ -143,6 +145,7 @@ class _Outputs:
     format: CameraFormat | None
     report: Path | None
     json: Path | None
+    force: bool = False
 
     def check(self, inputs: Sequence[str]) -> None:
         """Raise before the work what would spoil it afterwards."""
@@ -158,12 +161,17 @@ class _Outputs:
         _batch.check_file("--report", self.report, paths)
         _batch.check_file("--json", self.json, paths)
 
-    def say(self) -> None:
-        """Tell what was written."""
-        written = [str(p) for p in (*self.cameras, self.json, self.report) if p is not None]
+    def say(self, cameras: bool = True) -> None:
+        """Tell what was written, and whether `cameras` were."""
+        lost = ", ".join(str(p) for p in self.cameras)
+        if lost and not cameras:
+            typer.echo(
+                f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
+            )
+        written = [str(p) for p in (*(self.cameras if cameras else ()), self.json, self.report) if p is not None]
         if written:
             typer.echo(f"written: {', '.join(written)}", err=True)
-        else:
+        elif not lost:
             typer.echo(
                 "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
             )
@@ -193,27 +201,45 @@ class _Run:
             )
         return got
 
+    def check(self, got: Gathered, spacing: Length) -> None:
+        """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        from rcdn.cli._summary import size_hint
+        from rcdn.types import usual_size
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: float, model: str, warp: bool, outputs: _Outputs) -> None:
+        complete = [{b.size for b in image.boards if b.complete} for image in got.images]
+        sizes, pictures = set().union(*complete), sum(map(bool, complete))
+        if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
+            if "squares have" in hint:
+                raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
+            typer.echo(f"hint: {hint}", err=True)
+        check_length(spacing, self.size or usual_size(_flat(got.images)[0]))
+
+
+def _mono(run: _Run, inputs: Sequence[str], spacing: Length, model: str, warp: bool, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate
+    from rcdn.calibration.observability import unsettled
     from rcdn.cli import _camera_text
     from rcdn.io import write_calibration, write_camera
     from rcdn.report.calibration import write_report
 
     got = run.gather(inputs)
     boards, names = _flat(got.images)
-    done = calibrate(boards, spacing, names=names, model=model, size=run.size, warp=warp)
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), done.advice)
-    for path in outputs.cameras:
+    run.check(got, spacing)
+    done = calibrate(boards, float(spacing), names=names, model=model, size=run.size, warp=warp)
+    unknown = [u.sentence for u in unsettled(done)]
+    _say([*unknown, *_camera_text.camera_lines(done)], _camera_text.left_out_lines(done), done.advice)
+    kept = outputs.force or not unknown
+    for path in outputs.cameras if kept else ():
         write_camera(path, done.camera, outputs.format)
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
         write_report(outputs.report, done, _pictures(done))
-    outputs.say()
+    outputs.say(kept)
+    run.failed = run.failed or bool(outputs.cameras and not kept)
 
 
-def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs) -> None:
+def _stereo(run: _Run, inputs: Sequence[str], spacing: Length, model: str, outputs: _Outputs) -> None:
     from rcdn.calibration import calibrate_stereo
     from rcdn.cli import _camera_text
     from rcdn.cli._pairs import pair_names
@@ -224,9 +250,13 @@ def _stereo(run: _Run, inputs: Sequence[str], spacing: float, model: str, output
     right = run.gather(inputs[1:], left.frames or None)
     pictures = pair_names([i.path for i in left.images], [i.path for i in right.images])
     (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
+    run.check(left, spacing)
+    run.check(right, spacing)
     first, second = _first_boards(left.images), _first_boards(right.images)
     pairs = [(first[a], second[b]) for a, b in pictures if a in first and b in second]
-    done = calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
+    done = calibrate_stereo(
+        boards, others, float(spacing), pairs=pairs, names=(names, theirs), model=model, size=run.size
+    )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(_camera_text.stereo_lines(done), out, done.advice)
     for path in outputs.cameras:
