@@ -10,6 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from rcdn.calibration.calibrate import FIXABLE, check_fix
 from rcdn.cli import app
 from rcdn.cli._spacing import check_length, parse_length
 from rcdn.errors import ConfigError
@@ -165,3 +166,17 @@ def test_an_unsettled_camera_is_said_first_and_written_only_by_force(run, fronta
     assert result.stdout.startswith("The focal length can't be known")
     assert read_camera("camera.yaml").image_size == (640, 480)
     assert run(*arguments[:6]).exit_code == 0  # nothing was to be written
+
+
+# ---- what is held fixed
+
+
+def test_what_can_be_held_fixed(run, found):
+    assert check_fix(["aspect"]) == check_fix("aspect") == {"aspect"}
+    assert check_fix(FIXABLE) == {"aspect", "principal_point"}
+    assert check_fix(()) == frozenset()
+    with pytest.raises(ConfigError, match="aspect and principal_point, not 'focal'"):
+        check_fix(["focal", "aspect"])
+    result = run("calibrate", found, found, "--spacing", "30mm", "--stereo", "--fix-aspect")
+    assert result.exit_code == 2
+    assert "for one camera" in result.stderr

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,8 @@ LENSES: dict[str, tuple[CameraModel, int]] = {
 AUTO = ("pinhole", "brown", "fisheye", "rational")
 """what `auto` compares"""
 MODELS = ("auto", *LENSES)
+FIXABLE = ("aspect", "principal_point")
+"""what may be held fixed: fx = fy; the principal point in the middle of the picture"""
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 LOOSEST = 1e3
 """px; a sigma beyond counts as this"""
@@ -59,6 +61,7 @@ def calibrate(
     model: str = "auto",
     size: Size | None = None,
     warp: bool = False,
+    fix: Collection[str] = (),
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
@@ -67,11 +70,14 @@ def calibrate(
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
     in inner corners; default: the usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
+    `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
+    if fixed := check_fix(fix):
+        raise ConfigError(f"fix: the solver can't hold {' and '.join(sorted(fixed))} yet")
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     image_size = _one_size(boards, names)
     whole = size or usual_size(boards)
@@ -115,6 +121,14 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+
+
+def check_fix(fix: Collection[str]) -> frozenset[str]:
+    """`fix` as a set. Raises ConfigError for what can't be held fixed."""
+    names = frozenset([fix] if isinstance(fix, str) else fix)
+    if unknown := sorted(names - set(FIXABLE)):
+        raise ConfigError(f"fix may hold {' and '.join(FIXABLE)}, not {', '.join(map(repr, unknown))}")
+    return names
 
 
 def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:

@@ -73,6 +73,11 @@ def calibrate(
         ),
     ] = None,
     warp: Annotated[bool, typer.Option("--warp", help="The board may be bent a little: solve for that, too.")] = False,
+    fix_aspect: Annotated[bool, typer.Option("--fix-aspect", help="Pixels are square: hold fx = fy.")] = False,
+    fix_principal_point: Annotated[
+        bool,
+        typer.Option("--fix-principal-point", help="Hold the principal point in the middle of the picture."),
+    ] = False,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
@@ -121,6 +126,10 @@ def calibrate(
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
         )
+    fixed = {"aspect": fix_aspect, "principal_point": fix_principal_point}
+    fix = frozenset(name for name, held in fixed.items() if held)
+    if stereo and fix:
+        raise ConfigError("--fix-aspect and --fix-principal-point are for one camera; leave them away with --stereo")
     if stereo and warp:
         raise ConfigError("--warp is for one camera; leave it away with --stereo")
     if pattern is PatternName.deltille and (board is not None or warp or stereo):
@@ -132,7 +141,7 @@ def calibrate(
     if stereo:
         _stereo(run, inputs, spacing, model.value, outputs)
     else:
-        _mono(run, inputs, spacing, model.value, warp, outputs)
+        _mono(run, inputs, spacing, model.value, warp, fix, outputs)
     if run.failed:
         raise typer.Exit(FAILED)
 
@@ -215,7 +224,9 @@ class _Run:
         check_length(spacing, self.size or usual_size(_flat(got.images)[0]))
 
 
-def _mono(run: _Run, inputs: Sequence[str], spacing: Length, model: str, warp: bool, outputs: _Outputs) -> None:
+def _mono(
+    run: _Run, inputs: Sequence[str], spacing: Length, model: str, warp: bool, fix: frozenset[str], outputs: _Outputs
+) -> None:
     from rcdn.calibration import calibrate
     from rcdn.calibration.observability import unsettled
     from rcdn.cli import _camera_text
@@ -225,7 +236,7 @@ def _mono(run: _Run, inputs: Sequence[str], spacing: Length, model: str, warp: b
     got = run.gather(inputs)
     boards, names = _flat(got.images)
     run.check(got, spacing)
-    done = calibrate(boards, float(spacing), names=names, model=model, size=run.size, warp=warp)
+    done = calibrate(boards, float(spacing), names=names, model=model, size=run.size, warp=warp, fix=fix)
     unknown = [u.sentence for u in unsettled(done)]
     _say([*unknown, *_camera_text.camera_lines(done)], _camera_text.left_out_lines(done), done.advice)
     kept = outputs.force or not unknown
