@@ -11,6 +11,7 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.cut import whole_size
 from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.start import Seen, first_camera, poses
@@ -26,7 +27,6 @@ from rcdn.types import (
     ModelScore,
     Pose,
     plane_points,
-    usual_size,
 )
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -69,7 +69,8 @@ def calibrate(
     a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
+    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `warp`: the board may be bent a
+    little, a paraboloid of two parameters.
     `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
@@ -80,7 +81,7 @@ def calibrate(
         raise ConfigError(f"fix: the solver can't hold {' and '.join(sorted(fixed))} yet")
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     image_size = _one_size(boards, names)
-    whole = size or usual_size(boards)
+    whole = size or whole_size(boards)
     labels = settle(boards, whole, strict=size is not None)
     task = _task(boards, labels, names, image_size, spacing, whole, warp)
     start = first_camera(task.seen, image_size)

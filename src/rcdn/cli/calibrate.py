@@ -212,8 +212,8 @@ class _Run:
 
     def check(self, got: Gathered, spacing: Length) -> None:
         """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        from rcdn.calibration.cut import whole_size
         from rcdn.cli._summary import size_hint
-        from rcdn.types import usual_size
 
         complete = [{b.size for b in image.boards if b.complete} for image in got.images]
         sizes, pictures = set().union(*complete), sum(map(bool, complete))
@@ -221,7 +221,7 @@ class _Run:
             if "squares have" in hint:
                 raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
             typer.echo(f"hint: {hint}", err=True)
-        check_length(spacing, self.size or usual_size(_flat(got.images)[0]))
+        check_length(spacing, self.size or whole_size(_flat(got.images)[0]))
 
 
 def _mono(
@@ -238,7 +238,8 @@ def _mono(
     run.check(got, spacing)
     done = calibrate(boards, float(spacing), names=names, model=model, size=run.size, warp=warp, fix=fix)
     unknown = [u.sentence for u in unsettled(done)]
-    _say([*unknown, *_camera_text.camera_lines(done)], _camera_text.left_out_lines(done), done.advice)
+    views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
+    _say([*unknown, *_camera_text.camera_lines(done)], views, done.advice)
     kept = outputs.force or not unknown
     for path in outputs.cameras if kept else ():
         write_camera(path, done.camera, outputs.format)
