@@ -16,7 +16,7 @@ from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Array, BoardView, Calibration, Camera
 
-AGREEING = 0.5
+AGREEING = 0.75
 """share of the views that their own camera must rest on"""
 
 

@@ -21,15 +21,16 @@ HIDDEN = 0.7
 
 
 def cut_sides(ij: Array, xy: Array, image_size: tuple[int, int]) -> tuple[Side, ...]:
-    """The borders of the picture behind which a full grid of labels `ij` (M, 2) at `xy` (M, 2) px may go on; () if none or if the grid has holes.
+    """The borders of the picture behind which a full grid of labels `ij` (M, 2) at `xy` (M, 2) px may go on.
 
-    The next row or column of corners, extrapolated by the homography of the three nearest, would lie outside the picture or too near to its border.
+    () if there are none, and for grids with holes or in one line. The next row or column of corners, extrapolated by the homography of the three
+    nearest, would lie outside the picture or too near to its border.
     """
     if not len(ij):
         return ()
     ij = ij - ij.min(axis=0)
     cols, rows = (int(v) + 1 for v in ij.max(axis=0))
-    if len(ij) != cols * rows or min(cols, rows) < 2:
+    if len(ij) != cols * rows or min(cols, rows) < 2 or np.linalg.matrix_rank(xy - xy.mean(axis=0), tol=1e-6) < 2:
         return ()
     found: list[Side] = []
     for axis, many in ((0, cols), (1, rows)):

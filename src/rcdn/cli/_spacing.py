@@ -40,7 +40,7 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     """Raise ConfigError unless `spacing` is positive and, if it has no unit, makes a board of `size` (inner corners) of at most 2 m across."""
     if not 0 < spacing < float("inf"):
         raise ConfigError(
-            f"--spacing is the side of one square and must be positive (25mm, or metres: 0.025), not {spacing.text}"
+            f"--spacing is the side of one square and must be above 0 (25mm, or metres: 0.025), not {spacing.text}"
         )
     across = (SMALLEST_BOARD if size is None else max(size) + 1) * spacing
     if spacing.unit or across <= LARGEST:
@@ -48,14 +48,15 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     board = "a board" if size is None else f"a {size[0]}×{size[1]} board"
     least = "at least " if size is None else ""
     raise ConfigError(
-        f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean {spacing.text}{_likely(spacing)}? "
+        f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean {_likely(spacing)}? "
         f"If it is so large, write {spacing.text}m"
     )
 
 
-def _likely(spacing: float) -> str:
-    """The unit that makes a square of a usual size."""
-    return "mm" if spacing >= 5 else "cm"
+def _likely(spacing: Length) -> str:
+    """The same number with the unit that makes a square of a usual size, and what that is in metres."""
+    unit = "mm" if spacing >= 5 else "cm"
+    return f"{spacing.text}{unit} ({spacing * UNITS[unit]:.6g})"
 
 
 Spacing = Annotated[
