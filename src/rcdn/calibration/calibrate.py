@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,8 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import judged
 from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.cut import whole_size
+from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
@@ -25,7 +27,6 @@ from rcdn.types import (
     ModelScore,
     Pose,
     plane_points,
-    usual_size,
 )
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -39,6 +40,8 @@ LENSES: dict[str, tuple[CameraModel, int]] = {
 AUTO = ("pinhole", "brown", "fisheye", "rational")
 """what `auto` compares"""
 MODELS = ("auto", *LENSES)
+FIXABLE = ("aspect", "principal_point")
+"""what may be held fixed: fx = fy; the principal point in the middle of the picture"""
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 LOOSEST = 1e3
 """px; a sigma beyond counts as this"""
@@ -58,6 +61,7 @@ def calibrate(
     model: str = "auto",
     size: Size | None = None,
     warp: bool = False,
+    fix: Collection[str] = (),
     leave_out: Sequence[str] = (),
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
@@ -66,25 +70,29 @@ def calibrate(
     a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards. `warp`: the board may be bent a little, a paraboloid of two parameters.
+    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `warp`: the board may be bent a
+    little, a paraboloid of two parameters.
+    `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
     `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
+    if fixed := check_fix(fix):
+        raise ConfigError(f"fix: the solver can't hold {' and '.join(sorted(fixed))} yet")
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     if leave_out:
         from rcdn.calibration.by_hand import without  # which rests on this module
 
         return without(
-            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, warp=warp),
+            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, warp=warp, fix=fix),
             boards,
             names,
             leave_out,
         )
     image_size = _one_size(boards, names)
-    whole = size or usual_size(boards)
+    whole = size or whole_size(boards)
     labels = settle(boards, whole, strict=size is not None)
     task = _task(boards, labels, names, image_size, spacing, whole, warp)
     start = first_camera(task.seen, image_size)
@@ -127,18 +135,34 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
 
 
+def check_fix(fix: Collection[str]) -> frozenset[str]:
+    """`fix` as a set. Raises ConfigError for what can't be held fixed."""
+    names = frozenset([fix] if isinstance(fix, str) else fix)
+    if unknown := sorted(names - set(FIXABLE)):
+        raise ConfigError(f"fix may hold {' and '.join(FIXABLE)}, not {', '.join(map(repr, unknown))}")
+    return names
+
+
 def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     """The image size of (nearly) all boards, or an error that says which pictures are odd."""
     sizes = Counter(b.image_size for b in boards)
     (usual, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
         return usual
-    odd = [n for n, b in zip(names, boards, strict=True) if b.image_size != usual]
-    counts = ", ".join(f"{w}×{h} in {n}" for (w, h), n in sizes.most_common())
     raise CalibrationError(
-        f"pictures of several sizes ({counts}): one calibration is of one camera at one resolution; "
-        f"leave the odd ones out ({', '.join(odd[:3])}{', …' if len(odd) > 3 else ''})"
+        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
+        "calibrate the pictures of each size by themselves"
     )
+
+
+def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
+    """Each size with the pictures that have it."""
+    texts = []
+    for size, many in sizes.most_common():
+        mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
+        rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
+        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
+    return "; ".join(texts)
 
 
 def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: bool) -> str:

@@ -16,6 +16,7 @@ from rcdn.errors import ConfigError, FormatError
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
+    from rcdn.types import Calibration
 
 
 class FileFormat(StrEnum):
@@ -57,6 +58,10 @@ JsonFile = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
 ]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Write the camera even if the views don't settle its focal length or centre."),
+]
 FailOnVerdict = Annotated[
     FailOn | None,
     typer.Option(
@@ -74,6 +79,7 @@ class Outputs:
     format: CameraFormat | None
     report: Path | None
     json: Path | None
+    force: bool = False
 
     def check(self, inputs: Sequence[str | Path]) -> None:
         """Raise before the work what would spoil it afterwards."""
@@ -87,12 +93,23 @@ class Outputs:
         _batch.check_file("--report", self.report, paths)
         _batch.check_file("--json", self.json, paths)
 
-    def say(self) -> None:
-        """Tell what was written."""
-        written = [str(p) for p in (*self.cameras, self.json, self.report) if p is not None]
-        if written:
-            typer.echo(f"written: {', '.join(written)}", err=True)
-        else:
+    def kept(self, *calibrations: Calibration) -> bool:
+        """Whether cameras are written: what the views of `calibrations` don't settle is written only by force."""
+        from rcdn.calibration.observability import unsettled
+
+        return self.force or not any(unsettled(c) for c in calibrations)
+
+    def say(self, written: Sequence[Path] | None) -> None:
+        """Tell what was written: the camera files `written`, or None if the views don't settle the camera."""
+        if self.cameras and written is None:
+            lost = ", ".join(str(p) for p in self.cameras)
+            typer.echo(
+                f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
+            )
+        every = [str(p) for p in (*(written or ()), self.json, self.report) if p is not None]
+        if every:
+            typer.echo(f"written: {', '.join(every)}", err=True)
+        elif not self.cameras:
             typer.echo(
                 "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import typer
@@ -13,8 +13,9 @@ from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._group import one_line
 from rcdn.cli._options import GridSize
 from rcdn.cli._pair_file import PairFile
+from rcdn.cli._spacing import Length, check_length
 from rcdn.config import DetectorConfig
-from rcdn.errors import CalibrationError
+from rcdn.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
@@ -48,15 +49,29 @@ class Run:
             )
         return got
 
+    def check(self, got: Gathered, spacing: Length) -> None:
+        """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        from rcdn.calibration.cut import whole_size
+        from rcdn.cli._summary import size_hint
+
+        complete = [{b.size for b in image.boards if b.complete} for image in got.images]
+        sizes, pictures = set().union(*complete), sum(map(bool, complete))
+        if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
+            if "squares have" in hint:
+                raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
+            typer.echo(f"hint: {hint}", err=True)
+        check_length(spacing, self.size or whole_size(_flat(got.images)[0]))
+
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved for: the `spacing` in metres, the lens `model`; of one camera the board's `warp`, and views to `leave_out`."""
+    """What is solved for: the `spacing`, the lens `model`; of one camera the board's `warp`, views to `leave_out`, and what to `fix`."""
 
-    spacing: float
+    spacing: Length
     model: str
     warp: bool = False
     leave_out: tuple[str, ...] = ()
+    fix: frozenset[str] = frozenset()
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
@@ -68,20 +83,24 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     from rcdn.report.calibration import write_report
 
     got = run.gather(inputs)
+    run.check(got, problem.spacing)
     boards, names = _flat(got.images)
     done = calibrate(
-        boards, problem.spacing, names=names, model=problem.model, size=run.size, warp=problem.warp,
-        leave_out=problem.leave_out,
+        boards, float(problem.spacing), names=names, model=problem.model, size=run.size, warp=problem.warp,
+        leave_out=problem.leave_out, fix=problem.fix,
     )  # fmt: skip
     done = advised(done)
-    _say(done, _camera_text.camera_lines(done), _camera_text.left_out_lines(done))
-    for path in outputs.cameras:
+    views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
+    _say(done, _camera_text.camera_lines(done), views)
+    kept = outputs.kept(done)
+    for path in outputs.cameras if kept else ():
         _camera_files.write_one(path, done.camera, outputs.format)
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
         write_report(outputs.report, done, _pictures(done))
-    outputs.say()
+    outputs.say(outputs.cameras if kept else None)
+    run.failed = run.failed or bool(outputs.cameras and not kept)
     return done.verdict
 
 
@@ -96,10 +115,12 @@ def two_cameras(
 
     left = run.gather(inputs[:1])
     right = run.gather(inputs[1:], left.frames or None)
+    run.check(left, problem.spacing)
+    run.check(right, problem.spacing)
     pairs = _paired_boards(left, right, pair_file)
     (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
     done = calibrate_stereo(
-        boards, others, problem.spacing, pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
+        boards, others, float(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
     )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(done, _camera_text.stereo_lines(done), out)
@@ -107,9 +128,11 @@ def two_cameras(
         write_calibration(outputs.json, done)
     if outputs.report is not None:
         write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
-    written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
-    run.failed = run.failed or len(written) < len(outputs.cameras)
-    replace(outputs, cameras=written).say()
+    written = None
+    if outputs.kept(done.left, done.right):
+        written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
+    outputs.say(written)
+    run.failed = run.failed or len(written or ()) < len(outputs.cameras)
     return done.verdict
 
 

@@ -88,6 +88,20 @@ def left_out_lines(calibration: Calibration) -> list[str]:
     return [f"left out: {one_line(v.name)}: {v.reason}" for v in calibration.left_out]
 
 
+def cut_lines(calibration: Calibration) -> list[str]:
+    """What the picture's border has left of boards that look complete, each with the pictures in which it did."""
+    from rcdn.calibration.cut import cut_text
+
+    if calibration.size is None:
+        return []
+    names: dict[str, list[str]] = {}
+    for view in calibration.used_views:
+        if text := cut_text(view.ij, view.xy, calibration.camera.image_size, calibration.size):
+            names.setdefault(text, []).append(one_line(view.name))
+    cols, rows = calibration.size
+    return [f"{text}, of {cols}×{rows}: {', '.join(mine)}" for text, mine in names.items()]
+
+
 def stereo_lines(stereo: StereoCalibration) -> list[str]:
     """Where the right camera stands, and how well both fit."""
     std = np.sqrt(np.diag(stereo.cov))

@@ -45,3 +45,8 @@ LeaveOut = Annotated[
         help="Solve without this picture, or without its second board (NAME:2); may be given several times. The report names them.",
     ),
 ]
+FixAspect = Annotated[bool, typer.Option("--fix-aspect", help="Pixels are square: hold fx = fy.")]
+FixPrincipalPoint = Annotated[
+    bool,
+    typer.Option("--fix-principal-point", help="Hold the principal point in the middle of the picture."),
+]

@@ -11,6 +11,7 @@ from rcdn.cli._calibration_outputs import (
     CameraFileFormat,
     CameraFiles,
     FailOnVerdict,
+    Force,
     JsonFile,
     Outputs,
     ReportFile,
@@ -19,7 +20,8 @@ from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
 from rcdn.cli._group import FAILED
 from rcdn.cli._options import CacheFolder, Frames, Jobs, NoCache, Pattern, PatternName
 from rcdn.cli._pair_file import PairFile, Pairs
-from rcdn.cli._solve_options import BoardSize, LeaveOut, LensModel, Model, Warp
+from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, LeaveOut, LensModel, Model, Warp
+from rcdn.cli._spacing import Spacing, check_length
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 
@@ -33,13 +35,12 @@ def calibrate(
             "detect, corners.vnl). With --stereo two: the left and the right camera's.",
         ),
     ],
-    spacing: Annotated[
-        float,
-        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
-    ],
+    spacing: Spacing,
     model: LensModel = Model.auto,
     board: BoardSize = None,
     warp: Warp = False,
+    fix_aspect: FixAspect = False,
+    fix_principal_point: FixPrincipalPoint = False,
     leave_out: LeaveOut = None,
     stereo: Annotated[
         bool,
@@ -50,6 +51,7 @@ def calibrate(
     file_format: CameraFileFormat = None,
     report: ReportFile = None,
     json: JsonFile = None,
+    force: Force = False,
     fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
@@ -63,34 +65,44 @@ def calibrate(
     views that disagree with the others are left out and named. What was found in a picture is kept for the next run.
 
     The first line is the verdict: good (use it), fair (with care), unsure (something that the numbers can't vouch for) or bad (don't
-    use it), with the gravest reason.
+    use it), with the gravest reason. What the views can't settle is said there, and the camera is written then only with --force.
 
-    Exit code: 0 if a camera was found, 1 if not, if a file failed or if the verdict is one of --fail-on, 2 for wrong use, 130 after Ctrl-C.
+    Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of --fail-on, 2 for wrong
+    use, 130 after Ctrl-C.
     """
-    from rcdn.calibration.calibrate import check_spacing
     from rcdn.calibration.verdict import fails
 
-    check_spacing(spacing)  # before the work
-    if stereo and len(inputs) != 2:
-        raise ConfigError(
-            f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
-        )
+    check_length(spacing, board)  # before the work
+    held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
+    fix = frozenset(name for name, fixed in held.items() if fixed)
+    if stereo:
+        _check_two(inputs, {"--warp": warp, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
-    if stereo and warp:
-        raise ConfigError("--warp is for one camera; leave it away with --stereo")
-    if stereo and leave_out:
-        raise ConfigError("--leave-out is for one camera; with --stereo name the pictures to take, without that one")
     if pattern is PatternName.deltille and (board is not None or warp or stereo):
         raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
-    outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json)
+    outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
     outputs.check(inputs if pairs is None else [*inputs, pairs])
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    problem = Problem(spacing, model.value, warp, tuple(leave_out or ()))
+    problem = Problem(spacing, model.value, warp, tuple(leave_out or ()), fix)
     found = (
         two_cameras(run, inputs, problem, outputs, pair_file) if stereo else one_camera(run, inputs, problem, outputs)
     )
     if run.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
         raise typer.Exit(FAILED)
+
+
+def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
+    """Raise ConfigError unless there are two `inputs`, and none of the options that are for one camera (`alone`)."""
+    if len(inputs) != 2:
+        raise ConfigError(
+            f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
+        )
+    for name, given in alone.items():
+        if given:
+            verb = "are" if " and " in name else "is"
+            raise ConfigError(
+                f"{name} {verb} for one camera; leave {'them' if verb == 'are' else 'it'} away with --stereo"
+            )
