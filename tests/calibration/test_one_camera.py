@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.apart import camera_difference
+from rcdn.calibration.apart import apart_by
 from rcdn.calibration.groups import describe, name_partitions, natural_order
 from rcdn.calibration.influence import gains, group_difference, view_information
 from rcdn.calibration.one_camera import one_camera
@@ -79,7 +79,7 @@ def test_two_zooms_are_told_by_their_names():
         assert (np.abs(group.camera.parameters - truth) < 5 * group.std).all()
         assert f"in 8 pictures ({label})" in finding.sentence
     assert finding.together > 1.05 * max(g.rms for g in finding.groups)
-    assert finding.difference == pytest.approx(camera_difference(PINHOLE, zoomed(PINHOLE, 1.04)), rel=0.2)
+    assert finding.difference == pytest.approx(apart_by(PINHOLE, zoomed(PINHOLE, 1.04)), rel=0.2)
 
 
 def test_another_principal_point_is_found_too():
@@ -165,10 +165,10 @@ def test_group_differences_are_those_of_separate_solutions_if_everything_may_dif
 
 
 def test_cameras_that_differ_by_a_rotation_do_not_differ():
-    assert camera_difference(BROWN, BROWN) < 1e-6
+    assert apart_by(BROWN, BROWN) < 1e-6
     long = PINHOLE.with_parameters(PINHOLE.parameters * [40, 40, 1, 1])
-    assert camera_difference(long, zoomed(long, 1.0, (5, 0))) < 0.01
-    assert camera_difference(PINHOLE, zoomed(PINHOLE, 1.02)) > 1
+    assert apart_by(long, zoomed(long, 1.0, (5, 0))) < 0.01
+    assert apart_by(PINHOLE, zoomed(PINHOLE, 1.02)) > 1
 
 
 # ---- names

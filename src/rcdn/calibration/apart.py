@@ -9,11 +9,11 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import State, default_free
+from rcdn.calibration.difference import camera_difference, common_grid
 from rcdn.calibration.groups import FEWEST, describe
 from rcdn.calibration.influence import ViewInformation, corners_of, of_state
-from rcdn.calibration.sight import cell_centres
 from rcdn.calibration.start import Seen, first_camera, poses
-from rcdn.geometry import project, rotation, unproject
+from rcdn.errors import RcdnError
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 AGREEING = 0.75
@@ -69,25 +69,9 @@ def significance(groups: Sequence[CameraGroup]) -> Array:
     return np.asarray(np.max(gaps, axis=0)[:4])
 
 
-def camera_difference(first: Camera, second: Camera) -> float:
-    """By how much two cameras of one picture size see the same rays apart, px, RMS over the picture, after the best rotation between them."""
-    pixels = cell_centres(first.image_size, (16, 12)).reshape(-1, 2)
-    rays = unproject(first, pixels)
-    rays = rays[np.isfinite(rays).all(axis=1)]
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    other = unproject(second, pixels[: len(rays)])
-    good = np.isfinite(other).all(axis=1)
-    if good.sum() < FEWEST:
+def apart_by(first: Camera, second: Camera) -> float:
+    """By how much two cameras of one picture size differ, px, RMS over the picture, after the best rotation; infinite if they share no rays."""
+    try:
+        return camera_difference(first, second, common_grid(first, second, longer=16)).rms
+    except RcdnError:
         return float("inf")
-    here = project(first, rays)
-    turn = np.zeros(3)
-    for _ in range(5):
-        moved = rays @ rotation(turn).T
-        gap = project(second, moved) - here
-        seen = np.isfinite(gap).all(axis=1)
-        steps = [project(second, moved @ rotation(1e-6 * e).T) - here - gap for e in np.eye(3)]
-        J = np.stack(steps, axis=-1)[seen].reshape(-1, 3) / 1e-6
-        change, *_ = np.linalg.lstsq(J, -gap[seen].ravel(), rcond=None)
-        turn = turn + change
-    gap = project(second, rays @ rotation(turn).T) - here
-    return float(np.sqrt(np.nanmean((gap**2).sum(axis=1))))

@@ -66,6 +66,10 @@ def growth(image_size: tuple[int, int]) -> float:
 
 
 LIMITS = {
+    "one_camera": Limit(
+        "Difference of the cameras of groups of pictures (RMS after the best rotation)", "px", 0.0, 0.0, NEVER,
+        "Groups by name, order or focal length that differ by more than views of one camera do; one set of numbers can't be right for both.",
+    ),
     "spacing": Limit(
         "Side of a square", "m", 0.5, 0.5, NEVER,
         "A board of half-metre squares is 5 m wide; a number that large is millimetres or centimetres.",
@@ -89,6 +93,10 @@ LIMITS = {
     "tilt_spread": Limit(
         "Spread of the tilts, in the direction of the least", "°", 4, 2, 0,
         "Tilts about one axis, or all alike, leave focal length and principal point to make up for each other.", rising=True,
+    ),
+    "unsettled": Limit(
+        "Scatter between views ÷ what still counts as known", "×", 1.0, 1.0, 1.0,
+        "Focal length to 5 %, principal point to 5 % of the diagonal, fx ÷ fy to 3 %: what views don't agree on any better isn't known.",
     ),
     "stretched": Limit(
         "Squares wider than high, beyond three standard deviations", "share", 0.005, 0.015, NEVER,

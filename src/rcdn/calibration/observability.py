@@ -36,20 +36,26 @@ Quantity = Literal["focal length", "principal point", "aspect ratio"]
 
 @dataclass(frozen=True)
 class Unsettled:
-    """A `quantity` that the views don't settle: its `deviation` (focal length and aspect ratio: a share; principal point: px), why
-    (`cause`), and what to do (`remedy`)."""
+    """A `quantity` that the views don't settle: its `deviation` (focal length and aspect ratio: a share; principal point: px) and the
+    `limit` beyond which it counts as unknown, why (`cause`), and what to do (`remedy`)."""
 
     quantity: Quantity
     deviation: float
+    limit: float
     cause: str
     remedy: str
 
     @property
-    def sentence(self) -> str:
-        """What isn't known, why, and what to do."""
+    def finding(self) -> str:
+        """What isn't known, and why."""
         size = f"{self.deviation:.0f} px" if self.quantity == "principal point" else f"{self.deviation:.0%}"
         known = f"± {size}" if self.deviation < 1e4 else "any value fits"
-        return f"The {self.quantity} can't be known from these pictures ({known}): {self.cause}. {self.remedy}"
+        return f"The {self.quantity} can't be known from these pictures ({known}): {self.cause}."
+
+    @property
+    def sentence(self) -> str:
+        """What isn't known, why, and what to do."""
+        return f"{self.finding} {self.remedy}"
 
 
 def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
@@ -68,7 +74,7 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
         ("aspect ratio", aspect, LOOSE_ASPECT),
     ]
     cause = _cause(calibration)
-    return tuple(Unsettled(q, d, cause, _remedy(calibration)) for q, d, most in found if not d < most)
+    return tuple(Unsettled(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
 
 
 def deviations(calibration: Calibration) -> Array:

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtr
 
-from rcdn.calibration.apart import CameraGroup, calibrate_apart, camera_difference, significance
+from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, significance
 from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_order
 from rcdn.calibration.influence import ViewInformation, gains, group_difference, view_information
 from rcdn.errors import RcdnError
@@ -38,12 +38,16 @@ BETTER = 0.97
 """× the RMS together: groups by name that aren't told by focal length or principal point must fit that much better apart"""
 GROUPED = ((LEVEL, 0.92), (0.03, 0.8))
 """probability of two focal lengths, and × the RMS together: chance and bent boards make groups, too, so these must also fit better apart"""
+NEGLIGIBLE = 1e-9
+"""of the largest information on the focal length: a view with less has none"""
 SURE = 4.0
 """standard deviations by which a figure of groups that were calibrated apart must differ"""
 ALIKE = 2.0
 """× the scatter of the used views: views left out that scatter less among themselves are of a camera of their own"""
 VISIBLE = 0.5
 """× the RMS: by how much projections of the groups' cameras must differ"""
+
+REMEDY = "Calibrate each group by itself."
 
 By = Literal["names", "order", "focal length", "left out"]
 
@@ -63,13 +67,18 @@ class SeveralCameras:
     @property
     def sentence(self) -> str:
         """What was found and what to do."""
+        return f"{self.finding} {REMEDY}"
+
+    @property
+    def finding(self) -> str:
+        """Which pictures belong together, and what tells them apart."""
         z = significance(self.groups)
         best = int(np.argmax(z))
         groups = "; ".join(self._group(g, best if z[best] >= SURE else None) for g in self.groups)
         apart = ", ".join(f"{g.rms:.2g}" for g in self.groups)
         return (
             f"The pictures are not of one camera at one zoom and focus: {groups}. RMS apart {apart} px, together "
-            f"{self.together:.2g} px. Calibrate each group by itself."
+            f"{self.together:.2g} px."
         )
 
     def _group(self, group: CameraGroup, parameter: int | None) -> str:
@@ -175,7 +184,7 @@ def _by_order(names: Sequence[str], info: ViewInformation, directions: Array) ->
 def _by_focal_length(info: ViewInformation, direction: Array) -> Iterator[_Suspect]:
     """Two means of the focal lengths that single views ask for, among simulations of one mean with heavy tails."""
     weight = np.einsum("a,vab,b->v", direction, info.information, direction)
-    if len(info) < 2 * LEAST_GROUP or not (weight > 0).all():
+    if len(info) < 2 * LEAST_GROUP or not (weight > NEGLIGIBLE * weight.max()).all():
         return
     value = info.score @ direction / weight
     ratio, low = _two_means(value[None], weight)
@@ -225,7 +234,7 @@ def _finding(
     calibration: Calibration, groups: Sequence[CameraGroup], by: By, probability: float
 ) -> SeveralCameras | None:
     """The finding, if the cameras differ by more than the corners scatter."""
-    apart = max(camera_difference(groups[0].camera, g.camera) for g in groups[1:])
+    apart = max(apart_by(groups[0].camera, g.camera) for g in groups[1:])
     if apart < VISIBLE * calibration.rms:
         return None
     return SeveralCameras(tuple(groups), by, min(probability, 1.0), apart, calibration.rms)

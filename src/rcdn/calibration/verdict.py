@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rcdn.calibration import fit_checks, view_checks
+from rcdn.calibration import fit_checks, set_checks, view_checks
 from rcdn.calibration.facts import Facts, measure
 from rcdn.types import LEVELS, Calibration, Level, Reason, Verdict
 
@@ -16,11 +16,13 @@ Check = Callable[[Calibration, Facts], Sequence[Reason]]
 """Looks at one thing; gives a reason, good or not, or none where there is nothing to look at"""
 
 CHECKS: tuple[Check, ...] = (
+    set_checks.one_camera,
     view_checks.picture_size,
     view_checks.spacing,
     view_checks.board_size,
     view_checks.views,
     view_checks.tilt,
+    set_checks.settled,
     fit_checks.board,
     view_checks.left_out,
     fit_checks.dropped,
