@@ -21,7 +21,7 @@ from rcdn.io import (
     write_calibration,
     write_stereo,
 )
-from rcdn.types import BoardView, Calibration, Camera, ModelScore, Pose, StereoCalibration
+from rcdn.types import BoardView, Calibration, Camera, ModelScore, Pose, Reason, StereoCalibration, Verdict
 
 SIZE = (640, 480)
 LENSES = {"pinhole": 0, "brown": 5, "rational": 8, "fisheye": 4, "division": 1}
@@ -68,7 +68,16 @@ def calibration(seed=0, model="brown", whole=True):
         warp=rng.normal(size=2) * 1e-3 if whole else None,
         warp_std=np.array([np.nan, 1e-5]) if whole else None,
         advice=("Move closer.", "Tilt the board: 20° “or more”.") if whole else (),
+        verdict=verdict() if whole else None,
     )
+
+
+def verdict():
+    """With a value that nobody knows, and a limit without bound."""
+    unknown = Reason(
+        "held_out", "fair", "RMS in held-out pictures", float("nan"), 1.25, "×", "Too few.", "Take “more”."
+    )
+    return Verdict("fair", (unknown, Reason("corners", "good", "corners", 0.1, float("inf"), "px", "Fine.")))
 
 
 def stereo(seed=0, **options):
@@ -78,7 +87,9 @@ def stereo(seed=0, **options):
     turns = cv2.stereoRectify(
         left.camera.K, np.zeros(5), right.camera.K, np.zeros(5), SIZE, T[:3, :3], T[:3, 3:], flags=0
     )
-    return StereoCalibration(left, right, T, np.eye(6) / 3, 0.1, 0.2, *turns[:5], advice=("Move the cameras apart.",))
+    return StereoCalibration(
+        left, right, T, np.eye(6) / 3, 0.1, 0.2, *turns[:5], advice=("Move the cameras apart.",), verdict=verdict()
+    )
 
 
 def same(a, b):
@@ -152,7 +163,7 @@ def test_the_form_of_the_file(tmp_path):
     made = calibration()
     write_calibration(path, made)
     data = plain(path)
-    assert list(data)[:6] == ["version", "kind", "camera", "rms", "held_out", "std"]
+    assert list(data)[:7] == ["version", "kind", "camera", "verdict", "rms", "held_out", "std"]
     assert (data["version"], data["kind"]) == (1, "calibration")
     assert data["std"] == dict(zip(made.camera.parameter_names, made.std.tolist(), strict=True))
     assert data["rms"] == made.rms
@@ -189,6 +200,8 @@ VIEW = ("views", 0)
         (edit("size", value=[9]), "'size' must hold 2 numbers"),
         (edit("orientation", value="upright"), "'orientation' must be null or one of unique"),
         (edit("advice", value=[3]), "'advice' must hold text"),
+        (edit("verdict", value="great"), "'verdict' must be one of good, fair, unsure, bad"),
+        (edit("reasons", 0, "level", value="great"), "reasons[0]: 'level' must be one of"),
         (edit("warp", value=[1, "x"]), "'warp' must hold numbers"),
         (edit("models", value={}), "'models' must be a list"),
         (edit("models", 0, "rms", value=...), "models[0]: 'rms'"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rcdn.calibration.verdict import headline
 from rcdn.cli import _inputs, app
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn.io import (
@@ -60,13 +61,24 @@ def fine(result):
 
 def test_the_camera_is_said_with_deviations_and_nothing_is_written_unasked(run, found):
     result = fine(run("calibrate", found, *FAST))
-    assert result.stdout.startswith("pinhole camera, 640×480 px: 6 of 6 views")
+    assert result.stdout.startswith("Fair: usable with care. Only 6 views")
+    assert "\npinhole camera, 640×480 px: 6 of 6 views" in result.stdout
     (fx,) = [line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["fx"]]
     assert float(fx[1]) == pytest.approx(520, abs=5 * float(fx[3]))
     assert "RMS 0.2" in result.stdout
-    assert "- Only 6 views" in result.stdout
+    assert result.stdout.count("Only 6 views") == 1
     assert "nothing is written" in result.stderr
     assert [p.name for p in Path().iterdir() if p.is_file()] == ["found.json"]
+
+
+def test_the_verdict_is_one_and_may_be_a_failure(run, found):
+    result = run("calibrate", found, *FAST, "--json", "a.json", "--report", "a.html", "--fail-on", "fair")
+    assert result.exit_code == 1
+    done = read_calibration("a.json")
+    assert done.verdict.level == "fair"
+    assert result.stdout.startswith(headline(done.verdict))
+    assert done.verdict.against[0].sentence in Path("a.html").read_text("utf-8")
+    assert fine(run("calibrate", found, *FAST, "--fail-on", "unsure")).exit_code == 0
 
 
 FILES = ["camera.yaml", "camera_info.yaml", "camchain.yaml", "cameras.txt", "camera.cameramodel", "camera.json"]
@@ -340,6 +352,6 @@ def test_where_to_hold_the_board_next_is_said_and_drawn(run):
     """Boards in the middle of the frame: the advice leads out of it."""
     found = save("few.json", random_boards(CAMERAS["brown"], 7, 6, whole=True, spread=0.1)[0])
     result = fine(run("calibrate", found, "--model", "brown", "--spacing", SPACING, "--report", "page.html"))
-    (line,) = [line for line in result.stdout.splitlines() if line.startswith("- next picture: Hold the board in the ")]
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("- Next picture: Hold the board in the ")]
     assert "the worst projection uncertainty would fall from" in line
-    assert line.removeprefix("- next picture: ") in Path("page.html").read_text()
+    assert line.removeprefix("- Next picture: ") in Path("page.html").read_text()

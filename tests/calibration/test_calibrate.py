@@ -255,7 +255,7 @@ def test_pictures_of_several_sizes():
     assert found.camera.image_size == (640, 480)
     assert found.views[0].reason == "its picture has 320×240 px, the others 640×480"
     assert np.isnan(found.views[0].residuals).all()
-    with pytest.raises(CalibrationError, match=r"640×480 in 4, 320×240 in 4.*board 1, board 3"):
+    with pytest.raises(CalibrationError, match=r"640×480 in 4: board 0, .*; 320×240 in 4: board 1, board 3"):
         calibrate([odd(b) if k % 2 else b for k, b in enumerate(boards)], SPACING)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -96,6 +97,10 @@ class State:
         )
 
 
+FIRM = 1e10
+"""1 / px², precision of what is held fixed: to 0.01 thousandths of a pixel"""
+
+
 def lens_prior(state: State) -> Prior:
     """What is known of the lenses beforehand: their coefficients are small. A polynomial that no corner holds would fold where none was seen."""
     precision, at = np.zeros(sum(state.counts)), 0
@@ -106,6 +111,21 @@ def lens_prior(state: State) -> Prior:
             precision[at + 4 + k] = 1 / spread**2
         at += len(camera.parameters)
     return Prior(np.zeros(len(precision)), np.diag(precision))
+
+
+def with_fixed(state: State, fixed: Collection[str]) -> State:
+    """`state` of one camera whose `aspect` (fx = fy) or `principal_point` (the middle of the picture) is `fixed`, by a prior that no corner moves."""
+    if not fixed:
+        return state
+    (camera,), prior = state.cameras, lens_prior(state)
+    mean, precision, K = prior.mean.copy(), prior.precision.copy(), camera.K.copy()
+    if "aspect" in fixed:
+        K[0, 0] = K[1, 1] = (K[0, 0] + K[1, 1]) / 2
+        precision[:2, :2] += FIRM * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    if "principal_point" in fixed:
+        K[:2, 2] = mean[2:4] = (np.array(camera.image_size) - 1) / 2
+        precision[[2, 3], [2, 3]] += FIRM
+    return replace(state, cameras=(replace(camera, K=K),), prior=Prior(mean, precision))
 
 
 def _move(T: Array, motions: Array) -> Array:

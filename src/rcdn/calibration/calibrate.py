@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rcdn.calibration import choose, robust
-from rcdn.calibration.advice import advise
-from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.advice import judged
+from rcdn.calibration.bundle import Corners3, State, default_free, with_fixed
+from rcdn.calibration.cut import whole_size
+from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, in_line, mirrored, orientation_of, settle
 from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
 from rcdn.calibration.start import Seen, first_camera, poses
@@ -27,7 +29,6 @@ from rcdn.types import (
     ModelScore,
     Pose,
     plane_points,
-    usual_size,
 )
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -41,6 +42,8 @@ LENSES: dict[str, tuple[CameraModel, int]] = {
 AUTO = ("pinhole", "brown", "fisheye", "rational")
 """what `auto` compares"""
 MODELS = ("auto", *LENSES)
+FIXABLE = ("aspect", "principal_point")
+"""what may be held fixed: fx = fy; the principal point in the middle of the picture"""
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 FEWEST_SHAPED = 5
 """views of the whole board, below which it is taken as perfect"""
@@ -62,6 +65,7 @@ def calibrate(
     model: str = "auto",
     size: Size | None = None,
     flat: bool = False,
+    fix: Collection[str] = (),
     leave_out: Sequence[str] = (),
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
@@ -70,8 +74,9 @@ def calibrate(
     a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards. `flat`: the board is known to be perfect, a glass one, say; by default its
-    shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
+    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `flat`: the board is known to be
+    perfect, a glass one, say; by default its shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
+    `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
     `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
@@ -79,28 +84,29 @@ def calibrate(
     Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
+    fixed = check_fix(fix)
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     if leave_out:
         from rcdn.calibration.by_hand import without  # which rests on this module
 
         return without(
-            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat),
+            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat, fix=fix),
             boards,
             names,
             leave_out,
         )
     image_size = _one_size(boards, names)
-    whole = size or usual_size(boards)
+    whole = size or whole_size(boards)
     labels = settle(boards, whole, strict=size is not None)
     task = _task(boards, labels, names, image_size, spacing, whole)
     start = first_camera(task.seen, image_size)
     task, T = _with_poses(task, poses(start, task.seen))
     models = AUTO if model == "auto" else (model,)
-    fits = _fits(task, models, start, T, spacing, shaped=not flat and task.settled >= FEWEST_SHAPED)
+    fits = _fits(task, models, start, T, spacing, fixed, shaped=not flat and task.settled >= FEWEST_SHAPED)
     chosen, scores = _choose(task, fits)
     done = _result(task, boards, labels, names, fits[chosen], whole, scores, spacing)
     _believable(done)
-    return replace(done, advice=advise(done))
+    return judged(done)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,18 +140,34 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
 
 
+def check_fix(fix: Collection[str]) -> frozenset[str]:
+    """`fix` as a set. Raises ConfigError for what can't be held fixed."""
+    names = frozenset([fix] if isinstance(fix, str) else fix)
+    if unknown := sorted(names - set(FIXABLE)):
+        raise ConfigError(f"fix may hold {' and '.join(FIXABLE)}, not {', '.join(map(repr, unknown))}")
+    return names
+
+
 def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     """The image size of (nearly) all boards, or an error that says which pictures are odd."""
     sizes = Counter(b.image_size for b in boards)
     (usual, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
         return usual
-    odd = [n for n, b in zip(names, boards, strict=True) if b.image_size != usual]
-    counts = ", ".join(f"{w}×{h} in {n}" for (w, h), n in sizes.most_common())
     raise CalibrationError(
-        f"pictures of several sizes ({counts}): one calibration is of one camera at one resolution; "
-        f"leave the odd ones out ({', '.join(odd[:3])}{', …' if len(odd) > 3 else ''})"
+        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
+        "calibrate the pictures of each size by themselves"
     )
+
+
+def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
+    """Each size with the pictures that have it."""
+    texts = []
+    for size, many in sizes.most_common():
+        mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
+        rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
+        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
+    return "; ".join(texts)
 
 
 def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str:
@@ -252,12 +274,13 @@ def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
 
 
 def _fits(
-    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, shaped: bool
+    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, fixed: frozenset[str], shaped: bool
 ) -> dict[str, robust.Fit]:
     """Fits of the models that come near the best; the others are no lens for these corners."""
     rough = {}
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
+        state = with_fixed(state, fixed)
         rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state))
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
@@ -265,7 +288,7 @@ def _fits(
     cluster = alike(task.corners, start.image_size, _pictures(task))
     fits = {}
     for m, (state, noise) in near.items():
-        state = replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)))
+        state = with_fixed(replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)), prior=None), fixed)
         free = default_free(state, shape=shaped)
         fits[m] = robust.fit(state, noise, task.corners, task.sigma, free, cluster, spacing)
     return fits

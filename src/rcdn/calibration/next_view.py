@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcdn.calibration.advice import THIRDS
 from rcdn.calibration.sight import off_axis, out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
+from rcdn.calibration.view_checks import THIRDS
 from rcdn.calibration.view_information import Information, Prior, pattern_of, share_told, variances, weight_of
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
 from rcdn.types import Array, Calibration, Pose, plane_points
@@ -131,6 +131,15 @@ def sentence(found: NextView, image_size: tuple[int, int]) -> str:
         f"Hold the board in {place} of the picture, {found.distance:.2g} m away, {tilt}{part}: the worst projection uncertainty would fall "
         f"from {found.before:.2g} px to about {found.after:.2g} px."
     )
+
+
+def advised(calibration: Calibration) -> Calibration:
+    """`calibration` with advice that ends with the next picture, where that would help."""
+    found = next_view(calibration)
+    if found is None or not found.worth_saying:
+        return calibration
+    said = f"Next picture: {sentence(found, calibration.camera.image_size)}"
+    return replace(calibration, advice=(*calibration.advice, said))
 
 
 def _distances(calibration: Calibration) -> Array:

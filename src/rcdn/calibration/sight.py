@@ -12,6 +12,8 @@ WIDEST = 90.0
 NEARLY = 80.0
 """degrees; a lens model that has rays up to here and then none has reached such a circle, too; one that ends before is broken"""
 CELLS = (32, 24)
+LONGER = 8
+"""cells of the coverage along the frame's longer side"""
 
 
 def reach(camera: Camera) -> float:
@@ -26,6 +28,13 @@ def cell_centres(image_size: tuple[int, int], cells: tuple[int, int]) -> Array:
     x = (np.arange(cols) + 0.5) * width / cols - 0.5
     y = (np.arange(rows) + 0.5) * height / rows - 0.5
     return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+def cells_of(image_size: tuple[int, int], longer: int = LONGER) -> tuple[int, int]:
+    """(columns, rows) of nearly square cells, `longer` along the longer side."""
+    width, height = image_size
+    side = max(width, height) / longer
+    return max(round(width / side), 2), max(round(height / side), 2)
 
 
 def out_of_sight(camera: Camera, pixels: Array) -> tuple[Array, Array]:

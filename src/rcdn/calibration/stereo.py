@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.advice import advise
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
+from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
@@ -69,7 +69,7 @@ def calibrate_stereo(
     start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
     done = _result(task, fit, first, second, odd, spacing)
-    return replace(done, advice=(*done.advice, note)) if note else done
+    return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
 
 
 def _alone(
@@ -171,15 +171,16 @@ def _result(
     seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
     rms = float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
-    advice = [f"Left: {t}" for t in left.advice] + [f"Right: {t}" for t in right.advice]
-    if odd:
-        names = [f"{first.views[a].name} and {second.views[b].name}" for a, b in odd]
-        advice.insert(
-            0,
-            f"{len(odd)} pairs disagree with the others on where the cameras stand and were left out: {', '.join(names[:3])}"
-            f"{', …' if len(names) > 3 else ''}.",
-        )
-    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, tuple(advice))
+    advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
+    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, advice)
+
+
+def _odd_pairs(names: list[str]) -> tuple[str, ...]:
+    """What to say of pairs that were left out."""
+    if not names:
+        return ()
+    some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
+    return (f"{len(names)} pairs disagree with the others on where the cameras stand and were left out: {some}.",)
 
 
 def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
@@ -209,8 +210,9 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
                 view, ij=ij, pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=fit.reasons[f]
             )
         )
-    done = replace(before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise)
-    return replace(done, advice=advise(done))
+    return replace(
+        before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, advice=(), verdict=None
+    )
 
 
 def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,25 @@ from rcdn.cli._group import one_line
 from rcdn.geometry.spline_grid import largest_shift
 
 if TYPE_CHECKING:
-    from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration
+    from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
+
+LEAST = 0.01
+"""px; an RMS below counts as this, where others are stated as multiples of it"""
+
+
+def verdict_line(verdict: Verdict | None) -> list[str]:
+    """The verdict, which is said first; nothing where there is none."""
+    from rcdn.calibration.verdict import headline
+
+    return [] if verdict is None else [headline(verdict)]
+
+
+def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
+    """What else to tell: the gravest reason stands in the first line already."""
+    from rcdn.calibration.verdict import sentences
+
+    said = () if verdict is None else sentences(verdict)[:1]
+    return [f"- {text}" for text in advice if text not in said]
 
 
 def camera_lines(calibration: Calibration) -> list[str]:
@@ -31,10 +50,11 @@ def camera_lines(calibration: Calibration) -> list[str]:
         lines.append(
             f"  and a smooth correction of {columns}×{rows} control points, up to {largest_shift(c.camera):.2f} px"
         )
-    held = "too few pictures to hold any out" if np.isnan(c.held_out) else f"{c.held_out:.3f} px in pictures held out"
-    lines.append(f"RMS {c.rms:.3f} px, {held}")
+    lines.append(f"RMS {c.rms:.3f} px; {_held_out(c)}")
     if len(c.models) > 1:
-        lines.append("models: " + ", ".join(_model(m) for m in c.models))
+        lines.append(
+            f"models, × the RMS of {c.models[0].model}: " + ", ".join(_model(m, c.models[0]) for m in c.models)
+        )
     if c.shape is not None:
         lines.append(
             f"board: corners {1e3 * c.shape.print_error:.3f} mm off their places in its plane, bent by {1e3 * c.shape.bend:.2f} mm"
@@ -42,9 +62,18 @@ def camera_lines(calibration: Calibration) -> list[str]:
     return lines
 
 
-def _model(score: ModelScore) -> str:
-    """`brown 0.159 (held out 0.164)`; a model that can't beat a simpler one isn't tried on pictures held out."""
-    return f"{score.model} {score.rms:.3f}" + ("" if np.isnan(score.held_out) else f" (held out {score.held_out:.3f})")
+def _held_out(c: Calibration) -> str:
+    """As a multiple of the RMS: both on the corners on which models were compared, of which the chosen one may leave some out."""
+    if np.isnan(c.held_out):
+        return "too few pictures to hold any out"
+    return f"in pictures held out {c.held_out / max(c.models[0].rms, LEAST):.2f} times that"
+
+
+def _model(score: ModelScore, chosen: ModelScore) -> str:
+    """`brown 1.00 (held out 1.03)`; a model that can't beat a simpler one isn't tried on pictures held out."""
+    least = max(chosen.rms, LEAST)
+    held = "" if np.isnan(score.held_out) else f" (held out {score.held_out / least:.2f})"
+    return f"{score.model} {score.rms / least:.2f}{held}"
 
 
 def _values(values: Array, std: Array) -> list[str]:
@@ -60,12 +89,18 @@ def left_out_lines(calibration: Calibration) -> list[str]:
     return [f"left out: {one_line(v.name)}: {v.reason}" for v in calibration.left_out]
 
 
-def next_lines(calibration: Calibration) -> list[str]:
-    """Where to hold the board for the next picture, if that would help."""
-    from rcdn.calibration.next_view import next_view, sentence
+def cut_lines(calibration: Calibration) -> list[str]:
+    """What the picture's border has left of boards that look complete, each with the pictures in which it did."""
+    from rcdn.calibration.cut import cut_text
 
-    found = next_view(calibration)
-    return [f"next picture: {sentence(found, calibration.camera.image_size)}"] if found and found.worth_saying else []
+    if calibration.size is None:
+        return []
+    names: dict[str, list[str]] = {}
+    for view in calibration.used_views:
+        if text := cut_text(view.ij, view.xy, calibration.camera.image_size, calibration.size):
+            names.setdefault(text, []).append(one_line(view.name))
+    cols, rows = calibration.size
+    return [f"{text}, of {cols}×{rows}: {', '.join(mine)}" for text, mine in names.items()]
 
 
 def stereo_lines(stereo: StereoCalibration) -> list[str]:

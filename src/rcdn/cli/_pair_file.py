@@ -8,9 +8,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
+from typing import Annotated
+
+import typer
 
 from rcdn.errors import ConfigError
 
+Pairs = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="With --stereo: which pictures belong together, a line for each pair: the left one's name and the right one's.",
+    ),
+]
 SEPARATORS = (",", ";", "\t")
 HEADERS = ({"left", "left_name", "left name"}, {"right", "right_name", "right name"})
 MOST_SAID = 10

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -138,7 +138,7 @@ class Tally:
     def lines(self, seconds: float) -> list[str]:
         """A line for each picture if there are few, the table, and a hint if there is one."""
         few = len(self._first) <= LIST_UP_TO
-        hint = self._size_hint()
+        hint = size_hint(self._wanted, self._sizes, self._with_complete, self.images)
         listed = [*picture_lines(self._first, self._wanted), ""] if few else []
         return [*listed, *self._table(seconds), *([f"hint: {hint}"] if hint else [])]
 
@@ -155,22 +155,22 @@ class Tally:
         widths = [max(len(k), len(v)) for k, v in cells.items()]
         return ["  ".join(f"{c:>{w}}" for c, w in zip(row, widths, strict=True)) for row in (cells, cells.values())]
 
-    def _size_hint(self) -> str | None:
-        """A guess at what the user meant, if complete boards were found but all of one size that isn't the wanted one.
 
-        Most often squares were counted instead of inner corners.
-        """
-        wanted = self._wanted
-        if wanted is None or len(self._sizes) != 1 or _wide(wanted) in self._sizes:
-            return None
-        cols, rows = size = next(iter(self._sizes))
-        if wanted[0] < wanted[1]:
-            cols, rows = size = rows, cols
-        ask = f"did you mean --board {cols}x{rows}?"
-        seen = f"found {size_text(size)} in {self._with_complete} of {self.images} pictures"
-        if same((cols + 1, rows + 1), wanted):
-            return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
-        return f"{seen}, and {size_text(wanted)} in none; {ask}"
+def size_hint(wanted: Size | None, sizes: Set[Size], pictures: int, of: int) -> str | None:
+    """A guess at what the user meant, if complete boards have one of the `sizes` only, which isn't the `wanted` one; found in `pictures` `of` all.
+
+    Most often squares were counted instead of inner corners.
+    """
+    if wanted is None or len(sizes) != 1 or _wide(wanted) in {_wide(s) for s in sizes}:
+        return None
+    cols, rows = size = _wide(next(iter(sizes)))
+    if wanted[0] < wanted[1]:
+        cols, rows = size = rows, cols
+    ask = f"did you mean --board {cols}x{rows}?"
+    seen = f"found {size_text(size)} in {pictures} of {of} pictures"
+    if same((cols + 1, rows + 1), wanted):
+        return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
+    return f"{seen}, and {size_text(wanted)} in none; {ask}"
 
 
 def _wide(size: Size) -> Size:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from rcdn.cli._options import GridSize, PatternName, parse_size
+from rcdn.cli._spacing import Spacing, check_length
 from rcdn.errors import ConfigError
 
 
@@ -35,9 +36,7 @@ def board(
             help="Inner corners, where four squares (six triangles) meet: 9x6 gives 10x7 squares.",
         ),
     ],
-    spacing: Annotated[
-        float, typer.Option(metavar="METRES", help="Side of a square or triangle, in metres: 0.025 is 25 mm.")
-    ],
+    spacing: Spacing,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write: a .pdf or .svg file.")
     ],
@@ -57,6 +56,7 @@ def board(
     ending = output.suffix.lower()
     if ending not in (".pdf", ".svg"):
         raise ConfigError(f"--output {output}: the name must end in .pdf or .svg")
+    check_length(spacing, size)
     from rcdn.io import write_bytes, write_text
     from rcdn.report.target import make_target, orientation_note, to_pdf, to_svg
 

@@ -2,49 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from rcdn.cli import _batch
-from rcdn.cli._cache import Cache, open_cache
-from rcdn.cli._group import FAILED, one_line
-from rcdn.cli._options import CacheFolder, Frames, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
-from rcdn.cli._pair_file import PairFile
+from rcdn.cli._cache import open_cache
+from rcdn.cli._calibration_outputs import (
+    CameraFileFormat,
+    CameraFiles,
+    FailOnVerdict,
+    Force,
+    JsonFile,
+    Outputs,
+    ReportFile,
+)
+from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
+from rcdn.cli._group import FAILED
+from rcdn.cli._options import CacheFolder, Frames, Jobs, NoCache, Pattern, PatternName
+from rcdn.cli._pair_file import PairFile, Pairs
+from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
+from rcdn.cli._spacing import Spacing, check_length
 from rcdn.config import DetectorConfig
-from rcdn.errors import CalibrationError, ConfigError, FormatError
-
-if TYPE_CHECKING:
-    from rcdn.cli._inputs import Gathered
-    from rcdn.cli._pictures import Pictures
-    from rcdn.io import CameraFormat, ImageResult
-    from rcdn.types import Board, Calibration
-
-
-class Model(StrEnum):
-    """The lens models of `rcdn.calibrate`."""
-
-    auto = "auto"
-    pinhole = "pinhole"
-    radtan = "radtan"
-    brown = "brown"
-    fisheye = "fisheye"
-    rational = "rational"
-
-
-class FileFormat(StrEnum):
-    """Formats of camera files."""
-
-    opencv = "opencv"
-    ros = "ros"
-    kalibr = "kalibr"
-    colmap = "colmap"
-    mrcal = "mrcal"
-    json = "json"
+from rcdn.errors import ConfigError
 
 
 def calibrate(
@@ -56,67 +35,24 @@ def calibrate(
             "detect, corners.vnl). With --stereo two: the left and the right camera's.",
         ),
     ],
-    spacing: Annotated[
-        float,
-        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
-    ],
-    model: Annotated[
-        Model,
-        typer.Option(
-            help="The lens: pinhole has no distortion, radtan k1 k2 p1 p2 (Kalibr's), brown k3 too, fisheye four numbers "
-            "(Kannala-Brandt), rational eight. auto: the simplest that predicts pictures held out about as well as the best."
-        ),
-    ] = Model.auto,
-    board: Annotated[
-        GridSize | None,
-        typer.Option(
-            parser=parse_size,
-            metavar="COLSxROWS",
-            help="The board's inner corners: 10x7 squares are 9x6. Not needed; boards that can't be part of it are left out.",
-        ),
-    ] = None,
-    flat: Annotated[
-        bool, typer.Option("--flat", help="The board is perfect (glass, say): don't solve for its shape.")
-    ] = False,
-    leave_out: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--leave-out",
-            metavar="NAME",
-            help="Solve without this picture, or without its second board (NAME:2); may be given several times. The report names them.",
-        ),
-    ] = None,
+    spacing: Spacing,
+    model: LensModel = Model.auto,
+    board: BoardSize = None,
+    flat: Flat = False,
+    fix_aspect: FixAspect = False,
+    fix_principal_point: FixPrincipalPoint = False,
+    leave_out: LeaveOut = None,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
     ] = False,
-    pairs: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="With --stereo: which pictures belong together, a line for each pair: the left one's name and the right one's.",
-        ),
-    ] = None,
-    output: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, camchain.yaml: "
-            "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap.",
-        ),
-    ] = None,
-    file_format: Annotated[
-        FileFormat | None, typer.Option("--format", help="Format of --output, where the name doesn't tell.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a page to look at: verdict, coverage, residuals, views.")
-    ] = None,
-    json: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
-    ] = None,
+    pairs: Pairs = None,
+    output: CameraFiles = None,
+    file_format: CameraFileFormat = None,
+    report: ReportFile = None,
+    json: JsonFile = None,
+    force: Force = False,
+    fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
     frames: Frames = 40,
@@ -128,182 +64,45 @@ def calibrate(
     Any board will do, nobody has to say its size; partial boards and several boards a picture count, too. Corners and
     views that disagree with the others are left out and named. What was found in a picture is kept for the next run.
 
-    Exit code: 0 if a camera was found, 1 if not or if a file failed, 2 for wrong use, 130 after Ctrl-C.
-    """
-    from rcdn.calibration.calibrate import check_spacing
+    The first line is the verdict: good (use it), fair (with care), unsure (something that the numbers can't vouch for) or bad (don't
+    use it), with the gravest reason. What the views can't settle is said there, and the camera is written then only with --force.
 
-    check_spacing(spacing)  # before the work
-    if stereo and len(inputs) != 2:
-        raise ConfigError(
-            f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
-        )
+    Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of --fail-on, 2 for wrong
+    use, 130 after Ctrl-C.
+    """
+    from rcdn.calibration.verdict import fails
+
+    check_length(spacing, board)  # before the work
+    held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
+    fix = frozenset(name for name, fixed in held.items() if fixed)
+    if stereo:
+        _check_two(inputs, {"--flat": flat, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
-    if stereo and leave_out:
-        raise ConfigError("--leave-out is for one camera; with --stereo name the pictures to take, without that one")
     if pattern is PatternName.deltille and (board is not None or stereo):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
-    outputs = _Outputs(output or [], None if file_format is None else file_format.value, report, json)
-    outputs.check(inputs if pairs is None else [*inputs, str(pairs)])
+    outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
+    outputs.check(inputs if pairs is None else [*inputs, pairs])
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
-    run = _Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    if stereo:
-        _stereo(run, inputs, spacing, model.value, outputs, pair_file)
-    else:
-        _mono(run, inputs, spacing, model.value, flat, leave_out or (), outputs)
-    if run.failed:
+    run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
+    problem = Problem(spacing, model.value, flat, tuple(leave_out or ()), fix)
+    found = (
+        two_cameras(run, inputs, problem, outputs, pair_file) if stereo else one_camera(run, inputs, problem, outputs)
+    )
+    if run.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
         raise typer.Exit(FAILED)
 
 
-@dataclass(frozen=True)
-class _Outputs:
-    """What to write, and where."""
-
-    cameras: list[Path]
-    format: CameraFormat | None
-    report: Path | None
-    json: Path | None
-
-    def check(self, inputs: Sequence[str]) -> None:
-        """Raise before the work what would spoil it afterwards."""
-        from rcdn.cli._camera_files import check_format
-
-        paths = [Path(i) for i in inputs]
-        for path in self.cameras:
-            try:
-                check_format(path, self.format)
-            except FormatError as error:
-                raise ConfigError(str(error)) from None
-            _batch.check_file("--output", path, paths)
-        _batch.check_file("--report", self.report, paths)
-        _batch.check_file("--json", self.json, paths)
-
-    def say(self) -> None:
-        """Tell what was written."""
-        written = [str(p) for p in (*self.cameras, self.json, self.report) if p is not None]
-        if written:
-            typer.echo(f"written: {', '.join(written)}", err=True)
-        else:
-            typer.echo(
-                "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
+def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
+    """Raise ConfigError unless there are two `inputs`, and none of the options that are for one camera (`alone`)."""
+    if len(inputs) != 2:
+        raise ConfigError(
+            f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
+        )
+    for name, given in alone.items():
+        if given:
+            verb = "are" if " and " in name else "is"
+            raise ConfigError(
+                f"{name} {verb} for one camera; leave {'them' if verb == 'are' else 'it'} away with --stereo"
             )
-
-
-class _Run:
-    """How detections are got; `failed`: some file could not be read."""
-
-    def __init__(
-        self, config: DetectorConfig, store: Cache | None, jobs: int, frames: int, size: GridSize | None
-    ) -> None:
-        self.size = None if size is None else (size.cols, size.rows)
-        self.failed = False
-        self._settings = (config, store, jobs, frames)
-
-    def gather(self, inputs: Sequence[str], numbers: tuple[tuple[int, ...], ...] | None = None) -> Gathered:
-        from rcdn.cli._inputs import gather
-
-        config, store, jobs, frames = self._settings
-        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size)
-        self.failed = self.failed or bool(got.failures)
-        for note in got.notes:
-            typer.echo(note, err=True)
-        if not any(image.boards for image in got.images):
-            raise CalibrationError(
-                f"no board was found in {len(got.images)} pictures; see what `rcdn detect --overlay` draws: squares need sharp, dark-light edges"
-            )
-        return got
-
-
-def _mono(
-    run: _Run,
-    inputs: Sequence[str],
-    spacing: float,
-    model: str,
-    flat: bool,
-    leave_out: Sequence[str],
-    outputs: _Outputs,
-) -> None:
-    from rcdn.calibration import calibrate
-    from rcdn.cli import _camera_files, _camera_text
-    from rcdn.io import write_calibration
-    from rcdn.report.calibration import write_report
-
-    got = run.gather(inputs)
-    boards, names = _flat(got.images)
-    done = calibrate(boards, spacing, names=names, model=model, size=run.size, flat=flat, leave_out=leave_out)
-    advice = [*done.advice, *_camera_text.next_lines(done)]
-    _say(_camera_text.camera_lines(done), _camera_text.left_out_lines(done), advice)
-    for path in outputs.cameras:
-        _camera_files.write_one(path, done.camera, outputs.format)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_report(outputs.report, done, _pictures(done))
-    outputs.say()
-
-
-def _stereo(
-    run: _Run, inputs: Sequence[str], spacing: float, model: str, outputs: _Outputs, pair_file: PairFile | None
-) -> None:
-    from rcdn.calibration import calibrate_stereo
-    from rcdn.cli import _camera_files, _camera_text
-    from rcdn.io import write_calibration
-    from rcdn.report.calibration import write_stereo_report
-
-    left = run.gather(inputs[:1])
-    right = run.gather(inputs[1:], left.frames or None)
-    pictures = _paired(left, right, pair_file)
-    (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
-    first, second = _first_boards(left.images), _first_boards(right.images)
-    pairs = [(first[a], second[b]) for a, b in pictures if a in first and b in second]
-    done = calibrate_stereo(boards, others, spacing, pairs=pairs, names=(names, theirs), model=model, size=run.size)
-    out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
-    _say(_camera_text.stereo_lines(done), out, done.advice)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
-    written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
-    run.failed = run.failed or len(written) < len(outputs.cameras)
-    replace(outputs, cameras=written).say()
-
-
-def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
-    """(index of the left picture, index of the right one) of those that belong together; says how, where names leave a doubt."""
-    from rcdn.cli._pairs import pair_names, pairing_hint
-
-    one, two = ([image.path for image in side.images] for side in (left, right))
-    if pair_file is not None:
-        return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
-    found = pair_names(one, two)
-    if hint := pairing_hint(one, two, found):
-        typer.echo(one_line(hint), err=True)
-    return found.pairs
-
-
-def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
-    """All boards, and the name of each one's picture."""
-    boards = [board for image in images for board in image.boards]
-    return boards, [image.path for image in images for _ in image.boards]
-
-
-def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
-    """For each picture that has boards the index of its largest among all."""
-    at, first = 0, {}
-    for k, image in enumerate(images):
-        if image.boards:
-            first[k] = at
-        at += len(image.boards)
-    return first
-
-
-def _pictures(calibration: Calibration) -> Pictures:
-    from rcdn.cli._pictures import Pictures
-
-    return Pictures(v.name for v in calibration.views)
-
-
-def _say(lines: Sequence[str], left_out: Sequence[str], advice: Sequence[str]) -> None:
-    for line in [*lines, *left_out, *(f"- {text}" for text in advice)]:
-        typer.echo(line)

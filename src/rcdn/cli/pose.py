@@ -12,6 +12,7 @@ from rcdn.cli import _batch
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, say_error
 from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
+from rcdn.cli._spacing import Spacing, check_length
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 
@@ -34,10 +35,7 @@ def pose(
             help="The camera, as `rcdn calibrate -o` or --json writes it (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON).",
         ),
     ],
-    spacing: Annotated[
-        float,
-        typer.Option(metavar="METRES", help="Side of one square (or triangle), in metres: 25 mm squares have 0.025."),
-    ],
+    spacing: Spacing,
     camera_name: Annotated[
         str | None,
         typer.Option("--camera-name", metavar="NAME", help="Which camera of a FILE that holds several: left, cam1, …"),
@@ -62,12 +60,12 @@ def pose(
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration import estimate_pose
-    from rcdn.calibration.calibrate import check_spacing
     from rcdn.cli import _camera_text
     from rcdn.cli._inputs import gather
     from rcdn.io import write_text
+    from rcdn.types import usual_size
 
-    check_spacing(spacing)
+    check_length(spacing)
     if pattern is PatternName.deltille and board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
     lens = _camera(camera, camera_name)
@@ -75,6 +73,7 @@ def pose(
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     size = None if board is None else (board.cols, board.rows)
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
+    check_length(spacing, size or usual_size([found for image in got.images for found in image.boards]))
     records: list[dict[str, Any]] = []
     failed = bool(got.failures)
     for image in got.images:
@@ -84,7 +83,7 @@ def pose(
             try:
                 if found.image_size != tuple(lens.image_size):
                     raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
-                done = estimate_pose(found, lens, spacing)
+                done = estimate_pose(found, lens, float(spacing))
             except RcdnError as error:
                 say_error(f"{image.path}: {error}")
                 failed = True
@@ -95,7 +94,7 @@ def pose(
         say_error("no pose: no board was found in the pictures; see what `rcdn detect --overlay` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
-        write_text(json, f'{{"version": 1, "spacing": {spacing!r}, "poses": [\n{lines}\n]}}\n')
+        write_text(json, f'{{"version": 1, "spacing": {float(spacing)!r}, "poses": [\n{lines}\n]}}\n')
     if failed or not records:
         raise typer.Exit(FAILED)
 

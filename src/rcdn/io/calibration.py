@@ -11,7 +11,19 @@ from rcdn.errors import FormatError, RcdnError
 from rcdn.io.cameras import ours
 from rcdn.io.fields import nullable, number, numbers, read_text, take, two_whole_numbers
 from rcdn.io.files import write_text
-from rcdn.types import BoardShape, BoardView, Calibration, ModelScore, Orientation, Pose, StereoCalibration
+from rcdn.types import (
+    LEVELS,
+    BoardShape,
+    BoardView,
+    Calibration,
+    Level,
+    ModelScore,
+    Orientation,
+    Pose,
+    Reason,
+    StereoCalibration,
+    Verdict,
+)
 
 _KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
 
@@ -43,7 +55,8 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     rms, epipolar = _known(data, "rms", where), _known(data, "epipolar", where)
     cov = numbers(data, "cov", where, shape=(6, 6))
     advice = _texts(data, "advice", where)
-    return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice)
+    verdict = _verdict(data, where)
+    return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice, verdict)
 
 
 def read_calibrations(path: str | Path) -> dict[str, Calibration]:
@@ -66,6 +79,7 @@ def _record(found: Calibration) -> dict[str, Any]:
     names = found.camera.parameter_names
     return {
         "camera": ours.camera_record(found.camera),
+        "verdict": None if found.verdict is None else found.verdict.level,
         "rms": nullable(found.rms),
         "held_out": nullable(found.held_out),
         "std": dict(zip(names, nullable(found.std), strict=True)),
@@ -75,6 +89,7 @@ def _record(found: Calibration) -> dict[str, Any]:
         "shape": None if found.shape is None else nullable(found.shape.offsets),
         "noise": nullable(found.noise),
         "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
+        "reasons": [] if found.verdict is None else [_reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
         "views": [_view_record(view) for view in found.views],
@@ -83,16 +98,25 @@ def _record(found: Calibration) -> dict[str, Any]:
 
 def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
     return {
+        "verdict": None if found.verdict is None else found.verdict.level,
         "T_right_left": found.T_right_left.tolist(),
         **{name: nullable(getattr(found, name)) for name in ours.SHAPES},
         "rms": nullable(found.rms),
         "epipolar": nullable(found.epipolar),
         "baseline": nullable(found.baseline),
+        "reasons": [] if found.verdict is None else [_reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
         "left": _record(found.left),
         "right": _record(found.right),
     }
+
+
+def _reason_record(reason: Reason) -> dict[str, Any]:
+    return vars(reason) | {
+        "value": nullable(reason.value),
+        "limit": nullable(reason.limit),
+    }  # in the order of the fields
 
 
 def _view_record(view: BoardView) -> dict[str, Any]:
@@ -138,6 +162,7 @@ def _calibration(data: Any, where: str) -> Calibration:
         orientation=_orientation(data, where),
         shape=_shape(data, where),
         advice=_texts(data, "advice", where),
+        verdict=_verdict(data, where),
     )
 
 
@@ -148,6 +173,30 @@ def _shape(data: Any, where: str) -> BoardShape | None:
     if offsets.ndim != 3 or offsets.shape[2] != 3:
         raise FormatError(f"{where}: 'shape' must have shape (rows, columns, 3), not {offsets.shape}")
     return BoardShape(offsets)
+
+
+def _verdict(data: dict[str, Any], where: str) -> Verdict | None:
+    """None where the file has none: it was written before calibrations were judged."""
+    if data.get("verdict") is None:
+        return None
+    reasons = take(data, "reasons", list, where)
+    return Verdict(
+        _level(data, "verdict", where), tuple(_reason(r, f"{where}: reasons[{k}]") for k, r in enumerate(reasons))
+    )
+
+
+def _reason(record: Any, where: str) -> Reason:
+    texts = {name: take(record, name, str, where) for name in ("key", "what", "unit", "sentence", "action")}
+    value, limit = _known(record, "value", where), _known(record, "limit", where)
+    return Reason(level=_level(record, "level", where), value=value, limit=limit, **texts)
+
+
+def _level(record: Any, key: str, where: str) -> Level:
+    value = take(record, key, str, where)
+    for known in LEVELS:
+        if value == known:
+            return known
+    raise FormatError(f"{where}: {key!r} must be one of {', '.join(LEVELS)}, not {value!r}")
 
 
 def _view(record: Any, where: str) -> BoardView:

@@ -5,13 +5,14 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 
 from rcdn.types.base import Array
 from rcdn.types.board_shape import BoardShape
-from rcdn.types.calibration import BoardView, Calibration, ModelScore, StereoCalibration
+from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelScore, Reason, StereoCalibration, Verdict
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 from rcdn.types.correction import LensCorrection
 
 __all__ = [
     "LENS",
+    "LEVELS",
     "Array",
     "Board",
     "BoardShape",
@@ -21,13 +22,16 @@ __all__ = [
     "CameraModel",
     "Corners",
     "LensCorrection",
+    "Level",
     "ModelScore",
     "Orientation",
     "Pattern",
     "Pose",
     "PoseEstimate",
+    "Reason",
     "Status",
     "StereoCalibration",
+    "Verdict",
     "plane_points",
     "usual_size",
 ]

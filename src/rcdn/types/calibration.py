@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from rcdn.types.base import Array, freeze
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.camera import Camera, Pose
 from rcdn.types.corners import Orientation
+
+Level = Literal["good", "fair", "unsure", "bad"]
+LEVELS: tuple[Level, ...] = ("good", "fair", "unsure", "bad")
+"""from the best to the worst"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,36 @@ class ModelScore:
     held_out: float
 
 
+@dataclass(frozen=True)
+class Reason:
+    """One thing that a verdict rests on: `key` names the check, `what` says what was measured, `value` in `unit` (`px`, `°`, a
+    `share` of 1, …) and the `limit` that puts it into `level`: the one that it meets if `good`, else the one that it misses. NaN: nothing to measure.
+    `sentence`: what was found, or what is wrong; `action`: what to do about it, "" if nothing need be done."""
+
+    key: str
+    level: Level
+    what: str
+    value: float
+    limit: float
+    unit: str
+    sentence: str
+    action: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to use a calibration: `good`: use it; `fair`: usable with care; `unsure`: something that the numbers can't vouch for; `bad`: don't.
+    `reasons`: every check that was made, the gravest first; `level` is that of the first."""
+
+    level: Level
+    reasons: tuple[Reason, ...] = ()
+
+    @property
+    def against(self) -> tuple[Reason, ...]:
+        """The reasons that speak against the calibration."""
+        return tuple(r for r in self.reasons if r.level != "good")
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A camera with all that tells how far to trust it.
@@ -70,7 +105,8 @@ class Calibration:
     and translation, m, in camera axes), which projection uncertainty needs. `noise`: px that the corners scatter along one axis
     beyond their sigma. `models`: the lens models that were compared, the chosen one first; its `held_out` is k-fold: calibrate from the
     others, then solve only poses. `shape` of the board, None if it was taken as perfect. `size` (columns, rows) of the board in inner corners and its
-    `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first.
+    `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first: what the `verdict`
+    found, and notes that are no judgement. `verdict`: None until it is judged.
     """
 
     camera: Camera
@@ -83,6 +119,7 @@ class Calibration:
     orientation: Orientation | None = None
     shape: BoardShape | None = None
     advice: tuple[str, ...] = ()
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         many = len(self.camera.parameters) + 6
@@ -129,7 +166,7 @@ class StereoCalibration:
     `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov` (6, 6) of a small motion after it
     (rotation vector, rad; translation, m). `rms` reprojection error of both, px; `epipolar` root mean square distance of the
     corners from their epipolar lines, px, over both pictures. Rectification, as OpenCV names it: `R_left`, `R_right` (3, 3), `P_left`,
-    `P_right` (3, 4), `Q` (4, 4).
+    `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as of a `Calibration`, of the pair and of each camera.
     """
 
     left: Calibration
@@ -144,6 +181,7 @@ class StereoCalibration:
     P_right: Array
     Q: Array
     advice: tuple[str, ...] = ()
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import typer
 
-from rcdn.cli.evaluate import calibration, deltille, detection, figures, sieve, sweep, table4, tables
+from rcdn.cli.evaluate import calibration, deltille, detection, figures, sieve, sweep, table4, tables, verdicts
 
 app = typer.Typer(
     no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
@@ -22,6 +22,7 @@ app.command("sieve")(sieve.sieve)
 app.command("calibration")(calibration.calibration)
 app.command("repeatability")(calibration.repeatability)
 app.command("trust")(calibration.trust)
+app.command("verdicts")(verdicts.verdicts)
 app.command("table2")(tables.table2)
 app.command("table3")(tables.table3)
 app.command("table4")(table4.table4)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import off_axis
-from rcdn.report.calibration.facts import thinned, used_residuals
 from rcdn.report.calibration.markup import Html, coordinate, crosses, dots, each, join, number, pixels, tag
 from rcdn.types import Array, Calibration
 
@@ -236,3 +236,8 @@ def _ribbon(axes: Axes, middle: Array, mean: Array, spread: Array) -> Html | Non
     )
     area = tag("path", class_="band", d=f"M{'L'.join(top)}L{'L'.join(bottom[::-1])}z")
     return each([area, tag("path", class_="mean", d=f"M{'L'.join(line)}")])
+
+
+def thinned(many: int, most: int) -> Array:
+    """Indices of at most `most` of `many` rows, evenly spread and always the same."""
+    return np.arange(many) if many <= most else np.linspace(0, many - 1, most).astype(int)

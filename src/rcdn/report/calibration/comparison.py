@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.calibration.comparison import Comparison
 from rcdn.io import write_text
-from rcdn.report.calibration import sections
+from rcdn.report.calibration import sections, verdict
 from rcdn.report.calibration.charts import legend
 from rcdn.report.calibration.maps import Sensor, arrows, band_levels, band_marks, runs, scale_bar, shade
 from rcdn.report.calibration.markup import (
@@ -148,7 +148,7 @@ def _banner(found: Comparison) -> Html:
     words = tag("div", tag("h2", title, id="verdict"), tag("p", text))
     return tag(
         "section",
-        tag("div", sections.sign(level) if level else None, words, class_="top"),
+        tag("div", verdict.sign(level) if level else None, words, class_="top"),
         tag("p", " ".join(rest), class_="summary"),
         class_=f"card {'verdict ' if level else ''}{level}".strip(),
         aria_labelledby="verdict",

@@ -7,19 +7,14 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from rcdn.report.calibration.charts import MOST, WIDTH, legend, nice, plot
-from rcdn.report.calibration.facts import Facts, cell_centres, cell_majority, cells_of, thinned, used_residuals
+from rcdn.calibration.facts import Facts, cell_majority
+from rcdn.calibration.residual_facts import Cells, used_residuals
+from rcdn.report.calibration.charts import MOST, WIDTH, legend, nice, plot, thinned
 from rcdn.report.calibration.markup import Html, coordinate, counted, dots, each, number, percent, pixels, segments, tag
 from rcdn.types import Array, Calibration
 
 TYPICAL = 20.0
 """units: how long the 90th percentile of the vectors is drawn"""
-FINER = 1.5
-"""cells of the mean residuals for each of the coverage's, along one side"""
-ENOUGH = 5
-"""corners in a cell that give a mean"""
-CHANCE = 0.05
-"""probability that noise alone makes any cell of the drawing stand out"""
 BANDS, FEWEST_BANDS = 7, 3
 STEPS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))
 """limits of bands, times powers of ten"""
@@ -120,23 +115,21 @@ def residual_map(calibration: Calibration) -> Html:
     return each([art, _thinning(len(xy), len(some)) or Html("")])
 
 
-def mean_map(calibration: Calibration) -> tuple[Html, str]:
-    """Mean residuals in cells of the sensor as arrows; those that chance doesn't explain stand out. And a sentence on them."""
+def mean_map(calibration: Calibration, cells: Cells) -> tuple[Html, str]:
+    """Mean residuals in `cells` of the sensor as arrows; those that chance doesn't explain stand out. And a sentence on them."""
     sensor = Sensor(calibration.camera.image_size, below=30)
-    where, mean, error = mean_residuals(calibration)
+    where, mean, systematic = cells.where, cells.mean, cells.systematic
     size = np.hypot(*mean.T)
-    # the square of a mean over its variance along one axis has the distribution χ² of two degrees of freedom
-    systematic = size > np.sqrt(2 * np.log(max(len(size), 1) / CHANCE)) * error
     stretch = 1.6 * TYPICAL / max(float(size.max(initial=0.0)), 1e-9)
     start = sensor.to(where) - mean * stretch / 2
     end = start + mean * stretch
     if not len(size):
-        sentence = "Too few corners for a mean anywhere."
+        sentence = "No cell was seen in enough views for a mean."
     elif systematic.any():
         odd = int(systematic.sum())
         sentence = (
             f"{odd} of {counted(len(size), 'cell')} stand{'s' if odd == 1 else ''} out from chance, the largest by "
-            f"{number(float(size[systematic].max()), 2)} px: there the lens model, or the board’s flatness, may not be quite right."
+            f"{number(cells.largest, 2)} px: there the lens model, or the board’s flatness, may not be quite right."
         )
     else:
         sentence = f"Nothing stands out from chance in {counted(len(size), 'cell')}; the largest mean is {number(float(size.max()), 2)} px."
@@ -160,25 +153,6 @@ def mean_map(calibration: Calibration) -> tuple[Html, str]:
         ("systematic", tag("path", class_="line systematic", stroke_width=2.2, d="M1 7h15m-4-4l4 4l-4 4")),
     )
     return each([art, marks]), sentence
-
-
-def mean_residuals(calibration: Calibration) -> tuple[Array, Array, Array]:
-    """Cells' middles and mean residuals (C, 2), px, and the means' standard errors along one axis (C,), px: from the scatter in the
-    cell or in all cells, whichever is larger."""
-    xy, residuals = used_residuals(calibration)
-    image_size = calibration.camera.image_size
-    cols, rows = (round(FINER * n) for n in cells_of(image_size))
-    cell = np.floor((xy + 0.5) / np.array(image_size) * [cols, rows]).astype(int).clip(0, [cols - 1, rows - 1])
-    flat = cell[:, 1] * cols + cell[:, 0]
-    many = np.bincount(flat, minlength=cols * rows)
-    enough = many >= ENOUGH
-    share = np.maximum(many, 1)
-    mean = np.stack([np.bincount(flat, residuals[:, a], cols * rows) / share for a in (0, 1)], axis=-1)
-    square = np.bincount(flat, (residuals**2).sum(axis=1), cols * rows) / share
-    own = (square - (mean**2).sum(axis=1)) / 2 * share / np.maximum(share - 1, 1)
-    noise = float((residuals**2).mean()) if len(residuals) else 0.0
-    where = cell_centres(image_size, (cols, rows)).reshape(-1, 2)
-    return where[enough], mean[enough], np.sqrt(np.maximum(own, noise) / share)[enough]
 
 
 def arrows(start: Array, end: Array) -> str:

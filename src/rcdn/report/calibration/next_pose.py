@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.calibration.next_view import NextView, sentence
+from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import cell_centres, off_axis
 from rcdn.calibration.view_information import pattern_of
 from rcdn.geometry import project, transform
-from rcdn.report.calibration.charts import MOST, legend
-from rcdn.report.calibration.facts import thinned, used_residuals
+from rcdn.report.calibration.charts import MOST, legend, thinned
 from rcdn.report.calibration.maps import Sensor
 from rcdn.report.calibration.markup import Html, coordinate, dots, each, tag
 from rcdn.report.calibration.sections import figure

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from rcdn.calibration.facts import Facts, measure
+from rcdn.calibration.limits import LIMITS
 from rcdn.calibration.next_view import next_view
+from rcdn.calibration.verdict import judge
 from rcdn.calibration.view_information import pattern_of
 from rcdn.io import write_text
 from rcdn.provenance import provenance
 from rcdn.report.calibration import gallery, histogram, next_pose, sections, space, style, verdict
 from rcdn.report.calibration import pictures as shown
-from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import Html, counted, each, join, tag
 from rcdn.report.calibration.pictures import Pictures
 from rcdn.types import Calibration
@@ -32,14 +34,13 @@ WORDS = (
         "Reprojection error: the root of the mean squared length of the used corners’ residuals, px (both axes together).",
     ),
     (
-        "RMS, held-out pictures",
+        "Held-out pictures",
         "The pictures are split into groups; the camera is calibrated without a group, then only the poses of that group’s boards are solved. "
-        "The RMS of their residuals tells what to expect in new pictures.",
+        "The RMS of their residuals, as a multiple of the calibration’s on the same corners, tells what to expect in new pictures.",
     ),
     (
         "Standard deviation",
-        "From the covariance of the least squares, scaled to the scatter that the corners show: how far a parameter "
-        "would move if the same pictures were taken again with other noise.",
+        "Square roots of the covariance’s diagonal: how far a parameter would move if such pictures were taken again.",
     ),
     (
         "Projection uncertainty",
@@ -80,16 +81,14 @@ def write_report(
 def report(calibration: Calibration, pictures: Pictures | None = None, title: str = "Camera calibration") -> str:
     """The page that `write_report` writes."""
     facts = measure(calibration)
-    found = verdict.checks(calibration, facts)
-    level = verdict.verdict(found)
+    found = calibration.verdict or judge(calibration, facts)
+    why = verdict.reasons(
+        found, calibration.advice, list(LIMITS.values()), verdict.limits_hint(calibration.camera.image_size)
+    )
     head = join(
-        sections.banner(level, sections.summary_of(calibration, facts)),
+        verdict.banner(found, sections.summary_of(calibration, facts)),
         sections.figures_of(calibration, facts),
-        section(
-            "why",
-            "The reasons",
-            sections.reasons(found, calibration.advice, list(verdict.LIMITS.values()), limits_hint(calibration)),
-        ),
+        section("why", "The reasons", why),
     )
     sample = shown.sample(calibration, pictures)
     parts = [
@@ -100,7 +99,7 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
             "residuals",
             "Residuals",
             join(
-                pair(*sections.residual_figures(calibration)),
+                pair(*sections.residual_figures(calibration, facts)),
                 pair(*sections.chart_figures(calibration)),
                 pair(*histogram.model_figures(calibration)),
             ),
@@ -144,17 +143,6 @@ def told(calibration: Calibration, facts: Facts) -> str:
     """What went in, for the foot of the page."""
     names = {v.name for v in calibration.views}
     return f"From {counted(len(names), 'picture')} with {counted(len(calibration.views), 'board')} and {counted(facts.seen, 'corner')}."
-
-
-def limits_hint(calibration: Calibration) -> str:
-    """A word on limits that grew with the picture."""
-    factor = verdict.growth(calibration.camera.image_size)
-    if factor == 1:
-        return ""
-    words = " and ".join(verdict.LIMITS[key].what.lower().replace("rms", "RMS") for key in verdict.GROWING[:1])
-    return (
-        f" In a picture as large as this, limits in px ({words}, projection uncertainty) are {factor:.2g} times these."
-    )
 
 
 def pair(*children: Html) -> Html:

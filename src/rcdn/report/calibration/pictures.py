@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.geometry import project, unproject
 from rcdn.geometry.undistort import resized, undistorted_camera, undistortion_maps
 from rcdn.io import as_grey
-from rcdn.report.calibration.facts import thinned
+from rcdn.report.calibration.charts import thinned
 from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, rings, segments, tag
 from rcdn.types import Array, BoardView, Calibration, Camera
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration import charts, page, sections
 from rcdn.report.calibration.markup import Html, coordinate, each, number, segments, tag, value_and_std
 from rcdn.types import Array, BoardView, Calibration, StereoCalibration
-
-
-def baseline_std(stereo: StereoCalibration) -> float:
-    """Standard deviation of the baseline, m: of the translation along itself; a rotation doesn't change its length."""
-    along = stereo.T_right_left[:3, 3] / max(stereo.baseline, 1e-12)
-    return float(np.sqrt(along @ stereo.cov[3:, 3:] @ along))
 
 
 def turn_angle(stereo: StereoCalibration) -> float:

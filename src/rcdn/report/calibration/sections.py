@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.calibration.facts import FINE, Facts
 from rcdn.geometry.spline_grid import largest_shift
-from rcdn.report.calibration import charts, maps, verdict
-from rcdn.report.calibration.facts import Facts
+from rcdn.report.calibration import charts, maps
 from rcdn.report.calibration.markup import (
     Html,
     counted,
@@ -24,12 +24,6 @@ from rcdn.report.calibration.markup import (
 )
 from rcdn.types import Calibration, Camera
 
-SIGNS = {
-    "good": '<circle cx="12" cy="12" r="10.5"/><path d="M6.8 12.6l3.6 3.6 7-7.8"/>',
-    "fair": '<path d="M12 2.6L22.6 21.2H1.4z"/><path d="M12 9.4v5.4M12 17.6v.4"/>',
-    "poor": '<path d="M7.8 1.6h8.4l6.2 6.2v8.4l-6.2 6.2H7.8l-6.2-6.2V7.8z"/><path d="M8 8l8 8M16 8l-8 8"/>',
-}
-"""A tick in a circle, an exclamation mark in a triangle, a cross in an octagon: told apart without their colours."""
 MODEL_NAMES = {
     "pinhole": "pinhole (no distortion)",
     "brown": "Brown–Conrady",
@@ -39,71 +33,19 @@ MODEL_NAMES = {
 }
 
 
-def sign(level: str) -> Html:
-    """The level's sign."""
-    strokes = 'fill="none" stroke="currentColor" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"'
-    return Html(f'<svg class="sign" viewBox="0 0 24 24" aria-hidden="true"><g {strokes}>{SIGNS[level]}</g></svg>')
-
-
-def banner(level: verdict.Level, summary: str) -> Html:
-    """The verdict in a word, what it means, and the measurements in a sentence."""
-    words = tag("div", tag("h2", verdict.HEADLINE[level], id="verdict"), tag("p", verdict.MEANING[level]))
-    return tag(
-        "section", tag("div", sign(level), words, class_="top"), tag("p", summary, class_="summary"),
-        class_=f"card verdict {level}", aria_labelledby="verdict",
-    )  # fmt: skip
-
-
 def summary_of(calibration: Calibration, facts: Facts) -> str:
     """The measurements in a sentence or two."""
     used, names = calibration.used_views, {v.name for v in calibration.used_views}
-    held = calibration.held_out
     boards = counted(len(used), "board")
     where = f"in {counted(len(names), 'picture')}" if len(names) != len(used) else "each in its own picture"
     text = f"{boards}, {where}, are explained to {pixels(calibration.rms)} (RMS)"
-    text += f", boards in held-out pictures to {pixels(held)}. " if np.isfinite(held) else ". "
-    text += f"Over half of the picture, projections are firm to {number(facts.typical, 2)} px or better"
+    ratio = facts.held_ratio
+    text += f", boards in held-out pictures to {number(ratio)} times that. " if np.isfinite(ratio) else ". "
+    text += f"Over half of the picture, projections are known to {number(facts.typical, 2)} px or better"
     if not np.isfinite(facts.at_corners):
         return f"{text}; in its corners nothing is known."
     where = "in the worst corner of the picture" if np.isfinite(facts.corners).any() else "at the rim"
     return f"{text}; {where} to {number(facts.at_corners, 2)} px."
-
-
-def reasons(
-    found: Sequence[verdict.Check], advice: Sequence[str], limits: Sequence[verdict.Limit], hint: str = ""
-) -> Html:
-    """The checks, the worst first, one a line with its sign, then the advice."""
-    rows = []
-    for check in sorted(found, key=lambda c: -verdict.LEVELS.index(c.level)):
-        said = tag("span", f" ({verdict.HEADLINE[check.level].lower()})", class_="sr")
-        head = tag("div", tag("span", check.what, said), tag("span", check.value), class_="head")
-        rows.append(tag("li", sign(check.level), tag("div", head, tag("p", check.why)), class_=check.level))
-    card = tag("div", tag("ul", each(rows), class_="reasons"), _thresholds(limits, hint), class_="card")
-    if not advice:
-        return card
-    steps = tag("ol", each([tag("li", line) for line in advice]), class_="advice")
-    return each([card, tag("div", tag("h3", "What would make it better"), steps, class_="card")])
-
-
-def _thresholds(limits: Sequence[verdict.Limit], hint: str) -> Html:
-    rows = [
-        tag(
-            "tr",
-            tag("th", limit.what, scope="row"),
-            *(tag("td", limit.words(level), class_="n") for level in verdict.LEVELS),
-        )
-        for limit in limits
-    ]
-    heads = (
-        tag("th", w, scope="col", class_=c) for w, c in (("Check", None), ("good", "n"), ("fair", "n"), ("poor", "n"))
-    )
-    table = tag(
-        "table",
-        tag("caption", "The verdict is the worst of these checks." + hint),
-        tag("thead", tag("tr", *heads)),
-        tag("tbody", each(rows)),
-    )
-    return tag("details", tag("summary", "Where the lines are drawn"), tag("div", table, class_="wide"))
 
 
 def key_figures(pairs: Sequence[tuple[str, str, str]]) -> Html:
@@ -120,7 +62,7 @@ def figures_of(calibration: Calibration, facts: Facts) -> Html:
     K, fov = calibration.camera.K, facts.fov
     return key_figures([
         ("RMS", pixels(calibration.rms), "reprojection error"),
-        ("Held-out RMS", pixels(calibration.held_out), "in unseen pictures"),
+        ("Held-out pictures", f"{number(facts.held_ratio)} ×" if np.isfinite(facts.held_ratio) else "–", "the RMS"),
         ("Focal length", f"{number(float(np.sqrt(K[0, 0] * K[1, 1])), 5)} px", f"± {percent(facts.focal_std)}"),
         ("Field of view", *field_of_view(fov)),
         ("Lens model", calibration.camera.model, "{} × {} px".format(*calibration.camera.image_size)),
@@ -212,23 +154,26 @@ def copyable(title: str, text: str, key: str) -> Html:
 
 
 def _models(calibration: Calibration) -> Html | None:
+    """The lens models as multiples of the chosen one's RMS: they were compared on one set of corners, of which the chosen model may leave
+    some out in the end."""
     if not calibration.models:
         return None
+    chosen = max(calibration.models[0].rms, FINE)
     rows = []
     for k, score in enumerate(calibration.models):
         name = tag("th", score.model, " ", tag("span", "chosen", class_="tag") if k == 0 else None, scope="row")
-        cells = (tag("td", pixels(v), class_="n") for v in (score.rms, score.held_out))
-        rows.append(tag("tr", name, *cells, class_="chosen" if k == 0 else None))
+        ratios = (f"{number(v / chosen)} ×" if np.isfinite(v) else "–" for v in (score.rms, score.held_out))
+        rows.append(tag("tr", name, *(tag("td", r, class_="n") for r in ratios), class_="chosen" if k == 0 else None))
     head = tag(
         "tr",
         tag("th", "model", scope="col"),
-        tag("th", "RMS", scope="col", class_="n"),
+        tag("th", "all pictures", scope="col", class_="n"),
         tag("th", "held out", scope="col", class_="n"),
     )
     caption = tag(
         "caption",
-        "Lens models compared: the simplest that predicts held-out pictures about as well as the best; "
-        "one that can’t beat a simpler one isn’t held out",
+        "Lens models compared, as multiples of the chosen one’s RMS, all on the same corners: the simplest that predicts held-out pictures "
+        "about as well as the best; one that can’t beat a simpler one isn’t held out",
     )
     return tag("div", tag("table", caption, tag("thead", head), tag("tbody", each(rows))), class_="card wide")
 
@@ -269,19 +214,19 @@ def sensor_figures(calibration: Calibration, facts: Facts, whose: str = "") -> t
     )  # fmt: skip
     firm = figure(
         f"How firm a projection is{whose}", maps.uncertainty_map(calibration, facts),
-        "Standard deviation of where a far point appears, if the same calibration were repeated with other noise. It tells of noise only: "
-        "a lens that the model can’t follow shows in the residuals instead.",
+        "Standard deviation of where a far point appears, if the same calibration were repeated. A lens that the model can’t follow shows in "
+        "the residuals instead.",
     )  # fmt: skip
     return covered, firm
 
 
-def residual_figures(calibration: Calibration, whose: str = "") -> tuple[Html, Html]:
+def residual_figures(calibration: Calibration, facts: Facts, whose: str = "") -> tuple[Html, Html]:
     """Residual vectors, and their means in cells."""
     vectors = figure(
         f"Corner by corner{whose}", maps.residual_map(calibration),
         "From each corner (dot) towards where it was seen, observed − projected. They should look like noise: short, in all directions.",
     )  # fmt: skip
-    art, sentence = maps.mean_map(calibration)
+    art, sentence = maps.mean_map(calibration, facts.residuals.cells)
     return vectors, figure(
         f"Averaged over cells{whose}", art, f"{sentence} Arrows that turn together show a lens model that doesn’t fit."
     )

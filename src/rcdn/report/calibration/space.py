@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.advice import tilts
+from rcdn.calibration.view_facts import tilts
 from rcdn.calibration.view_information import pattern_of
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration.charts import WIDTH, legend, nice, plot

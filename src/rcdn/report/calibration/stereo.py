@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from rcdn.calibration.facts import Facts, measure
+from rcdn.calibration.limits import LIMITS, STEREO_LIMITS
+from rcdn.calibration.stereo_verdict import baseline_std, judge_stereo
 from rcdn.geometry import unproject
 from rcdn.io import as_grey, write_text
 from rcdn.report.calibration import charts, gallery, page, pictures, rig, sections, style, verdict
-from rcdn.report.calibration.facts import Facts, measure
 from rcdn.report.calibration.markup import (
     Html,
     counted,
@@ -60,18 +62,15 @@ def write_stereo_report(
 def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | None, title: str) -> str:
     """The page that `write_stereo_report` writes."""
     both = ("Left", stereo.left, measure(stereo.left)), ("Right", stereo.right, measure(stereo.right))
-    std = rig.baseline_std(stereo)
-    found = verdict.stereo_checks(
-        stereo, [(f"{n} camera", c, f) for n, c, f in both], std / max(stereo.baseline, 1e-12)
-    )
-    of_cameras = (f"{n}: {line}" for n, c, _ in both for line in c.advice)
-    advice = list(dict.fromkeys([*stereo.advice, *of_cameras]))
-    limits = [*verdict.STEREO_LIMITS.values(), *(v for k, v in verdict.LIMITS.items() if k != "rms")]
+    std = baseline_std(stereo)
+    found = stereo.verdict or judge_stereo(stereo)
+    hint = verdict.limits_hint(stereo.left.camera.image_size)
+    limits = [*STEREO_LIMITS.values(), *LIMITS.values()]
     gaps = row_gaps(stereo)
     head = join(
-        sections.banner(verdict.verdict(found), _summary(stereo, std)),
+        verdict.banner(found, _summary(stereo, std)),
         _key_figures(stereo, std, both[0][2]),
-        page.section("why", "The reasons", sections.reasons(found, advice, limits, page.limits_hint(stereo.left))),
+        page.section("why", "The reasons", verdict.reasons(found, _advice(stereo), limits, hint)),
     )
     parts = [
         ("rig", "Where the cameras stand", rig.section(stereo)),
@@ -79,7 +78,7 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
         ("rectified", "Rectified", _rectified(stereo, gaps, left, right)),
         ("numbers", "Each camera", _cameras(stereo)),
         ("sensor", "Over the sensors", _columns([sections.sensor_figures(c, f, f", {n.lower()}") for n, c, f in both])),
-        ("residuals", "Residuals", _columns([_residuals(c, n) for n, c, _ in both])),
+        ("residuals", "Residuals", _columns([_residuals(c, f, n) for n, c, f in both])),
     ]
     meaning = ("meaning", "What the figures mean", sections.definitions(WORDS))
     bare = _galleries(stereo, None, None, 0)
@@ -261,14 +260,20 @@ def _cameras(stereo: StereoCalibration) -> Html:
     ))  # fmt: skip
 
 
+def _advice(stereo: StereoCalibration) -> list[str]:
+    """What is advised for the pair, and for each camera beyond it."""
+    of_cameras = (f"{n}: {line}" for n, c in (("Left", stereo.left), ("Right", stereo.right)) for line in c.advice)
+    return list(dict.fromkeys([*stereo.advice, *of_cameras]))
+
+
 def _columns(made: list[tuple[Html, ...]]) -> Html:
     """The same drawings of both cameras, side by side, row by row."""
     return each([page.pair(*row) for row in zip(*made, strict=True)])
 
 
-def _residuals(calibration: Calibration, name: str) -> tuple[Html, ...]:
+def _residuals(calibration: Calibration, facts: Facts, name: str) -> tuple[Html, ...]:
     whose = f", {name.lower()}"
-    return *sections.residual_figures(calibration, whose), *sections.chart_figures(calibration, name[0], whose)
+    return *sections.residual_figures(calibration, facts, whose), *sections.chart_figures(calibration, name[0], whose)
 
 
 def _galleries(stereo: StereoCalibration, left: Pictures | None, right: Pictures | None, budget: int) -> Html:

@@ -9,10 +9,10 @@ from rcdn.report.calibration.script import SCRIPT as SCRIPT
 
 SHEET = """
 :root{color-scheme:light dark;--paper:#f6f7f9;--card:#fff;--ink:#1a1f26;--soft:#55606d;--line:#d9dee5;--faint:#eceff3;
---accent:#0b62c4;--good:#1a7a3c;--fair:#8a5a00;--poor:#c22f2f;--good-bg:#e8f5ec;--fair-bg:#fdf3dc;--poor-bg:#fdeaea;
+--accent:#0b62c4;--good:#1a7a3c;--fair:#8a5a00;--unsure:#a8480f;--bad:#c22f2f;--good-bg:#e8f5ec;--fair-bg:#fdf3dc;--unsure-bg:#fdeee0;--bad-bg:#fdeaea;
 --heat:#b3401f;--frame:#fbfcfd}
 @media (prefers-color-scheme:dark){:root{--paper:#0f1318;--card:#171c23;--ink:#e8ecf1;--soft:#a3adb9;--line:#303842;--faint:#222932;
---accent:#74b5ff;--good:#5fca82;--fair:#e5b04a;--poor:#ff8a80;--good-bg:#13281b;--fair-bg:#2c2412;--poor-bg:#331a1b;
+--accent:#74b5ff;--good:#5fca82;--fair:#e5b04a;--unsure:#ffa060;--bad:#ff8a80;--good-bg:#13281b;--fair-bg:#2c2412;--unsure-bg:#302012;--bad-bg:#331a1b;
 --heat:#ff8d5c;--frame:#12171d}}
 *{box-sizing:border-box}
 html{-webkit-text-size-adjust:100%;scroll-behavior:smooth}
@@ -37,7 +37,8 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:4px 18px;padding:0;margin
 .two+.two,.card+.card,.two+.card,.card+.two{margin-top:20px}
 .two>.card+.card{margin-top:0}.column{display:flex;flex-direction:column;gap:20px}.column>.card+.card{margin-top:0}.loose{align-items:start}
 .verdict{border-left:8px solid var(--tone);background:var(--tint);padding:22px 24px}
-.good{--tone:var(--good);--tint:var(--good-bg)}.fair{--tone:var(--fair);--tint:var(--fair-bg)}.poor{--tone:var(--poor);--tint:var(--poor-bg)}
+.good{--tone:var(--good);--tint:var(--good-bg)}.fair{--tone:var(--fair);--tint:var(--fair-bg)}.unsure{--tone:var(--unsure);--tint:var(--unsure-bg)}
+.bad{--tone:var(--bad);--tint:var(--bad-bg)}
 .verdict .top{display:flex;gap:16px;align-items:center}
 .verdict .top svg{width:52px;height:52px;flex:none}
 .verdict h2{margin:0;font-size:1.75rem;color:var(--tone);line-height:1.2}
@@ -53,6 +54,7 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:4px 18px;padding:0;margin
 .reasons .head{display:flex;justify-content:space-between;gap:12px;font-weight:600}
 .reasons .head span:last-child{white-space:nowrap}
 .reasons p{margin:0;font-size:.9375rem;color:var(--soft)}
+.why-limit{font-weight:400;max-width:60ch}
 .advice{margin:4px 0 0;padding-left:1.3em}.advice li{margin:4px 0;max-width:85ch}
 .key{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:1px;background:var(--line);border:1px solid var(--line);
 border-radius:12px;overflow:hidden;margin:20px 0 0}
@@ -71,7 +73,7 @@ td.n,th.n{text-align:right;white-space:nowrap}
 tr.chosen th,tr.chosen td{font-weight:600}
 .tag{display:inline-block;font-size:.8125rem;font-weight:600;border:1px solid currentColor;border-radius:99px;padding:0 8px;
 color:var(--accent);white-space:nowrap}
-.tag.out{color:var(--poor)}
+.tag.out{color:var(--bad)}
 pre{margin:8px 0 0;padding:12px 14px;background:var(--faint);border-radius:8px;overflow-x:auto;line-height:1.5;tab-size:2}
 .copyhead{display:flex;justify-content:space-between;align-items:center;gap:12px}
 button{font:inherit;font-size:.875rem;color:var(--ink);background:var(--card);border:1px solid var(--line);border-radius:8px;
@@ -93,14 +95,14 @@ figcaption{font-size:.9375rem}
 .plot .bar{fill:var(--accent);fill-opacity:.88}
 .plot .bar.worse{fill:var(--fair)}
 .plot .bar.right{fill-opacity:.55}
-.plot .bar.out{fill:none;stroke:var(--poor);stroke-dasharray:3 2}
-.plot .cross{stroke:var(--poor);stroke-width:1.6;fill:none}
+.plot .bar.out{fill:none;stroke:var(--bad);stroke-dasharray:3 2}
+.plot .cross{stroke:var(--bad);stroke-width:1.6;fill:none}
 .plot .rule{stroke:var(--ink);stroke-width:1;stroke-dasharray:5 4}
-.plot .hatch{stroke:var(--poor);stroke-width:1.2;stroke-opacity:.6}
+.plot .hatch{stroke:var(--bad);stroke-width:1.2;stroke-opacity:.6}
 .plot .blind{fill:var(--line)}
-.plot .broken{fill:var(--poor);fill-opacity:.32}
+.plot .broken{fill:var(--bad);fill-opacity:.32}
 .plot .board{fill:var(--accent);fill-opacity:.05;stroke:var(--accent);stroke-width:1.1;stroke-linejoin:round}
-.plot .board.out{fill:none;stroke:var(--poor);stroke-dasharray:4 3}
+.plot .board.out{fill:none;stroke:var(--bad);stroke-dasharray:4 3}
 .plot .board.next{fill:var(--good);fill-opacity:.3;stroke:var(--good);stroke-width:2}
 .plot .suggested{stroke:var(--good);stroke-width:1;stroke-linejoin:round}
 .plot .suggested.light{fill:var(--good);fill-opacity:.1}.plot .suggested.dark{fill:var(--good);fill-opacity:.75}
@@ -108,7 +110,7 @@ figcaption{font-size:.9375rem}
 .plot .ray{fill:none;stroke:var(--ink);stroke-width:1.4;stroke-linejoin:round}
 .plot.space{touch-action:pan-y;cursor:grab;overflow:hidden}
 .plot .contour{fill:none;stroke:var(--ink);stroke-opacity:.55;stroke-width:.8}
-.plot .systematic{stroke:var(--poor)}
+.plot .systematic{stroke:var(--bad)}
 .plot .heat{fill:var(--heat)}
 .plot .heatline{stroke:var(--heat);fill:none}
 .plot .plate{fill:var(--card);fill-opacity:.86}
@@ -125,11 +127,11 @@ figure .frame{margin:10px 0}.shot .frame{margin:0}
 .frame{position:relative;background:#2b3138;border-radius:6px;overflow:hidden}
 .frame img{display:block;width:100%;height:auto}
 .frame svg{position:absolute;inset:0;width:100%;height:100%;overflow:hidden}
-.shot.out .frame{outline:3px solid var(--poor);outline-offset:-1px}
+.shot.out .frame{outline:3px solid var(--bad);outline-offset:-1px}
 .shot figcaption{font-size:.875rem;margin-top:5px;line-height:1.4}
 .shot figcaption div{display:flex;justify-content:space-between;gap:8px}
 .shot strong{color:var(--ink)}
-.why{color:var(--poor)}
+.why{color:var(--bad)}
 .halo2{stroke:#000;stroke-opacity:.75}
 .u{stroke:#4be37c}.o{stroke:#ff5c4d}.l{stroke:#ffc14d}.c{stroke:#ffd84d}.h{stroke:#46c8ff}
 .frame path,.frame use{fill:none;stroke-linecap:round;vector-effect:non-scaling-stroke}
@@ -165,7 +167,7 @@ th,td{padding-right:10px}
 }
 @media print{
 :root{--paper:#fff;--card:#fff;--ink:#000;--soft:#444;--line:#bbb;--faint:#f3f3f3;--accent:#0b4fa0;--good:#14632f;--fair:#7a4f00;
---poor:#a82020;--good-bg:#fff;--fair-bg:#fff;--poor-bg:#fff;--heat:#b3401f;--frame:#fff;color-scheme:light}
+--unsure:#8f3a08;--bad:#a82020;--good-bg:#fff;--fair-bg:#fff;--unsure-bg:#fff;--bad-bg:#fff;--heat:#b3401f;--frame:#fff;color-scheme:light}
 body{font-size:10.5pt}nav,button{display:none!important}main,header,footer{max-width:none;padding-left:0;padding-right:0}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 .card,.shot,.reasons li,tr{break-inside:avoid}h2,h3{break-after:avoid}.shots{grid-template-columns:repeat(4,1fr)}

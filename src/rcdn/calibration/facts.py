@@ -1,4 +1,4 @@
-"""What the report measures in a calibration, once, so that verdict, figures and drawings agree."""
+"""What is measured in a calibration, once, so that verdict, figures and drawings agree: geometry and uncertainty over the sensor."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration import coverage, projection_uncertainty
-from rcdn.calibration.sight import cell_centres, off_axis, out_of_sight
-from rcdn.types import Array, BoardView, Calibration, Camera
+from rcdn.calibration.board_facts import BoardFacts, measure_board
+from rcdn.calibration.residual_facts import ResidualFacts, measure_residuals
+from rcdn.calibration.sight import cell_centres, cells_of, off_axis, out_of_sight
+from rcdn.calibration.uncertainty import coverage, projection_uncertainty
+from rcdn.calibration.view_facts import ViewFacts, measure_views
+from rcdn.types import Array, Calibration, Camera
 
-LONGER = 8
-"""cells of the coverage along the frame's longer side"""
-GRID = 200
+GRID = 120
 """boxes along the frame's longer side in whose middles the projection uncertainty is measured"""
+FINE = 0.01
+"""px; an RMS below counts as this, for then pictures held out needn't do as well"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +26,10 @@ class Facts:
     that don't count, out of the lens's sight, and `broken` those where the lens model ends though there is a picture; `reach` the
     share of the others. `corners` (2, 2) px in the frame's corners and `middle`; `at_corners` the worst corner (the worst anywhere, if
     no corner counts; infinite if the model is broken there), `typical` the median over the frame. `fov` horizontal,
-    vertical and diagonal, degrees. `focal_std` relative, the worse axis; `centre_std` px, the worse axis."""
+    vertical and diagonal, degrees. `focal_std` relative, the worse axis; `centre_std` px, the worse axis; `aspect` fy ÷ fx and its
+    standard deviation `aspect_std`. `seen` corners in all views, `used` those that the calibration rests on. `held_ratio`: error in
+    pictures held out ÷ that of the calibration, both on the corners on which lens models were compared; NaN if nothing was held out.
+    `residuals`, `views`, `board`: what residuals and poses show, and what they ask of the board."""
 
     coverage: Array
     in_view: Array
@@ -39,13 +45,14 @@ class Facts:
     fov: tuple[float, float, float]
     focal_std: float
     centre_std: float
+    aspect: float
+    aspect_std: float
     seen: int
     used: int
-
-    @property
-    def dropped(self) -> float:
-        """Share of the corners seen that the calibration doesn't rest on."""
-        return 1 - self.used / self.seen if self.seen else float("nan")
+    held_ratio: float
+    residuals: ResidualFacts
+    views: ViewFacts
+    board: BoardFacts
 
 
 def measure(calibration: Calibration) -> Facts:
@@ -76,21 +83,35 @@ def measure(calibration: Calibration) -> Facts:
         fov=field_of_view(camera),
         focal_std=float(np.max(std[:2] / K[[0, 1], [0, 1]])),
         centre_std=float(np.max(std[2:4])),
+        aspect=float(K[1, 1] / K[0, 0]),
+        aspect_std=_aspect_std(calibration),
         seen=sum(len(v) for v in calibration.views),
         used=sum(int(v.used.sum()) for v in calibration.used_views),
+        held_ratio=_held_ratio(calibration),
+        residuals=measure_residuals(calibration),
+        views=measure_views(calibration),
+        board=measure_board(calibration),
     )
+
+
+def _aspect_std(calibration: Calibration) -> float:
+    """Standard deviation of fy ÷ fx, by propagation of the covariance of both."""
+    fx, fy = calibration.camera.parameters[:2]
+    by = np.array([-fy / fx, 1]) / fx
+    return float(np.sqrt(max(by @ calibration.cov[:2, :2] @ by, 0.0)))
+
+
+def _held_ratio(calibration: Calibration) -> float:
+    """One score holds both on the same corners; the calibration's own RMS is of the corners that it uses."""
+    if not calibration.models:
+        return float("nan")
+    score = calibration.models[0]
+    return score.held_out / max(score.rms, FINE)
 
 
 def _uncertainty(calibration: Calibration, pixels: Array) -> Array:
     flat = projection_uncertainty(calibration, pixels.reshape(-1, 2))
     return np.asarray(flat, float).reshape(pixels.shape[:-1])
-
-
-def cells_of(image_size: tuple[int, int], longer: int = LONGER) -> tuple[int, int]:
-    """(columns, rows) of nearly square cells, `longer` along the longer side."""
-    width, height = image_size
-    side = max(width, height) / longer
-    return max(round(width / side), 2), max(round(height / side), 2)
 
 
 def cell_majority(mask: Array, cells: tuple[int, int]) -> Array:
@@ -127,21 +148,3 @@ def field_of_view(camera: Camera) -> tuple[float, float, float]:
     ]
     angle = off_axis(camera, np.array(pairs, float)).sum(axis=1)  # through the axis: a fisheye may have more than 180°
     return float(angle[0]), float(angle[1]), float(angle[2])
-
-
-def used_residuals(calibration: Calibration) -> tuple[Array, Array]:
-    """Positions and residuals of all used corners, (N, 2) each, px."""
-    return stacked(calibration.used_views)
-
-
-def stacked(views: tuple[BoardView, ...]) -> tuple[Array, Array]:
-    """Positions and finite residuals of the used corners of `views`, (N, 2) each, px."""
-    xy = np.concatenate([v.xy[v.used] for v in views] or [np.zeros((0, 2))])
-    residuals = np.concatenate([v.residuals[v.used] for v in views] or [np.zeros((0, 2))])
-    known = np.isfinite(residuals).all(axis=1)
-    return xy[known], residuals[known]
-
-
-def thinned(many: int, most: int) -> Array:
-    """Indices of at most `most` of `many` rows, evenly spread and always the same."""
-    return np.arange(many) if many <= most else np.linspace(0, many - 1, most).astype(int)

@@ -1,0 +1,25 @@
+"""What the solved shape of the board says of it: whether its squares are square, and how far it is bent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rcdn.types import Calibration
+
+
+@dataclass(frozen=True)
+class BoardFacts:
+    """`stretch`: by how much the board's columns are wider apart than its rows (a share); `bend`: how far its corners lie out of a plane, from the
+    lowest to the highest, as a share of its longer side. NaN where the shape wasn't solved for."""
+
+    stretch: float
+    bend: float
+
+
+def measure_board(calibration: Calibration) -> BoardFacts:
+    """From `calibration.shape`. The columns and rows of a board that looks the same after quarter turns can't be told apart."""
+    shape = calibration.shape
+    if shape is None or calibration.orientation == "ambiguous_90":
+        return BoardFacts(float("nan"), float("nan"))
+    side = (max(shape.size) - 1) * calibration.spacing
+    return BoardFacts(shape.stretch / calibration.spacing, shape.bend / side)

@@ -1,0 +1,203 @@
+"""What each view says about the camera: its score and information, with its own pose eliminated.
+
+At the solution the residuals of view v are linear in small changes of its pose and of the camera's parameters. Eliminating the pose by a
+QR factorisation leaves a score g_v (P,) and an information matrix S_v (P, P); the change of the camera that a set of views asks for is
+(Σ S_v + prior)⁻¹ Σ g_v. The corners of one view err together (bent paper, an imperfect lens), so the scatter between views, by a jackknife that
+leaves out one view at a time, tells how far such a change is to be trusted; the noise of corners doesn't.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.calibration.bundle import Corners3, State, linearise, residuals
+from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.types import Array, BoardView, Calibration, Pattern, plane_points
+
+PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
+RIDGE = 1e-10
+"""of a normal matrix with a unit diagonal"""
+FIRM = 1e6
+"""× the information on a parameter: as good as fixed"""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewInformation:
+    """Of V views and P camera parameters: `score` (V, P), `information` (V, P, P), and the `prior` (P, P) information."""
+
+    score: Array
+    information: Array
+    prior: Array
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    def at_optimum(self) -> ViewInformation:
+        """The same views, linearised where the sum of their scores is zero."""
+        step = _solve(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
+        return ViewInformation(self.score - self.information @ step, self.information, self.prior)
+
+    def deviations(self, directions: Array | None = None) -> Array:
+        """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a jackknife over views, linearised."""
+        H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
+        moved = _solve(H - self.information, g - self.score) - _solve(H, g)
+        if directions is not None:
+            moved = moved @ directions
+        n = len(self)
+        return np.asarray(np.sqrt((n - 1) / n * (moved**2).sum(axis=0)))
+
+    def scaled_deviations(self, directions: Array) -> Array:
+        """(q,) those of the information matrix, with the variance that the views' scores have over what it promises.
+
+        Coarser than the jackknife, as it takes all directions together, but steadier with few views.
+        """
+        free = self.at_optimum()
+        square = np.einsum("vp,vp->", free.score, _solve(free.information, free.score))
+        variance = square / max((len(self) - 1) * free.score.shape[1], 1)
+        H = free.information.sum(axis=0) + free.prior
+        return np.asarray(np.sqrt(variance * np.einsum("pq,pq->q", directions, _solve_all(H, directions))))
+
+
+def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
+    """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
+    used = calibration.used_views
+    fits = {p: _misfit(calibration, used, p) for p in PATTERNS}
+    return _corners(calibration, views, masks, min(PATTERNS, key=lambda p: fits[p]))
+
+
+def _corners(
+    calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array], pattern: Pattern
+) -> tuple[Corners3, Array]:
+    ij, xy, sigma = (
+        np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
+        for name in ("ij", "xy", "sigma")
+    )
+    frame = np.repeat(np.arange(len(views)), [int(m.sum()) for m in masks])
+    known = np.repeat([calibration.shape is not None and v.settled for v in views], [int(m.sum()) for m in masks])
+    board, basis = plane_points(ij, pattern) * calibration.spacing, np.zeros((len(ij), 1))
+    board[known], basis[known] = on_shape(board[known], ij[known], calibration.shape)
+    return Corners3(frame, np.zeros(len(frame), int), board, xy, basis), np.nan_to_num(sigma)
+
+
+def _misfit(calibration: Calibration, views: Sequence[BoardView], pattern: Pattern) -> float:
+    """Median distance, px, of the used corners from where a board of this pattern would have them: a calibration doesn't keep its pattern."""
+    corners, _ = _corners(calibration, views, [v.used for v in views], pattern)
+    gaps = np.linalg.norm(residuals(state_of(calibration, views), corners), axis=1)
+    return float(np.median(np.nan_to_num(gaps, nan=np.inf)))
+
+
+def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:
+    """The camera and the poses of `views`, all of which have one."""
+    poses = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
+    return State.mono(calibration.camera, poses, KNOWN)
+
+
+def view_information(calibration: Calibration) -> ViewInformation:
+    """What each of `calibration.used_views` says about the camera's parameters."""
+    views = calibration.used_views
+    corners, sigma = corners_of(calibration, views, [v.used for v in views])
+    info = of_state(state_of(calibration, views), corners, 1 / np.sqrt(calibration.noise**2 + sigma**2))
+    return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
+
+
+def _fixed(calibration: Calibration, info: ViewInformation) -> Array:
+    """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy where they vary as one."""
+    cov, camera = calibration.cov, calibration.camera
+    usual = np.diag(info.information.sum(axis=0))
+    out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * usual))
+    (fx, fy), (a, b) = camera.parameters[:2], np.sqrt(np.diag(cov)[:2])
+    if fx == fy and a > 0 and cov[0, 1] > (1 - 1e-9) * a * b:
+        out[:2, :2] += FIRM * usual[:2].max() * np.array([[1, -1], [-1, 1]])
+    return out
+
+
+def of_state(state: State, corners: Corners3, weight: Array) -> ViewInformation:
+    """The same of a `state` of one camera: each frame a view, its corners with `weight` (N,) 1 / px (0: left out)."""
+    many = len(state.cameras[0].parameters)
+    xy, by_pose, by_shared = linearise(state, corners)
+    gaps = np.nan_to_num(corners.xy - xy) * weight[:, None]
+    by_pose = np.nan_to_num(by_pose) * weight[:, None, None]
+    by_camera = np.nan_to_num(by_shared[:, :, :many]) * weight[:, None, None]
+    scores, information = [], []
+    for f in range(len(state.poses)):
+        mine = corners.frame == f
+        Q, _ = np.linalg.qr(by_pose[mine].reshape(-1, 6))
+        J, r = by_camera[mine].reshape(-1, many), gaps[mine].ravel()
+        J, r = J - Q @ (Q.T @ J), r - Q @ (Q.T @ r)
+        scores.append(J.T @ r)
+        information.append(J.T @ J)
+    prior = state.beforehand.precision[:many, :many]
+    return ViewInformation(np.array(scores), np.array(information), prior)
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """By how much `value` (n, q) the groups of n splits differ along q directions, its standard deviation `std` (n, q) and
+    degrees of freedom `freedom` (n, q)."""
+
+    value: Array
+    std: Array
+    freedom: Array
+
+
+def group_difference(info: ViewInformation, directions: Array, splits: Array) -> Difference:
+    """How the views of `splits` (n, V) bool differ from the others along `directions` (P, q); what else the camera has is common to both.
+
+    Deviations are those of a jackknife over views, in which each group has its own share; degrees of freedom after Welch (1947) and Satterthwaite.
+    """
+    inside = np.asarray(splits, float)
+    every, without = _joint(info, directions, inside, None), []
+    for v in range(len(info)):
+        without.append(_joint(info, directions, inside, v) - every)
+    square = np.array(without) ** 2
+    counts = np.stack([(1 - inside).sum(axis=1), inside.sum(axis=1)])
+    shares = np.stack([np.einsum("vnq,nv->nq", square, side) for side in (1 - inside, inside)])
+    shares *= ((counts - 1) / counts)[:, :, None]
+    variance = shares.sum(axis=0)
+    freedom = variance**2 / np.maximum((shares**2 / (counts - 1)[:, :, None]).sum(axis=0), 1e-300)
+    return Difference(every, np.sqrt(variance), freedom)
+
+
+def _joint(info: ViewInformation, directions: Array, inside: Array, without: int | None) -> Array:
+    """(n, q) the least-squares change along `directions` of the views inside, beside a change of all; `without` one view."""
+    keep = np.ones(len(info))
+    if without is not None:
+        keep[without] = 0.0
+    mine = inside * keep
+    S, g = info.information, info.score
+    count, many = len(inside), directions.shape[0]
+    size = many + directions.shape[1]
+    H = np.zeros((count, size, size))
+    H[:, :many, :many] = np.tensordot(keep, S, 1) + info.prior
+    part = np.tensordot(mine, S, 1) @ directions
+    H[:, :many, many:], H[:, many:, :many] = part, part.transpose(0, 2, 1)
+    H[:, many:, many:] = directions.T @ part
+    right = np.concatenate([np.broadcast_to(keep @ g, (count, many)), mine @ g @ directions], axis=1)
+    return _solve(H, right)[:, many:]
+
+
+def gains(info: ViewInformation, splits: Array) -> Array:
+    """(n,) by how much the sum of whitened squares falls if the views of each of `splits` (n, V) get a camera of their own, all parameters.
+
+    `info` is linearised at its optimum (`at_optimum`).
+    """
+    inside = np.asarray(splits, float)
+    H = info.information.sum(axis=0) + info.prior
+    part = np.tensordot(inside, info.information, 1)
+    score = inside @ info.score
+    return np.einsum("np,np->n", score, _solve(part - part @ _solve_all(H, part), score))
+
+
+def _solve(H: Array, right: Array) -> Array:
+    """Solutions (..., n) of symmetric `H` (..., n, n) for `right` (..., n); scaled, with a small ridge."""
+    return _solve_all(H, right[..., None])[..., 0]
+
+
+def _solve_all(H: Array, right: Array) -> Array:
+    """The same of several right sides (..., n, m)."""
+    scale = 1 / np.sqrt(np.maximum(np.einsum("...ii->...i", H), 1e-300))
+    scaled = H * scale[..., :, None] * scale[..., None, :] + RIDGE * np.eye(H.shape[-1])
+    return np.asarray(scale[..., :, None] * np.linalg.solve(scaled, scale[..., :, None] * right))

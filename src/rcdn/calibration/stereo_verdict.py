@@ -1,0 +1,78 @@
+"""Whether to use a pair of cameras: as `verdict`, of the pair and of each camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rcdn.calibration.advice import judged, notes
+from rcdn.calibration.limits import growth, reason
+from rcdn.calibration.verdict import judge, sentences, verdict_of
+from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
+
+
+def judge_stereo(stereo: StereoCalibration) -> Verdict:
+    """The verdict on a pair: its own checks, then what speaks against each camera."""
+    sides = (("left", stereo.left), ("right", stereo.right))
+    return verdict_of([*_pair_reasons(stereo), *(r for name, c in sides for r in _of_camera(name, c))])
+
+
+def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
+    """`stereo` with its verdict and those of its cameras, and with advice that says the same.
+
+    What its advice says of the pairs themselves (which were left out) stays, first.
+    """
+    sides = ("Left", stereo.left), ("Right", stereo.right)
+    of_cameras = {f"{name}: {text}" for name, camera in sides for text in camera.advice}
+    of_pairs = tuple(text for text in stereo.advice if text not in of_cameras)
+    left, right = judged(stereo.left), judged(stereo.right)
+    done = replace(stereo, left=left, right=right)
+    verdict = judge_stereo(done)
+    noted = [f"{name}: {text}" for name, c in (("Left", left), ("Right", right)) for text in notes(c)]
+    return replace(done, verdict=verdict, advice=tuple(dict.fromkeys([*of_pairs, *sentences(verdict), *noted])))
+
+
+def baseline_std(stereo: StereoCalibration) -> float:
+    """Standard deviation of the baseline, m: of the translation along itself; a rotation doesn't change its length."""
+    along = stereo.T_right_left[:3, 3] / max(stereo.baseline, 1e-12)
+    return float(np.sqrt(along @ stereo.cov[3:, 3:] @ along))
+
+
+def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
+    used = sum(not a.reason and not b.reason for a, b in zip(stereo.left.views, stereo.right.views, strict=False))
+    factor = growth(stereo.left.camera.image_size)
+    share = baseline_std(stereo) / max(stereo.baseline, 1e-12)
+    return [
+        reason(
+            "pairs", used, "Enough pairs for chance to average out.", f"Only {used} pairs: one bad pair can bend the result.",
+            "Take 10 to 30 pairs, of the board in different places, distances and tilts.",
+        ),
+        reason(
+            "pair_rms", stereo.rms, "Both cameras explain the corners about as well as they can be found.",
+            f"An RMS of {stereo.rms:.2f} px of both cameras is high.", "Look at the worst pairs in the report.", factor=factor,
+        ),
+        reason(
+            "epipolar", stereo.epipolar, "Matching points lie on one row of the rectified pictures.",
+            f"Matching corners lie {stereo.epipolar:.2f} px off their epipolar lines: the cameras moved against each other, or "
+            "weren't triggered together.",
+            "Trigger both cameras at one moment, with the board held still.", factor=factor,
+        ),
+        reason(
+            "baseline", share, "The pairs settle how far the cameras stand apart.", f"The baseline is known only to ±{share:.1%}.",
+            "Add pairs with the board near and tilted.",
+        ),
+    ]  # fmt: skip
+
+
+def _of_camera(name: str, camera: Calibration) -> list[Reason]:
+    verdict = camera.verdict or judge(camera)
+    return [
+        replace(
+            r,
+            key=f"{name}.{r.key}",
+            what=f"{name.capitalize()}: {r.what}",
+            sentence=f"{name.capitalize()}: {r.sentence}",
+        )
+        for r in verdict.against
+    ]

@@ -1,0 +1,150 @@
+"""Checks of what the pictures are: sizes, board, number, variety, what was left out. Each gives reasons of a verdict."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from rcdn.calibration.facts import Facts
+from rcdn.calibration.limits import LIMITS, reason
+from rcdn.types import Array, Calibration, Reason
+
+THIRDS = (
+    ("upper left", "upper middle", "upper right"),
+    ("left", "middle", "right"),
+    ("lower left", "lower middle", "lower right"),
+)
+
+
+def spacing(c: Calibration, facts: Facts) -> list[Reason]:
+    """A side of a square that can't be one in metres; nothing is said of a usual one."""
+    found = reason(
+        "spacing", c.spacing, "",
+        f"A spacing of {c.spacing:g} m makes a board of {c.spacing:g} m squares: distances will be wrong if these are millimetres.",
+        "Give the side of one square in metres (25 mm: 0.025).",
+    )  # fmt: skip
+    return [] if found.level == "good" else [found]
+
+
+def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
+    """Pictures of another size among those of this camera; nothing is said if there are none."""
+    odd = [v for v in c.views if v.reason.startswith("its picture has ")]
+    if not odd:
+        return []
+    words = odd[0].reason.removeprefix("its picture has ").split(",")[0]
+    return [
+        reason(
+            "picture_size", len(odd) / len(c.views), "",
+            f"{_counted(len(odd), 'picture')} of {len(c.views)} {'has' if len(odd) == 1 else 'have'} another size ({words}) and "
+            f"{'was' if len(odd) == 1 else 'were'} left out: another camera, or another setting of this one.",
+            "Calibrate pictures of one camera at one resolution.",
+        )
+    ]  # fmt: skip
+
+
+def board_size(c: Calibration, facts: Facts) -> list[Reason]:
+    """A board named by its squares instead of its inner corners; nothing is said of one that was seen whole."""
+    if c.size is None or any(v.settled for v in c.used_views):
+        return []
+    boxes = [tuple(sorted(box(v.ij))) for v in c.used_views]
+    less = tuple(sorted(n - 1 for n in c.size))
+    share = sum(b == less for b in boxes) / max(len(boxes), 1)
+    found = reason(
+        "board_size", share, "",
+        f"No view shows the whole {c.size[0]}×{c.size[1]} board, and {share:.0%} show exactly {less[1]}×{less[0]} corners: was the board named by "
+        "its squares?",
+        f"Name its inner corners: {c.size[0] - 1}×{c.size[1] - 1}.",
+    )  # fmt: skip
+    return [] if found.level == "good" else [found]
+
+
+def views(c: Calibration, facts: Facts) -> list[Reason]:
+    """How many views there are, near-duplicates counted once."""
+    many, distinct = facts.views.many, facts.views.distinct
+    need = f"{LIMITS['views'].good:g}"
+    wrong = f"Only {_counted(many, 'view')}: one bad picture can bend the result."
+    if distinct < many:
+        wrong = f"{_counted(many, 'view')}, but the board stands in only {distinct} different places: near-duplicates tell nothing new."
+    return [
+        reason(
+            "views", distinct, "Enough different boards for chance to average out.", wrong,
+            f"Take {need} to 30, of the board in different places, distances and tilts.",
+        )
+    ]  # fmt: skip
+
+
+def tilt(c: Calibration, facts: Facts) -> list[Reason]:
+    """How far the boards are tilted, and whether in more than one direction."""
+    how = "Tilt it by 30° to 45°, to different sides."
+    found = [
+        reason(
+            "tilt", facts.views.tilt, "The boards are tilted enough to tell focal length from distance.",
+            f"The board nearly faces the camera in all pictures (tilt at most {facts.views.tilt:.0f}°): that doesn't tell focal "
+            "length from distance.",
+            how,
+        )
+    ]  # fmt: skip
+    if found[0].level == "good":
+        found += [
+            reason(
+                "tilt_spread", facts.views.spread, "The boards are tilted in several directions.",
+                f"The board is tilted in nearly one direction in all pictures (its tilts vary by {facts.views.spread:.1f}° across it): focal length "
+                "and principal point can make up for each other.",
+                how,
+            )
+        ]  # fmt: skip
+    return found
+
+
+def left_out(c: Calibration, facts: Facts) -> list[Reason]:
+    """Views that have a pose and yet disagree with the others."""
+    out = [v for v in c.left_out if v.pose is not None]
+    of = len(out) + len(c.used_views)
+    some = ", ".join(dict.fromkeys(v.name for v in out[:3])) + (", …" if len(out) > 3 else "")
+    return [
+        reason(
+            "left_out", len(out) / max(of, 1),
+            "Hardly any view disagrees with the others." if out else "No view disagrees with the others.",
+            f"{len(out)} of {of} views disagree with the others and were left out ({some}): another camera, zoom or board, wrong corners, "
+            "or a board that moved.",
+            "Look at them in the report, and take out what doesn't belong to this camera.",
+        )
+    ]  # fmt: skip
+
+
+def coverage(c: Calibration, facts: Facts) -> list[Reason]:
+    """Where on the sensor corners were."""
+    empty = int((facts.in_view & (facts.coverage == 0)).sum())
+    where = _thirds(c)
+    none = f", none in the {where}" if where else ""
+    wrong = (
+        f"{empty} of {int(facts.in_view.sum())} cells of the sensor have no corner{none}: there the lens is guessed."
+    )
+    return [
+        reason(
+            "coverage", facts.covered, f"Corners cover {facts.covered:.0%} of the sensor.", wrong,
+            "Hold the board there, too, tilted." if where else "Bring the board to the edges and corners of the picture.",
+        )
+    ]  # fmt: skip
+
+
+def _thirds(c: Calibration) -> str:
+    """The thirds of the frame without a corner, in words; "" if there are none."""
+    (w, h), xy = c.camera.image_size, np.concatenate([v.xy[v.used] for v in c.used_views] or [np.zeros((0, 2))])
+    col, row = (np.clip((xy[:, a] + 0.5) * 3 // n, 0, 2).astype(int) for a, n in ((0, w), (1, h)))
+    seen = Counter(zip(row.tolist(), col.tolist(), strict=True))
+    empty = [THIRDS[j][i] for j in range(3) for i in range(3) if not seen[j, i]]
+    if not empty:
+        return ""
+    return f"{empty[0]} third" if len(empty) == 1 else f"{', '.join(empty[:-1])} and {empty[-1]} thirds"
+
+
+def box(ij: Array) -> tuple[int, int]:
+    """Columns and rows that the labels (M, 2) span."""
+    cols, rows = ij.max(axis=0) - ij.min(axis=0) + 1
+    return int(cols), int(rows)
+
+
+def _counted(many: int, one: str) -> str:
+    return f"{many} {one}{'' if many == 1 else 's'}"

@@ -1,0 +1,184 @@
+"""The work of `rcdn calibrate`: boards found, one camera or two solved, said and written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import typer
+
+from rcdn.cli._cache import Cache
+from rcdn.cli._calibration_outputs import Outputs
+from rcdn.cli._group import one_line
+from rcdn.cli._options import GridSize
+from rcdn.cli._pair_file import PairFile
+from rcdn.cli._spacing import Length, check_length
+from rcdn.config import DetectorConfig
+from rcdn.errors import CalibrationError, ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.cli._inputs import Gathered
+    from rcdn.cli._pictures import Pictures
+    from rcdn.io import ImageResult
+    from rcdn.types import Board, Calibration, StereoCalibration, Verdict
+
+
+class Run:
+    """How detections are got; `failed`: some file could not be read or written."""
+
+    def __init__(
+        self, config: DetectorConfig, store: Cache | None, jobs: int, frames: int, size: GridSize | None
+    ) -> None:
+        self.size = None if size is None else (size.cols, size.rows)
+        self.failed = False
+        self._settings = (config, store, jobs, frames)
+
+    def gather(self, inputs: Sequence[str], numbers: tuple[tuple[int, ...], ...] | None = None) -> Gathered:
+        """The boards in `inputs`; raises CalibrationError if there are none."""
+        from rcdn.cli._inputs import gather
+
+        config, store, jobs, frames = self._settings
+        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size)
+        self.failed = self.failed or bool(got.failures)
+        for note in got.notes:
+            typer.echo(note, err=True)
+        if not any(image.boards for image in got.images):
+            raise CalibrationError(
+                f"no board was found in {len(got.images)} pictures; see what `rcdn detect --overlay` draws: squares need sharp, dark-light edges"
+            )
+        return got
+
+    def check(self, got: Gathered, spacing: Length) -> None:
+        """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        from rcdn.calibration.cut import whole_size
+        from rcdn.cli._summary import size_hint
+
+        complete = [{b.size for b in image.boards if b.complete} for image in got.images]
+        sizes, pictures = set().union(*complete), sum(map(bool, complete))
+        if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
+            if "squares have" in hint:
+                raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
+            typer.echo(f"hint: {hint}", err=True)
+        check_length(spacing, self.size or whole_size(_flat(got.images)[0]))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, and what to `fix`."""
+
+    spacing: Length
+    model: str
+    flat: bool = False
+    leave_out: tuple[str, ...] = ()
+    fix: frozenset[str] = frozenset()
+
+
+def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
+    """Calibrate the camera of `inputs`, say what came out, and write it."""
+    from rcdn.calibration import calibrate
+    from rcdn.calibration.next_view import advised
+    from rcdn.cli import _camera_files, _camera_text
+    from rcdn.io import write_calibration
+    from rcdn.report.calibration import write_report
+
+    got = run.gather(inputs)
+    run.check(got, problem.spacing)
+    boards, names = _flat(got.images)
+    done = calibrate(
+        boards, float(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
+        leave_out=problem.leave_out, fix=problem.fix,
+    )  # fmt: skip
+    done = advised(done)
+    views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
+    _say(done, _camera_text.camera_lines(done), views)
+    kept = outputs.kept(done)
+    for path in outputs.cameras if kept else ():
+        _camera_files.write_one(path, done.camera, outputs.format)
+    if outputs.json is not None:
+        write_calibration(outputs.json, done)
+    if outputs.report is not None:
+        write_report(outputs.report, done, _pictures(done))
+    outputs.say(outputs.cameras if kept else None)
+    run.failed = run.failed or bool(outputs.cameras and not kept)
+    return done.verdict
+
+
+def two_cameras(
+    run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs, pair_file: PairFile | None
+) -> Verdict | None:
+    """Calibrate the left and the right camera of `inputs`, say what came out, and write it."""
+    from rcdn.calibration import calibrate_stereo
+    from rcdn.cli import _camera_files, _camera_text
+    from rcdn.io import write_calibration
+    from rcdn.report.calibration import write_stereo_report
+
+    left = run.gather(inputs[:1])
+    right = run.gather(inputs[1:], left.frames or None)
+    run.check(left, problem.spacing)
+    run.check(right, problem.spacing)
+    pairs = _paired_boards(left, right, pair_file)
+    (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
+    done = calibrate_stereo(
+        boards, others, float(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
+    )
+    out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
+    _say(done, _camera_text.stereo_lines(done), out)
+    if outputs.json is not None:
+        write_calibration(outputs.json, done)
+    if outputs.report is not None:
+        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
+    written = None
+    if outputs.kept(done.left, done.right):
+        written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
+    outputs.say(written)
+    run.failed = run.failed or len(written or ()) < len(outputs.cameras)
+    return done.verdict
+
+
+def _paired_boards(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
+    """(index of the left board, index of the right one) of the largest boards of pictures that belong together."""
+    first, second = _first_boards(left.images), _first_boards(right.images)
+    return [(first[a], second[b]) for a, b in _paired(left, right, pair_file) if a in first and b in second]
+
+
+def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
+    """(index of the left picture, index of the right one) of those that belong together; says how, where names leave a doubt."""
+    from rcdn.cli._pairs import pair_names, pairing_hint
+
+    one, two = ([image.path for image in side.images] for side in (left, right))
+    if pair_file is not None:
+        return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
+    found = pair_names(one, two)
+    if hint := pairing_hint(one, two, found):
+        typer.echo(one_line(hint), err=True)
+    return found.pairs
+
+
+def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
+    """All boards, and the name of each one's picture."""
+    boards = [board for image in images for board in image.boards]
+    return boards, [image.path for image in images for _ in image.boards]
+
+
+def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
+    """For each picture that has boards the index of its largest among all."""
+    at, first = 0, {}
+    for k, image in enumerate(images):
+        if image.boards:
+            first[k] = at
+        at += len(image.boards)
+    return first
+
+
+def _pictures(calibration: Calibration) -> Pictures:
+    from rcdn.cli._pictures import Pictures
+
+    return Pictures(v.name for v in calibration.views)
+
+
+def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
+    from rcdn.cli._camera_text import advice_lines, verdict_line
+
+    for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
+        typer.echo(line)

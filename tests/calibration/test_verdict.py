@@ -1,0 +1,267 @@
+"""The verdict on a calibration: each fault where it belongs, none where all is well, the same words everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rcdn.calibration import calibrate
+from rcdn.calibration.advice import advise, notes
+from rcdn.calibration.board_facts import measure_board
+from rcdn.calibration.facts import measure
+from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
+from rcdn.calibration.verdict import fails, headline, judge, verdict_of
+from rcdn.calibration.view_checks import THIRDS
+from rcdn.calibration.view_facts import places, tilts
+from rcdn.evaluation import bad_cases
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.types import LEVELS, ModelScore, Reason, Verdict
+
+BROWN = CAMERAS["brown"]
+
+
+@pytest.fixture(scope="module")
+def good():
+    return calibrate(random_boards(BROWN, 3, 40)[0], SPACING, model="brown")
+
+
+def found(calibration, key):
+    """The reason of the check `key`."""
+    return {r.key: r for r in judge(calibration).reasons}[key]
+
+
+def test_a_good_calibration_is_good(good):
+    assert good.verdict is not None
+    assert good.verdict.level == "good"
+    assert good.verdict == judge(good)
+    assert good.verdict.against == advise(good) == good.advice == ()
+    assert headline(good.verdict) == "Good: use this camera."
+
+
+def with_model(good, ratio):
+    return replace(good, models=(ModelScore("brown", 0.3, 0.3 * ratio),))
+
+
+def with_cov(good, entry, std):
+    cov = good.cov.copy()
+    cov[entry, entry] = std**2
+    return replace(good, cov=cov)
+
+
+def scaled(good, factor):
+    return replace(good, views=tuple(replace(v, residuals=v.residuals * factor) for v in good.views))
+
+
+def without(good, out):
+    """Corners for which `out(view)` (M,) is true are left out."""
+    return replace(good, views=tuple(replace(v, used=v.used & ~out(v)) for v in good.views))
+
+
+def shifted(good, shift):
+    """`shift(view)` (M, 2) px added to the residuals."""
+    return replace(good, views=tuple(replace(v, residuals=v.residuals + shift(v)) for v in good.views))
+
+
+def left_out(good, many):
+    views = [
+        replace(v, reason="wrong", used=np.zeros(len(v), bool)) if k < many else v for k, v in enumerate(good.views)
+    ]
+    return replace(good, views=tuple(views))
+
+
+def in_thirds(good, fold):
+    """Every board's picture repeated `fold` times, moved by half a pixel: near-duplicates."""
+    return replace(good, views=tuple(replace(v, xy=v.xy + 0.5 * k) for v in good.views[:4] for k in range(fold)))
+
+
+WEAK = {
+    "few": (lambda c: replace(c, views=c.views[:6]), "views", "fair", "Only 6 views"),
+    "very few": (lambda c: replace(c, views=c.views[:4]), "views", "unsure", "Only 4 views"),
+    "near-duplicates": (lambda c: in_thirds(c, 5), "views", "unsure", "only 4 different places"),
+    "loose focal length": (lambda c: with_cov(c, 0, 7.8), "focal", "fair", "only to ±1.5%"),
+    "no focal length": (lambda c: with_cov(c, 0, 100.0), "focal", "bad", "only to ±"),
+    "loose centre": (lambda c: with_cov(c, 2, 25.0), "centre", "unsure", "only to ±25.0 px"),
+    "worse in new pictures": (lambda c: with_model(c, 1.5), "held_out", "fair", "1.5 times worse"),
+    "much worse in new ones": (lambda c: with_model(c, 4.0), "held_out", "bad", "4.0 times worse"),
+    "nothing held out": (lambda c: with_model(c, np.nan), "held_out", "fair", "Too few pictures"),
+    "millimetres": (lambda c: replace(c, spacing=25.0), "spacing", "unsure", "25 m"),
+    "rough": (lambda c: scaled(c, 4), "rms", "unsure", "An RMS of 1."),
+    "very rough": (lambda c: scaled(c, 10), "rms", "bad", "An RMS of 2."),
+    "corners left out": (lambda c: without(c, lambda v: np.arange(len(v)) % 6 == 0), "dropped", "unsure", "(1"),
+    "views left out": (lambda c: left_out(c, 10), "left_out", "unsure", "10 of 40 views"),
+    "a region left out": (
+        lambda c: without(c, lambda v: np.hypot(*(v.xy - [440, 280]).T) < 60), "crowded", "unsure", "sit together",
+    ),
+    "a lens that isn't followed": (
+        lambda c: shifted(c, lambda v: np.column_stack([np.sin(v.xy[:, 0] / 60), 0 * v.xy[:, 0]]) * 0.7), "systematic", "unsure",
+        "systematically off",
+    ),
+    "a bent board": (
+        lambda c: shifted(c, lambda v: 1.0 * np.sin(v.ij + v.xy.sum() % 7)), "smooth", "unsure", "err alike",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WEAK)
+def test_each_weakness_is_said(good, case):
+    change, key, level, text = WEAK[case]
+    weak = change(good)
+    against = found(weak, key)
+    assert against.level == level
+    assert text in against.sentence
+    assert against.action
+    assert LEVELS.index(judge(weak).level) >= LEVELS.index(level)
+    assert any(against.sentence in line for line in advise(weak))
+
+
+def test_views_of_which_half_are_rougher_are_said(good):
+    views = tuple(replace(v, residuals=v.residuals * (6 if k % 2 else 1)) for k, v in enumerate(good.views))
+    assert found(replace(good, views=views), "uneven").level == "unsure"
+    quiet = replace(good, views=tuple(replace(v, residuals=v.residuals / 20) for v in views))
+    assert found(quiet, "uneven").level == "good"  # a tenth of a pixel doesn't matter
+
+
+def test_a_stretched_print_is_said(good):
+    camera = good.camera.with_parameters(good.camera.parameters * np.r_[1, 1.05, np.ones(7)])
+    assert found(replace(good, camera=camera), "aspect").level == "unsure"
+    unknown = with_cov(replace(good, camera=camera), 1, 0.05 * 515)
+    assert found(unknown, "aspect").level == "good"  # it isn't known
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_shape_of_the_board_is_measured(seed):
+    """A print stretched by 4 % and a board bent by 2 and −1.5 mm of 240: both come out within three deviations, and a flat one is flat."""
+    rng = np.random.default_rng(seed)
+    for surface, stretch, bend in (
+        (bad_cases.FLAT, 0.0, (0.0, 0.0)),
+        (lambda ij: bad_cases.FLAT(ij) * [1.04, 1, 1], 0.04, (0.0, 0.0)),
+        (bad_cases.bent((0.002, -0.0015)), 0.0, (0.002 / 0.24, -0.0015 / 0.24)),
+    ):
+        boards = bad_cases.views(lambda T, s=surface: bad_cases.view(BROWN, T, rng, surface=s), rng)
+        shape = measure_board(calibrate(boards, SPACING, model="brown"))
+        assert abs(shape.stretch - stretch) < 3 * shape.stretch_std + 0.001
+        assert np.abs(np.subtract(shape.bend, bend)).max() < 3 * max(shape.bend_std) + 0.0005
+        assert shape.stretch_std < 0.003
+
+
+def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
+    """x·(1 − 0.9·r²) turns back at r = 0.61; the picture's corners lie at 0.77."""
+    parameters = good.camera.parameters.copy()
+    parameters[4:] = [-0.9, 0, 0, 0, 0]
+    folded = replace(good, camera=good.camera.with_parameters(parameters))
+    assert "turns back inside the picture" in found(folded, "reach").sentence
+    assert found(folded, "reach").level in ("unsure", "bad")
+
+
+def test_empty_thirds_are_named(good):
+    views = tuple(replace(v, used=v.used & (v.xy[:, 0] < 300)) for v in good.views)
+    said = found(replace(good, views=views), "coverage").sentence
+    assert all(row[2] in said for row in THIRDS)
+    assert "lower left" not in said
+
+
+def test_a_board_named_by_its_squares_is_noticed():
+    boards, _ = random_boards(BROWN, 3, 12, whole=True)
+    named = calibrate(boards, SPACING, model="brown", size=(10, 7))
+    assert named.verdict.against[0].key == "board_size"
+    assert "9×6" in named.verdict.against[0].action
+    assert named.verdict.level == "unsure"
+    assert not any(r.key == "board_size" for r in calibrate(boards, SPACING, model="brown").verdict.reasons)
+
+
+def test_pictures_of_another_size_are_said():
+    boards, _ = random_boards(BROWN, 3, 20)
+    odd = [replace(b, image_size=(1280, 720)) if k < 4 else b for k, b in enumerate(boards)]
+    verdict = calibrate(odd, SPACING, model="brown").verdict
+    assert verdict.against[0].key == "picture_size"
+    assert "4 pictures of 20" in headline(verdict)
+
+
+def test_boards_that_hardly_tilt_are_said():
+    flat = calibrate(random_boards(CAMERAS["pinhole"], 1, 10, 0.05, tilt=0.15)[0], SPACING, model="pinhole")
+    assert "nearly faces the camera" in headline(flat.verdict)
+
+
+def test_tilts_are_between_board_and_sensor():
+    boards, poses = random_boards(BROWN, 3, 8, whole=True)
+    tilted = calibrate(boards, SPACING, model="brown")
+    true = np.degrees(np.arccos(np.abs([T[2, 2] for T in poses])))
+    assert tilts(tilted) == pytest.approx(true, abs=2)
+
+
+def test_tilts_to_one_side_have_no_spread(good):
+    assert measure(good).views.spread > 10
+    one = good.views[0]
+    axis = np.linalg.svd(one.pose.R[:2, 2][None])[2][0]
+    alike = [v for v in good.views if abs(axis[0] * v.pose.R[1, 2] - axis[1] * v.pose.R[0, 2]) < 0.1]
+    assert len(alike) > 3
+    assert measure(replace(good, views=tuple(alike))).views.spread < 5
+
+
+def test_places_tell_duplicates(good):
+    twice = replace(good, views=good.views[:10] * 2)
+    group = places(twice, list(twice.views))
+    assert len(set(group.tolist())) == 10
+    assert (group[:10] == group[10:]).all()
+
+
+def test_noise_is_not_systematic_and_has_no_correlation():
+    """Cells beyond three standard errors: one in 90 by chance; smoothing by the fit leaves a little negative correlation."""
+    share, correlation = [], []
+    for seed in range(4):
+        residuals = measure(calibrate(random_boards(BROWN, seed, 30, noise=0.5)[0], SPACING, model="brown")).residuals
+        share.append(residuals.cells.share)
+        correlation.append(residuals.correlation)
+    assert np.mean(share) < 0.05
+    assert abs(np.mean(correlation)) < 0.1
+
+
+@pytest.mark.parametrize("limit", [*LIMITS.values(), *STEREO_LIMITS.values()], ids=lambda x: x.what)
+def test_every_limit_goes_from_good_to_bad(limit):
+    away = -1 if limit.rising else 1
+    bounds = np.array([b for b in limit.bounds if np.isfinite(b)])
+    assert (np.diff(bounds) * away >= 0).all()
+    assert limit.level(limit.good) == "good"
+    assert limit.level(limit.good + 1e-9 * away) != "good"
+    levels = [LEVELS.index(limit.level(v)) for v in np.sort([*bounds, *(bounds + 1e-9), *(bounds - 1e-9)])[::away]]
+    assert levels == sorted(levels)
+    assert limit.level(float("nan")) == "unsure"
+    assert limit.why
+    assert limit.words("good")
+
+
+def test_limits_grow_with_large_pictures_only():
+    assert growth((640, 480)) == 1
+    assert growth((3200, 2400)) == 2
+    assert reason("rms", 0.9, "", "", "").level == "fair"
+    assert reason("rms", 0.9, "", "", "", factor=2.0).level == "good"
+    assert reason("rms", 1.5, "", "", "", factor=2.0).limit == 1.0
+    assert reason("focal", 0.01, "", "", "", factor=2.0).level == "fair"
+
+
+def test_the_verdict_is_its_gravest_reason():
+    reasons = [
+        Reason(str(k), level, "", 0, 0, "", f"{k}.", "Do.")
+        for k, level in enumerate(("good", "unsure", "fair", "unsure"))
+    ]
+    verdict = verdict_of(reasons)
+    assert verdict.level == "unsure"
+    assert [r.key for r in verdict.reasons] == ["1", "3", "2", "0"]
+    assert headline(verdict) == "Unsure: 1. Do."
+    assert headline(verdict_of(reasons[2:3])) == "Fair: usable with care. 2. Do."
+
+
+def test_fails_counts_from_the_level_on():
+    unsure = Verdict("unsure")
+    assert [fails(unsure, level) for level in LEVELS] == [True, True, True, False]
+
+
+def test_notes_are_no_judgement(good):
+    symmetric = replace(good, size=(8, 6), orientation="ambiguous_180")
+    assert "half a turn" in notes(symmetric)[0]
+    assert judge(symmetric).level == "good"
+    assert "quarter turns" in notes(replace(good, size=(6, 6), orientation="ambiguous_90"))[-1]
+    assert "name its size" in notes(replace(good, size=None, orientation=None))[0]
+    assert notes(good) == ()

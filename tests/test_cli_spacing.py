@@ -1,0 +1,182 @@
+"""`--spacing` with units, `--board` in squares, and cameras that the pictures don't settle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from rcdn.calibration.calibrate import FIXABLE, check_fix
+from rcdn.cli import app
+from rcdn.cli._spacing import check_length, parse_length
+from rcdn.errors import ConfigError
+from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, board, random_boards, see
+from rcdn.geometry import rotation
+from rcdn.io import ImageResult, read_camera, write_detections
+from rcdn.types import Corners
+
+PINHOLE = CAMERAS["pinhole"]
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """Run `rcdn ARGUMENTS` in a temporary folder."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def save(path, boards):
+    images = [
+        ImageResult(f"{k:02d}.png", *b.image_size, Corners(b.xy, b.response, b.status, sigma=b.sigma), (b,))
+        for k, b in enumerate(boards)
+    ]
+    write_detections(path, images, ())
+    return path
+
+
+@pytest.fixture
+def found(run):
+    return save("found.json", random_boards(PINHOLE, 3, 6, whole=True)[0])
+
+
+@pytest.fixture
+def frontal(run):
+    """Boards that nearly face the camera."""
+    rng, out = np.random.default_rng(6), []
+    while len(out) < 10:
+        T, z = np.eye(4), rng.uniform(0.4, 0.7)
+        T[:3, :3] = rotation(np.append(rng.normal(0, 0.06, 2), 0))
+        T[:3, 3] = [*rng.uniform(-0.3, 0.2, 2) * z, z]
+        ij, xy = see(PINHOLE, T, SIZE)
+        if len(ij) == 54:
+            out.append(board(ij, xy + rng.normal(0, 0.3, xy.shape), (640, 480), np.full(54, 0.3)))
+    return save("frontal.json", out)
+
+
+# ---- lengths
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("25mm", 0.025),
+        ("2.5cm", 0.025),
+        ("0.025", 0.025),
+        ("0.025m", 0.025),
+        (" 1 in ", 0.0254),
+        ('1"', 0.0254),
+        ("25e-3", 0.025),
+    ],
+)
+def test_lengths_with_units(text, metres):
+    assert parse_length(text) == pytest.approx(metres, rel=1e-15)
+    check_length(parse_length(text), (9, 6))
+
+
+@pytest.mark.parametrize("text", ["", "mm", "25 furlongs", "1,5cm", "nan", "1 2mm"])
+def test_no_lengths(text):
+    with pytest.raises(typer.BadParameter, match="25mm"):
+        parse_length(text)
+
+
+@pytest.mark.parametrize(("text", "ask"), [("25", "25mm"), ("2.5", "2.5cm"), ("1", "1cm")])
+def test_a_board_of_metres_is_asked_back(text, ask):
+    for size in (None, (9, 6)):
+        with pytest.raises(ConfigError, match=f"did you mean {ask}"):
+            check_length(parse_length(text), size)
+    check_length(parse_length(f"{text}m"), (9, 6))
+
+
+def test_the_size_of_the_board_decides():
+    check_length(parse_length("0.3"), None)
+    check_length(parse_length("0.3"), (4, 4))
+    with pytest.raises(ConfigError, match="9×6 board 3 m across"):
+        check_length(parse_length("0.3"), (9, 6))
+
+
+def test_every_verb_takes_units(run, found):
+    values = []
+    for text in ("30mm", "0.03"):
+        result = run(
+            "calibrate", found, "--model", "pinhole", "--spacing", text, "--json", "all.json", "-o", "camera.yaml"
+        )
+        assert result.exit_code == 0, result.output
+        values.append(json.loads(Path("all.json").read_text())["spacing"])
+        result = run("pose", found, "--camera", "camera.yaml", "--spacing", text, "--json", "poses.json")
+        assert result.exit_code == 0, result.output
+        values.append(json.loads(Path("poses.json").read_text())["spacing"])
+    assert values == [0.03] * 4
+    assert "25 mm squares" in run("board", "--size", "9x6", "--spacing", "25mm", "-o", "board.svg").output
+    for arguments in (
+        ("calibrate", found, "--spacing", "0.3"),
+        ("pose", found, "--camera", "camera.yaml", "--spacing", "0.3"),
+        ("board", "--size", "9x6", "--spacing", "25", "-o", "large.svg"),
+    ):
+        result = run(*arguments)
+        assert result.exit_code == 2
+        assert "did you mean" in result.stderr
+    assert run("calibrate", found, "--model", "pinhole", "--spacing", "0.3m").exit_code == 0
+
+
+# ---- the board's size in squares
+
+
+def test_squares_instead_of_corners_are_noticed(run, found):
+    result = run("calibrate", found, "--spacing", "30mm", "--board", "10x7")
+    assert result.exit_code == 2
+    assert (
+        "found 9×6 in 6 of 6 pictures: 10x7 squares have 9×6 inner corners; did you mean --board 9x6?" in result.stderr
+    )
+    result = run("calibrate", found, "--spacing", "30mm", "--board", "7x10")
+    assert "did you mean --board 6x9?" in result.stderr
+    result = run("calibrate", found, "--spacing", "30mm", "--board", "13x9", "--model", "pinhole")
+    assert result.exit_code == 0
+    assert "hint: found 9×6" in result.stderr
+
+
+# ---- what the pictures don't settle
+
+
+def test_an_unsettled_camera_is_said_first_and_written_only_by_force(run, frontal):
+    arguments = (
+        "calibrate",
+        frontal,
+        "--spacing",
+        "30mm",
+        "--model",
+        "pinhole",
+        "-o",
+        "camera.yaml",
+        "--json",
+        "all.json",
+    )
+    result = run(*arguments)
+    assert result.exit_code == 1
+    assert result.stdout.startswith("The focal length can't be known from these pictures (±")
+    assert "not written: camera.yaml" in result.stderr
+    assert "written: all.json" in result.stderr
+    assert not Path("camera.yaml").exists()
+    assert Path("all.json").exists()
+    result = run(*arguments, "--force")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("The focal length can't be known")
+    assert read_camera("camera.yaml").image_size == (640, 480)
+    assert run(*arguments[:6]).exit_code == 0  # nothing was to be written
+
+
+# ---- what is held fixed
+
+
+def test_what_can_be_held_fixed(run, found):
+    assert check_fix(["aspect"]) == check_fix("aspect") == {"aspect"}
+    assert check_fix(FIXABLE) == {"aspect", "principal_point"}
+    assert check_fix(()) == frozenset()
+    with pytest.raises(ConfigError, match="aspect and principal_point, not 'focal'"):
+        check_fix(["focal", "aspect"])
+    result = run("calibrate", found, found, "--spacing", "30mm", "--stereo", "--fix-aspect")
+    assert result.exit_code == 2
+    assert "for one camera" in result.stderr
