@@ -7,10 +7,10 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
-from rcdn.calibration.calibrate import check_spacing, sigma_of
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import motion_covariance
+from rcdn.calibration.usable import check_spacing, sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
