@@ -22,7 +22,7 @@ from rcdn.io.cameras import read_camera
 from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_target, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
-from rcdn.types import BoardShape, Board, Corners, plane_points
+from rcdn.types import Board, BoardShape, Corners, plane_points
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
 
