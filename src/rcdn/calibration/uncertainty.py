@@ -15,7 +15,7 @@ from rcdn.types import Array, Calibration
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
 """see `pose_covariance`"""
-LEVERAGE_POWER, LEAST_LEFT = 0.75, 1e-4
+LEVERAGE_POWER, LEAST_LEFT = 0.85, 1e-4
 """see `clustered`; least share of a direction that other clusters must tell"""
 
 
@@ -40,7 +40,7 @@ def clustered(
     """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
 
     An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
-    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^¾, between
+    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^0.85, between
     the square root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe
     side (CR3). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of
     the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
@@ -57,7 +57,7 @@ def clustered(
 
 
 def _unleveraged(leverage: Array, score: Array) -> Array:
-    """(1 − leverage)^−¾ score, for a symmetric `leverage` (K, K)."""
+    """(1 − leverage)^−0.85 score, for a symmetric `leverage` (K, K)."""
     values, vectors = np.linalg.eigh((leverage + leverage.T) / 2)
     return np.asarray(vectors @ ((vectors.T @ score) * np.maximum(1 - values, LEAST_LEFT) ** -LEVERAGE_POWER))
 
