@@ -21,7 +21,7 @@ from rcdn.io import (
     write_calibration,
     write_stereo,
 )
-from rcdn.types import BoardView, Calibration, Camera, ModelScore, Pose, Reason, StereoCalibration, Verdict
+from rcdn.types import BoardShape, BoardView, Calibration, Camera, ModelScore, Pose, Reason, StereoCalibration, Verdict
 
 SIZE = (640, 480)
 LENSES = {"pinhole": 0, "brown": 5, "rational": 8, "fisheye": 4, "division": 1}
@@ -65,8 +65,7 @@ def calibration(seed=0, model="brown", whole=True):
         models=models if whole else (),
         size=(9, 6) if whole else None,
         orientation="unique" if whole else None,
-        warp=rng.normal(size=2) * 1e-3 if whole else None,
-        warp_std=np.array([np.nan, 1e-5]) if whole else None,
+        shape=BoardShape(rng.normal(size=(6, 9, 3)) * 1e-3) if whole else None,
         advice=("Move closer.", "Tilt the board: 20° “or more”.") if whole else (),
         verdict=verdict() if whole else None,
     )
@@ -202,7 +201,8 @@ VIEW = ("views", 0)
         (edit("advice", value=[3]), "'advice' must hold text"),
         (edit("verdict", value="great"), "'verdict' must be one of good, fair, unsure, bad"),
         (edit("reasons", 0, "level", value="great"), "reasons[0]: 'level' must be one of"),
-        (edit("warp", value=[1, "x"]), "'warp' must hold numbers"),
+        (edit("shape", value=[1, "x"]), "'shape' must hold numbers"),
+        (edit("shape", value=[[[1, 2]]]), "'shape' must have shape (rows, columns, 3)"),
         (edit("models", value={}), "'models' must be a list"),
         (edit("models", 0, "rms", value=...), "models[0]: 'rms'"),
         (edit("models", 0, value=7), "models[0] must be an object"),

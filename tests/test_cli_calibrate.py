@@ -112,13 +112,14 @@ def test_views_left_out_are_named(run):
     assert "left out: 02.png: " in result.stdout
 
 
-def test_the_board_s_size_and_a_warp(run):
+def test_the_board_s_size_and_shape(run):
     boards, _ = random_boards(PINHOLE, 3, 7, whole=True)
     d = save("d.json", [*boards, random_boards(PINHOLE, 4, 1, size=(7, 7), whole=True)[0][0]])
-    result = fine(run("calibrate", d, *FAST, "--board", "9x6", "--warp"))
+    result = fine(run("calibrate", d, *FAST, "--board", "9x6"))
     assert "board 9×6" in result.stdout
     assert "can't be part of a 9×6 board" in result.stdout
-    assert "board bent by" in result.stdout
+    assert "off their places in its plane, bent by" in result.stdout
+    assert "bent by" not in fine(run("calibrate", d, *FAST, "--board", "9x6", "--flat")).stdout
 
 
 def test_wrong_use_is_2(run, found):
@@ -325,7 +326,7 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
 
 @pytest.mark.parametrize(
     ("verb", "words"),
-    [("calibrate", ("--spacing", "--stereo", "--warp", "Exit code")), ("pose", ("--camera", "--spacing", "Exit code"))],
+    [("calibrate", ("--spacing", "--stereo", "--flat", "Exit code")), ("pose", ("--camera", "--spacing", "Exit code"))],
 )
 def test_help(run, verb, words):
     text = fine(run(verb, "--help")).stdout

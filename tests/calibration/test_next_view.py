@@ -7,10 +7,12 @@ import pytest
 
 from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration import next_view as module
-from rcdn.calibration.bundle import Corners3, State, _arrow, default_free
+from rcdn.calibration.added_view import Information, Prior, share_told, variances, weight_of
+from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
-from rcdn.calibration.uncertainty import covariance
-from rcdn.calibration.view_information import Information, Prior, pattern_of, share_told, variances, weight_of
+from rcdn.calibration.solver import Linear
+from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, see
 from rcdn.geometry import project, transform
 from rcdn.types import Calibration, Camera
@@ -24,10 +26,12 @@ def stated(camera, poses, extra=()):
     poses = np.array([*poses, *extra])
     frame = np.repeat(np.arange(len(poses)), 54)
     points = np.tile(labels() * SPACING, (len(poses), 1))
-    corners = Corners3(frame, 0 * frame, points, np.zeros((len(frame), 2)), np.zeros((len(frame), 2)))
+    corners = Corners3(frame, 0 * frame, points, np.zeros((len(frame), 2)), np.zeros((len(frame), 0)))
     state = State.mono(camera, poses)
-    arrow = _arrow(state, corners, np.full(len(frame), 1 / NOISE), default_free(state))
-    return Calibration(camera, SPACING, (), covariance(arrow, np.arange(len(poses)), 1.0), NOISE, ())
+    arrow = Linear.of(state, corners, np.full(len(frame), 1 / NOISE), default_free(state)).arrow()
+    return Calibration(
+        camera, SPACING, (), covariance(arrow, np.arange(len(poses)), 1.0, Clustered(arrow.covariance, 1.0)), NOISE, ()
+    )
 
 
 def whole_boards(camera, seed, many, spread=0.25):

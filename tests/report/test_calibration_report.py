@@ -17,7 +17,7 @@ from rcdn.geometry import project, rotation, transform, unproject
 from rcdn.geometry.undistort import HALF_VIEW, undistorted_camera
 from rcdn.report.calibration import maps, pictures, rig, stereo, style, write_report, write_stereo_report
 from rcdn.report.calibration.markup import escape, number, percent, tag, value_and_std
-from rcdn.types import BoardView, Calibration, Camera, ModelScore, Pose, StereoCalibration
+from rcdn.types import BoardShape, BoardView, Calibration, Camera, ModelScore, Pose, StereoCalibration
 
 SIZE = (640, 480)
 BROWN = Camera([[560, 0, 322], [0, 560, 238], [0, 0, 1]], [-0.25, 0.06, 0.0004, -0.0003, 0.0], SIZE, "brown")
@@ -294,9 +294,11 @@ def test_nothing_used_still_makes_a_page(tmp_path):
     ids=["pinhole", "rational", "fisheye", "portrait"],
 )
 def test_every_camera_has_its_page(tmp_path, camera):
-    warp = dict(warp=np.array([0.0002, -0.0001]), warp_std=np.array([0.00002, 0.00003]))
-    page = Page(written(tmp_path, simulated(camera, 12, **warp), lambda name: photograph(camera.image_size)))
-    assert "0.200 ± 0.020 mm" in page.text
+    offsets = np.zeros((6, 9, 3))
+    offsets[2, 4, 2] = 0.00025
+    found = simulated(camera, 12, shape=BoardShape(offsets))
+    page = Page(written(tmp_path, found, lambda name: photograph(camera.image_size)))
+    assert "0.25 mm" in page.text
     for name in camera.parameter_names:
         assert name in page.text
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import State, default_free
+from rcdn.calibration.bundle import default_free
 from rcdn.calibration.difference import camera_difference, common_grid
 from rcdn.calibration.groups import FEWEST, describe
-from rcdn.calibration.influence import ViewInformation, corners_of, of_state
+from rcdn.calibration.influence import ViewInformation, corners_of, of_state, state_with
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.errors import RcdnError
 from rcdn.types import Array, BoardView, Calibration, Camera
@@ -48,7 +48,7 @@ def calibrate_apart(
         T = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
     if len(T) < FEWEST or not np.isfinite(T).all():
         return None
-    state = State.mono(camera, T)
+    state = state_with(camera, T)
     free = default_free(state)
     fit = robust.fit(*robust.rough_fit(state, corners, sigma, free), corners, sigma, free)
     used = [k for k, reason in enumerate(fit.reasons) if not reason]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.labels import bend
+from rcdn.calibration.board_points import board_points
 from rcdn.geometry import cross_matrix, project_with_slopes
 from rcdn.types import Array, BoardView, Calibration
 
@@ -48,12 +48,12 @@ def measure_board(calibration: Calibration) -> BoardFacts:
     """One Gauss–Newton step of lens and board together, poses eliminated view by view, from the solution of a flat board of squares.
 
     Its covariance is clustered by views (a sandwich: the views' gradients vary by more than the noise of their corners says). Nothing is
-    said of boards whose columns can't be told from their rows, of triangles, of fewer than FEWEST settled views, or if a warp
-    was solved for.
+    said of boards whose columns can't be told from their rows, of triangles, or of fewer than FEWEST settled views. Where the board's shape
+    was solved for, its stretch counts, too; its bend doesn't, for the camera makes up for nothing of it.
     """
     c = calibration
     views = [v for v in c.used_views if v.settled and v.pose is not None]
-    if c.size is None or c.orientation == "ambiguous_90" or c.warp is not None or len(views) < FEWEST:
+    if c.size is None or c.orientation == "ambiguous_90" or len(views) < FEWEST:
         return UNKNOWN
     systems = [_reduced(c, v) for v in views]
     if any(s is None for s in systems):
@@ -69,6 +69,7 @@ def measure_board(calibration: Calibration) -> BoardFacts:
     side = (max(c.size) - 1) * c.spacing
     stretch, *bent = (step[-3:] / [1, side, side]).tolist()
     stretch_std, *bent_std = (std / [1, side, side]).tolist()
+    stretch += _stretch_of(c)
     return BoardFacts(stretch, stretch_std, (bent[0], bent[1]), (bent_std[0], bent_std[1]))
 
 
@@ -78,16 +79,34 @@ def _reduced(calibration: Calibration, view: BoardView) -> tuple[Array, Array] |
     assert view.pose is not None
     mine = view.used & np.isfinite(view.residuals).all(axis=1)
     ij, residuals = view.ij[mine], view.residuals[mine]
-    board = np.column_stack([ij * calibration.spacing, np.zeros(len(ij))])
+    board = board_points(calibration, view, "checker")[mine]
     turned = board @ view.pose.R.T
     xy, by_point, by_camera = project_with_slopes(calibration.camera, turned + view.pose.t)
     if not len(ij) or not np.abs(xy + residuals - view.xy[mine]).max() < SAME:
         return None
     by_pose = np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=2)
     by_board = by_point @ view.pose.R
-    raised = bend(ij, calibration.size)
+    raised = _raised(ij, calibration.size or (1, 1))
     shape = np.stack([by_board[:, :, 0] * board[:, :1], *(by_board[:, :, 2] * raised[:, [a]] for a in (0, 1))], axis=2)
     J = np.concatenate([by_camera, shape], axis=2).reshape(2 * len(ij), -1)
     Q, _ = np.linalg.qr(by_pose.reshape(2 * len(ij), 6))
     e = residuals.reshape(-1)
     return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)
+
+
+def _raised(ij: Array, size: tuple[int, int]) -> Array:
+    """(N, 2) how far a corner stands out of a board whose middle stands out by 1 along its columns, and along its rows."""
+    half = (np.array(size) - 1) / 2
+    return np.asarray(1 - ((ij - half) / np.maximum(half, 0.5)) ** 2)
+
+
+def _stretch_of(calibration: Calibration) -> float:
+    """By how much the columns of the board's shape are wider apart than its rows, a share; 0 of a perfect board."""
+    if calibration.shape is None:
+        return 0.0
+    offsets = calibration.shape.offsets
+    slopes = [
+        float(np.polyfit(np.arange(offsets.shape[1 - a]) * calibration.spacing, offsets[:, :, a].mean(axis=a), 1)[0])
+        for a in (0, 1)
+    ]
+    return slopes[0] - slopes[1]

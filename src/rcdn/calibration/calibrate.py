@@ -13,9 +13,11 @@ from rcdn.calibration.advice import judged
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.cut import whole_size
 from rcdn.calibration.groups import describe
-from rcdn.calibration.labels import Labelled, Size, bend, in_line, mirrored, orientation_of, settle
+from rcdn.calibration.labels import Labelled, Size, in_line, mirrored, orientation_of, settle
+from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import (
     Array,
@@ -43,6 +45,8 @@ MODELS = ("auto", *LENSES)
 FIXABLE = ("aspect", "principal_point")
 """what may be held fixed: fx = fy; the principal point in the middle of the picture"""
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
+FEWEST_SHAPED = 5
+"""views of the whole board, below which it is taken as perfect"""
 LOOSEST = 1e3
 """px; a sigma beyond counts as this"""
 SAME_SIZE = 0.75
@@ -60,7 +64,7 @@ def calibrate(
     names: Sequence[str] | None = None,
     model: str = "auto",
     size: Size | None = None,
-    warp: bool = False,
+    flat: bool = False,
     fix: Collection[str] = (),
     leave_out: Sequence[str] = (),
 ) -> Calibration:
@@ -70,13 +74,14 @@ def calibrate(
     a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `warp`: the board may be bent a
-    little, a paraboloid of two parameters.
+    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `flat`: the board is known to
+    be perfect, a glass one, say; by default its shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
     `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
     `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
-    out and named. Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
+    out and named. Covariances are by the scatter of whole views (`rcdn.calibration.uncertainty.clustered`), views alike counting as one.
+    Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
     if fixed := check_fix(fix):
@@ -86,7 +91,7 @@ def calibrate(
         from rcdn.calibration.by_hand import without  # which rests on this module
 
         return without(
-            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, warp=warp, fix=fix),
+            lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat, fix=fix),
             boards,
             names,
             leave_out,
@@ -94,13 +99,13 @@ def calibrate(
     image_size = _one_size(boards, names)
     whole = size or whole_size(boards)
     labels = settle(boards, whole, strict=size is not None)
-    task = _task(boards, labels, names, image_size, spacing, whole, warp)
+    task = _task(boards, labels, names, image_size, spacing, whole)
     start = first_camera(task.seen, image_size)
     task, T = _with_poses(task, poses(start, task.seen))
     models = AUTO if model == "auto" else (model,)
-    fits = _fits(task, models, start, T, warp)
-    chosen, scores = _choose(task, fits, warp)
-    done = _result(task, boards, labels, names, fits[chosen], whole, warp, scores, spacing)
+    fits = _fits(task, models, start, T, spacing, shaped=not flat and task.settled >= FEWEST_SHAPED)
+    chosen, scores = _choose(task, fits)
+    done = _result(task, boards, labels, names, fits[chosen], whole, scores, spacing)
     _believable(done)
     return judged(done)
 
@@ -108,7 +113,7 @@ def calibrate(
 @dataclass(frozen=True, eq=False)
 class _Task:
     """The boards that can be used: `index` of each among all, what is `seen`, `reasons` by index of those that can't; `corners`, `sigma` (N,),
-    `picture` (N,) its number."""
+    `picture` (N,) its number; `settled`: how many views show which corner of the board is which."""
 
     index: list[int]
     seen: list[Seen]
@@ -116,6 +121,7 @@ class _Task:
     corners: Corners3
     sigma: Array
     picture: Array
+    settled: int
 
 
 def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
@@ -165,7 +171,7 @@ def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple
     return "; ".join(texts)
 
 
-def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: bool) -> str:
+def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str:
     """Why a board can't take part, or ""."""
     if board.image_size != image_size:
         (w, h), (cols, rows) = board.image_size, image_size
@@ -176,9 +182,11 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int], warp: 
         return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
     if in_line(board):
         return "its corners lie in one line"
-    if mirrored(board):
-        return "its labels run the wrong way round: were pixels mirrored after the corners were found?"
-    return "it isn't settled which part of the board it shows, which a warp needs" if warp and not label.settled else ""
+    return (
+        "its labels run the wrong way round: were pixels mirrored after the corners were found?"
+        if mirrored(board)
+        else ""
+    )
 
 
 def _task(
@@ -188,13 +196,12 @@ def _task(
     image_size: tuple[int, int],
     spacing: float,
     whole: Size | None,
-    warp: bool,
 ) -> _Task:
-    """Boards with corners enough; under `warp` only those whose labels are settled."""
+    """Boards with corners enough."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
-        if reason := _unusable(board, label, image_size, warp):
+        if reason := _unusable(board, label, image_size):
             reasons[k] = reason
         else:
             index.append(k)
@@ -210,11 +217,21 @@ def _task(
         np.zeros(len(frame), int),
         plane_points(joint, boards[0].pattern) * spacing,
         np.concatenate([boards[k].xy for k in index]),
-        bend(joint, whole),
+        _basis([labels[k] for k in index], whole),
     )
     picture = np.repeat([numbers[names[k]] for k in index], lengths)
     seen = [Seen(plane_points(a, boards[k].pattern) * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
-    return _Task(index, seen, reasons, corners, np.nan_to_num(sigma), picture)
+    settled = sum(labels[k].settled for k in index)
+    return _Task(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
+
+
+def _basis(labels: list[Labelled], whole: Size | None) -> Array:
+    """(N, B) functions of the board's shape at the corners; 0 in views that don't settle which corner is which."""
+    parts = [
+        shape_basis(label.ij, whole) if label.settled and whole else np.zeros((len(label.ij), len(FUNCTIONS)))
+        for label in labels
+    ]
+    return np.concatenate(parts)
 
 
 def _too_few(many: int, reasons: dict[int, str]) -> str:
@@ -254,29 +271,40 @@ def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
     reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
     index = [k for k, g in zip(task.index, good, strict=True) if g]
     seen = [s for s, g in zip(task.seen, good, strict=True) if g]
-    return _Task(index, seen, reasons, corners, task.sigma[keep], task.picture[keep]), T[good]
+    return _Task(index, seen, reasons, corners, task.sigma[keep], task.picture[keep], task.settled), T[good]
 
 
-def _fits(task: _Task, models: Sequence[str], start: Camera, T: Array, warp: bool) -> dict[str, robust.Fit]:
+def _fits(
+    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, shaped: bool
+) -> dict[str, robust.Fit]:
     """Fits of the models that come near the best; the others are no lens for these corners."""
     rough = {}
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
-        rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state, warp=warp))
+        rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state))
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
     near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
-    return {
-        m: robust.fit(state, noise, task.corners, task.sigma, default_free(state, warp=warp))
-        for m, (state, noise) in near.items()
-    }
+    cluster = alike(task.corners, start.image_size, _pictures(task))
+    fits = {}
+    for m, (state, noise) in near.items():
+        state = replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)))
+        free = default_free(state, shape=shaped)
+        fits[m] = robust.fit(state, noise, task.corners, task.sigma, free, cluster, spacing)
+    return fits
 
 
-def _choose(task: _Task, fits: dict[str, robust.Fit], warp: bool) -> tuple[str, tuple[ModelScore, ...]]:
+def _pictures(task: _Task) -> Array:
+    """(F,) the number of each view's picture."""
+    first = np.unique(task.corners.frame, return_index=True)[1]
+    return np.asarray(task.picture[first])
+
+
+def _choose(task: _Task, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelScore, ...]]:
     """The model to take and how all did, that one first: on the same corners, those of the model that leaves out least."""
     widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
     common = choose.Task(task.corners, widest.weight, task.picture)
-    free = [default_free(f.state, warp=warp) for f in fits.values()]
+    free = [default_free(f.state, shape=True) for f in fits.values()]
     at, trials = choose.compare([f.state for f in fits.values()], common, free)
     scores = [ModelScore(m, t.rms, t.held) for m, t in zip(fits, trials, strict=True)]
     scores.insert(0, scores.pop(at))
@@ -290,7 +318,6 @@ def _result(
     names: Sequence[str],
     fit: robust.Fit,
     whole: Size | None,
-    warp: bool,
     scores: tuple[ModelScore, ...],
     spacing: float,
 ) -> Calibration:
@@ -299,10 +326,9 @@ def _result(
         raise CalibrationError(
             _too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]})
         )
-    cov = covariance(fit.arrow, np.array(used), fit.scale)
+    cov = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered)
     camera = fit.state.cameras[0]
     lens = [*range(len(camera.parameters)), *range(len(cov) - 6, len(cov))]
-    bent = slice(len(camera.parameters), len(cov) - 6)
     return Calibration(
         camera=camera,
         spacing=float(spacing),
@@ -312,8 +338,7 @@ def _result(
         models=scores,
         size=whole,
         orientation=None if whole is None else orientation_of(whole),
-        warp=fit.state.warp if warp else None,
-        warp_std=np.sqrt(np.diag(cov)[bent]) if warp else None,
+        shape=None if whole is None or not len(fit.state.shape) else board_shape(fit.state.shape, whole),
     )
 
 

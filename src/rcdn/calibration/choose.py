@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals, solve
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
+from rcdn.calibration.solver import solve
 from rcdn.types import Array
 
 FOLDS = 5
@@ -67,10 +68,10 @@ def held_out(state: State, task: Task, free: Array) -> Array:
         return held
     for k in range(FOLDS):
         out = np.isin(task.picture, pictures[k::FOLDS])
-        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free, repeats=3).state
+        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free).state
         mine = np.flatnonzero(out & (task.weight > 0))
         some, firm = task.corners.take(mine), task.weight[mine]
-        held[mine] = residuals(solve(part, some, firm, default_free(part, lens=False), repeats=2).state, some)
+        held[mine] = residuals(solve(part, some, firm, default_free(part, lens=False), iterations=20).state, some)
     return held
 
 

@@ -30,7 +30,7 @@ def board(c: Calibration, facts: Facts) -> list[Reason]:
         ),
         reason(
             "bent", b.bent, "The board is flat, as far as the pictures tell.", f"The board is bent: its middle stands out by {along}.",
-            "Put it on something flat and stiff, or calibrate with --warp.",
+            "Put it on something flat and stiff, or calibrate without --flat.",
         ),
     ]  # fmt: skip
 

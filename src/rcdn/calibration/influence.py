@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, State, linearise, residuals
-from rcdn.calibration.labels import bend
-from rcdn.types import Array, BoardView, Calibration, Pattern, plane_points
+from rcdn.calibration.board_points import board_points, pattern_of
+from rcdn.calibration.bundle import Corners3, State, linearise
+from rcdn.types import Array, BoardView, Calibration, Camera
 
-PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
 FIRM = 1e6
@@ -63,34 +62,28 @@ class ViewInformation:
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
-    used = calibration.used_views
-    fits = {p: _misfit(calibration, used, p) for p in PATTERNS}
-    return _corners(calibration, views, masks, min(PATTERNS, key=lambda p: fits[p]))
-
-
-def _corners(
-    calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array], pattern: Pattern
-) -> tuple[Corners3, Array]:
-    ij, xy, sigma = (
-        np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
-        for name in ("ij", "xy", "sigma")
+    pattern = pattern_of(calibration)
+    points, xy, sigma = (
+        np.concatenate([a[m] for a, m in zip(arrays, masks, strict=True)])
+        for arrays in (
+            [board_points(calibration, v, pattern) for v in views],
+            [v.xy for v in views],
+            [v.sigma for v in views],
+        )
     )
     frame = np.repeat(np.arange(len(views)), [int(m.sum()) for m in masks])
-    board = plane_points(ij, pattern) * calibration.spacing
-    return Corners3(frame, np.zeros(len(frame), int), board, xy, bend(ij, calibration.size)), np.nan_to_num(sigma)
+    # what is out of the plane is one function that the state's shape takes once
+    return Corners3(frame, np.zeros(len(frame), int), points[:, :2], xy, points[:, 2:]), np.nan_to_num(sigma)
 
 
-def _misfit(calibration: Calibration, views: Sequence[BoardView], pattern: Pattern) -> float:
-    """Median distance, px, of the used corners from where a board of this pattern would have them: a calibration doesn't keep its pattern."""
-    corners, _ = _corners(calibration, views, [v.used for v in views], pattern)
-    gaps = np.linalg.norm(residuals(state_of(calibration, views), corners), axis=1)
-    return float(np.median(np.nan_to_num(gaps, nan=np.inf)))
+def state_with(camera: Camera, poses: Array) -> State:
+    """The state of `camera` and the `poses` of the boards' known shape, for corners of `corners_of`."""
+    return State.mono(camera, poses, np.array([[0.0, 0.0, 1.0]]))
 
 
 def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:
     """The camera and the poses of `views`, all of which have one."""
-    poses = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
-    return State.mono(calibration.camera, poses, calibration.warp)
+    return state_with(calibration.camera, np.stack([v.pose.T_cam_board for v in views if v.pose is not None]))
 
 
 def view_information(calibration: Calibration) -> ViewInformation:
@@ -127,7 +120,7 @@ def of_state(state: State, corners: Corners3, weight: Array) -> ViewInformation:
         J, r = J - Q @ (Q.T @ J), r - Q @ (Q.T @ r)
         scores.append(J.T @ r)
         information.append(J.T @ J)
-    prior = np.diag(state.belief[1][:many] ** 2)
+    prior = state.beforehand.precision[:many, :many]
     return ViewInformation(np.array(scores), np.array(information), prior)
 
 

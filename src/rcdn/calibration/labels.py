@@ -72,14 +72,6 @@ def turn_labels(ij: Array, size: Size, turn: int) -> Array:
     return ij
 
 
-def bend(ij: Array, whole: Size | None) -> Array:
-    """(N, 2) what a warp of 1 m along the columns and along the rows raises corners by: 1 − u² in −1..1 (as in mrcal)."""
-    if whole is None:
-        return np.zeros((len(ij), 2))
-    middle = (np.array(whole) - 1) / 2
-    return np.asarray(1 - ((ij - middle) / np.maximum(middle, 0.5)) ** 2)
-
-
 def in_line(board: Board) -> bool:
     """True if the corners, or their labels, lie in one line or point."""
     return any(np.linalg.matrix_rank(a - a.mean(axis=0), tol=1e-6) < 2 for a in (board.xy, board.ij))

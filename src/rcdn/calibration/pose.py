@@ -8,12 +8,11 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.calibrate import check_spacing, sigma_of
-from rcdn.calibration.labels import bend
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import motion_covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
-from rcdn.types import Array, Board, Camera, Pose, PoseEstimate
+from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
 
 FEWEST = 4
 NO_POSE = "no pose fits the board's corners: are its labels right, and is it this camera?"
@@ -23,16 +22,18 @@ ASIDE = 0.1
 """least z of a unit ray in the view that faces the board, for IPPE's flat picture (84°)"""
 
 
-def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: Array | None = None) -> PoseEstimate:
+def estimate_pose(
+    board: Board, camera: Camera, spacing: float = 1.0, *, shape: BoardShape | None = None
+) -> PoseEstimate:
     """`T_cam_board` of `board` under `camera`: where its corner (0, 0) and its columns (x), rows (y) and back (z) are.
 
-    `spacing`: side of a square, m (default: the pose is in squares). `warp` (2,) as `Calibration.warp`, for whole boards. Starts from both poses
+    `spacing`: side of a square, m (default: the pose is in squares). `shape`: `Calibration.shape`, for whole boards. Starts from both poses
     that a plane allows (IPPE, Collins & Bartoli 2014), refines them with corners weighted by sigma and outliers left out, and takes the
     better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its own first corner.
     Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
     """
     check_spacing(spacing)
-    corners, sigma = _corners(board, spacing, warp)
+    corners, sigma = _corners(board, spacing, shape)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))
     fits = [f for f in fits if not f.reasons[0]]
@@ -53,16 +54,21 @@ def estimate_pose(board: Board, camera: Camera, spacing: float = 1.0, *, warp: A
     )
 
 
-def _corners(board: Board, spacing: float, warp: Array | None) -> tuple[Corners3, Array]:
-    if warp is not None and np.shape(warp) != (2,):
-        raise ConfigError(f"warp must have shape (2,), as Calibration.warp, not {np.shape(warp)}")
-    if warp is not None and board.pattern != "checker":
-        raise ConfigError("warp: it is known of whole boards of squares only; leave it out for a deltille")
+def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
+    if shape is not None and (board.pattern != "checker" or board.size != shape.size):
+        raise ConfigError(
+            f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners, and this one shows "
+            f"{board.size[0]}×{board.size[1]}: leave it out"
+        )
     zero = np.zeros(len(board), int)
-    raised = np.zeros(len(board)) if warp is None else bend(board.ij, board.size) @ np.asarray(warp, float)
+    offsets = np.zeros((len(board), 3)) if shape is None else shape.at(board.ij)
     sigma = np.nan_to_num(sigma_of(board))
-    # the warp is known: as a bend of one unit by the state's warp (1, 0)
-    return Corners3(zero, zero, board.points * spacing, board.xy, np.stack([raised, 0 * raised], axis=-1)), sigma
+    # what is out of the plane is one function that the state's shape takes once
+    return Corners3(zero, zero, board.points * spacing + offsets[:, :2], board.xy, offsets[:, 2:]), sigma
+
+
+def _state(camera: Camera, T: Array) -> State:
+    return State.mono(camera, T[None], np.array([[0.0, 0.0, 1.0]]))
 
 
 def _starts(camera: Camera, corners: Corners3) -> list[Array]:
@@ -92,7 +98,7 @@ def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array
     """The starts whose corners lie not much farther off than those of the best."""
     miss = []
     for T in starts:
-        gaps = np.linalg.norm(residuals(State.mono(camera, T[None], np.array([1.0, 0.0])), corners), axis=1)
+        gaps = np.linalg.norm(residuals(_state(camera, T), corners), axis=1)
         miss.append(float(np.median(np.nan_to_num(gaps, nan=np.inf))))
     return [T for T, m in zip(starts, miss, strict=True) if np.isfinite(m) and m <= robust.HOPEFUL * min(miss)]
 
@@ -112,7 +118,7 @@ def _back(turn: Array, R: Array, t: Array) -> Array:
 
 
 def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
-    start = State.mono(camera, T[None], np.array([1.0, 0.0]))
+    start = _state(camera, T)
     nothing = default_free(start, lens=False)
     state, noise = robust.rough_fit(start, corners, sigma, nothing, turn=False)
     return robust.fit(state, noise, corners, sigma, nothing)

@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from rcdn.calibration.bundle import BEHIND, Arrow, Corners3, State, default_free, residuals, solve
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.shape import Spread, likelier, with_spread
+from rcdn.calibration.solver import BEHIND, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
+from rcdn.calibration.uncertainty import Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
 
@@ -24,7 +27,9 @@ HOPEFUL = 10.0
 """× the median distance of a view's corners: the other of a plane's two poses isn't tried beyond it"""
 ODD = 3.0
 """× the usual median distance of corners: a view beyond it weighs less at first, and gets another pose"""
-ROUNDS = 12
+ROUNDS = 20
+SETTLED = 0.02
+"""relative change of the prior's spreads from one round to the next that is none"""
 LEAST = 1e-4
 """px; corners are never better than that"""
 MEDIAN = 2 * np.log(2.0)
@@ -34,7 +39,8 @@ MEDIAN = 2 * np.log(2.0)
 @dataclass(frozen=True, eq=False)
 class Fit:
     """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` per frame, "" where used; `noise` px of one
-    axis beyond sigma; `weight` (N,) 1 / px; `scale`: mean square of the whitened residuals by the degrees of freedom."""
+    axis beyond sigma; `weight` (N,) 1 / px; `scale`: mean square of the whitened residuals by the degrees of freedom; `clustered`: the
+    covariance of what all frames share, by the scatter of whole views."""
 
     state: State
     arrow: Arrow
@@ -44,6 +50,7 @@ class Fit:
     noise: float
     weight: Array
     scale: float
+    clustered: Clustered
 
 
 def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
@@ -90,7 +97,7 @@ def _where_better(state: State, other: State, tried: Array, corners: Corners3, w
     if not len(mine):
         return state
     some, firm = corners.take(mine), weight[mine]
-    other = solve(other, some, firm, default_free(state, lens=False), "soft_l1", repeats=2).state
+    other = solve(other, some, firm, default_free(state, lens=False), "soft_l1", iterations=12).state
     costs = []
     for each in (state, other):
         square = np.nan_to_num((residuals(each, some) * firm[:, None]) ** 2, nan=BEHIND**2)
@@ -128,27 +135,44 @@ def _flipped(state: State, corners: Corners3, frames: Array) -> State:
     return replace(state, poses=poses)
 
 
-def fit(start: State, noise: float, corners: Corners3, sigma: Array, free: Array) -> Fit:
+def fit(
+    start: State,
+    noise: float,
+    corners: Corners3,
+    sigma: Array,
+    free: Array,
+    cluster: Array | None = None,
+    spacing: float = 1.0,
+) -> Fit:
     """Fit `free` (K,) shared parameters and all poses to `corners` with deviations `sigma` (N,) px, of which some are wrong.
 
     From a rough fit and its `noise`, rounds of: which corners and views agree with the solution, least squares of those, noise of
-    those; until the same ones agree.
+    those, and, if the board's shape is free, the spreads of its prior; until nothing changes. `cluster` (F,): frames of one number may err
+    together (default: each frame by itself). `spacing`: side of a square, m.
     """
-    state = start
+    shaped = bool(free[len(free) - start.shape.size :].any())
+    spread = Spread.first(spacing)
+    state = with_spread(start, spread) if shaped else start
     used, reasons = np.zeros(len(corners), bool), [""] * len(start.poses)
     for _ in range(ROUNDS):
-        before = used
-        used, reasons = _agreeing(residuals(state, corners), corners.frame, _weights(noise, sigma), len(start.poses))
+        before, former = used, spread
+        used, reasons = _agreeing(residuals(state, corners), corners.frame, noise, sigma, len(start.poses))
         weight = np.where(used, _weights(noise, sigma), 0.0)
         solution = solve(state, corners, weight, free)
         state = _with_poses(solution.state, corners, _weights(noise, sigma), [f for f, r in enumerate(reasons) if r])
-        noise = _noise(residuals(state, corners)[used], sigma[used], _unknowns(corners, used, free))
-        if (used == before).all():
+        noise = _noise(
+            residuals(state, corners)[used], sigma[used], _unknowns(state, solution.arrow, corners, used, free)
+        )
+        if shaped:
+            spread = likelier(state, solution.arrow.covariance[-state.shape.size :, -state.shape.size :], spacing)
+            state = with_spread(state, spread)
+        if (used == before).all() and spread.near(former, SETTLED):
             break
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())
-    scale = square / max(2 * int(used.sum()) - _unknowns(corners, used, free), 1)
-    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale)
+    scale = square / max(2 * int(used.sum()) - _unknowns(state, solution.arrow, corners, used, free), 1)
+    honest = clustered(state, corners, weight, free, solution.arrow, scale, cluster)
+    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest)
 
 
 def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int]) -> State:
@@ -157,24 +181,32 @@ def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int
     if not len(mine):
         return state
     nothing = default_free(state, lens=False)
-    state = solve(state, corners.take(mine), weight[mine], nothing, "soft_l1", repeats=2).state
+    state = solve(state, corners.take(mine), weight[mine], nothing, "soft_l1", iterations=12).state
     return _better_poses(state, corners.take(mine), weight[mine])
 
 
-def _unknowns(corners: Corners3, used: Array, free: Array) -> int:
-    return 6 * len(np.unique(corners.frame[used])) + int(free.sum())
+def _unknowns(state: State, arrow: Arrow, corners: Corners3, used: Array, free: Array) -> float:
+    """How many numbers the used corners determine: of parameters that a prior holds only the share that it leaves to the corners."""
+    precision = state.beforehand.precision[np.ix_(free, free)]
+    held = float(np.sum(precision * arrow.covariance))
+    return 6 * len(np.unique(corners.frame[used])) + int(free.sum()) - held
 
 
-def _weights(noise: float, sigma: Array) -> Array:
-    return 1 / np.sqrt(noise**2 + sigma**2)
+def _weights(noise: float | Array, sigma: Array) -> Array:
+    return np.asarray(1 / np.sqrt(noise**2 + sigma**2))
 
 
-def _agreeing(gaps: Array, frame: Array, weight: Array, frames: int) -> tuple[Array, list[str]]:
-    """Which corners agree with the solution, and for each frame why it as a whole doesn't, or ""."""
+def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int) -> tuple[Array, list[str]]:
+    """Which corners agree with the solution, and for each frame why it as a whole doesn't, or "".
+
+    Corners of one view err together (paper bends anew in every picture): a corner is judged by the scatter of its own view where that is
+    larger than the usual one.
+    """
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
-    miss = far * weight
-    good = miss < GATE
     px = _medians(gaps, frame, frames)
+    own = np.maximum(noise, np.minimum(px / np.sqrt(MEDIAN), CROOKED * noise))
+    good = far * _weights(own[frame], sigma) < GATE
+    miss = far * _weights(noise, sigma)
     reasons = [""] * frames
     for f in range(frames):
         mine = frame == f
@@ -205,7 +237,7 @@ def _median_noise(gaps: Array, sigma: Array) -> float:
     return _root(excess, float(np.sqrt(np.median(square[seen]) / MEDIAN)))
 
 
-def _noise(gaps: Array, sigma: Array, unknowns: int) -> float:
+def _noise(gaps: Array, sigma: Array, unknowns: float) -> float:
     """Noise px of one axis beyond `sigma` (N,), such that whitened residuals have the squares that their degrees of freedom promise."""
     square, freedom = (gaps**2).sum(axis=1), max(2 * len(gaps) - unknowns, 1)
 

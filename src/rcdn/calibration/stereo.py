@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
-from rcdn.calibration.labels import Size, bend, turn_labels
+from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
@@ -132,14 +132,18 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             at += len(view)
     joint = np.concatenate(ij)
     corners = Corners3(
-        np.concatenate(frame), np.concatenate(camera), joint * first.spacing, np.concatenate(xy), bend(joint, None)
+        np.concatenate(frame),
+        np.concatenate(camera),
+        joint * first.spacing,
+        np.concatenate(xy),
+        np.zeros((len(joint), 0)),
     )
     return _Task(seen, corners, np.concatenate(sigma), rows)
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
     poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
-    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), np.zeros(2))
+    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]))
 
 
 def _result(
@@ -151,7 +155,7 @@ def _result(
         raise CalibrationError(
             f"only {len(pairs)} pairs agree with each other: check that pictures are paired by moment"
         )
-    cov, T = covariance(fit.arrow, np.array(used), fit.scale), fit.state.rig[1]
+    cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)
     to_right = _motion_of_right(T, a, b, len(cov))
     keep = np.eye(len(cov))

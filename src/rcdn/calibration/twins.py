@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import choose
-from rcdn.calibration.bundle import Corners3, State, default_free, solve
+from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import AUTO
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.sight import off_axis, reach
+from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Calibration
 
@@ -145,13 +146,13 @@ def _joint(candidates: list[Both], pairs: Sequence[tuple[int, int]]) -> tuple[ch
     for both in candidates:
         views = [c.views[k] for c, s in zip(both, (left, right), strict=True) for k in s.views]
         poses = np.array([matrix(v) for v in views])
-        starts.append(State((both[0].camera, both[1].camera), poses, np.stack([np.eye(4)] * 2), np.zeros(2)))
+        starts.append(State((both[0].camera, both[1].camera), poses, np.stack([np.eye(4)] * 2)))
     return choose.Task(corners, weight, picture), starts
 
 
 def _arrays(seen: _Seen) -> tuple[Array, ...]:
     c = seen.corners
-    return c.frame, c.camera, c.board, c.xy, c.bend
+    return c.frame, c.camera, c.board, c.xy, c.basis
 
 
 def _seen(models: list[Calibration], camera: int, at: int, pictures: list[int]) -> _Seen:
@@ -167,7 +168,7 @@ def _seen(models: list[Calibration], camera: int, at: int, pictures: list[int]) 
     frame = np.repeat(at + np.arange(len(views)), lengths)
     xy, sigma = (np.concatenate([getattr(v, key) for v in chosen]) for key in ("xy", "sigma"))
     board = np.concatenate([v.ij for v in chosen]) * widest.spacing
-    corners = Corners3(frame, np.full(len(frame), camera), board, xy, np.zeros((len(frame), 2)))
+    corners = Corners3(frame, np.full(len(frame), camera), board, xy, np.zeros((len(frame), 0)))
     used = np.concatenate([v.used for v in chosen])
     weight = used / np.hypot(max(widest.noise, 1e-4), np.nan_to_num(sigma))
     return _Seen(views, corners, weight, np.repeat([pictures[k] for k in views], lengths))

@@ -2,25 +2,100 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from rcdn.calibration.bundle import Arrow
+from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.solver import Arrow, Linear
 from rcdn.errors import RcdnError
 from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration
 
+FEWEST_CLUSTERS = 3
+LEVERAGE_POWER, LEAST_LEFT = 0.75, 1e-4
+"""see `clustered`; least share of a direction that other clusters must tell"""
 
-def covariance(arrow: Arrow, frames: Array, scale: float) -> Array:
+
+@dataclass(frozen=True, eq=False)
+class Clustered:
+    """The covariance of K shared parameters by the scatter of whole views: `covariance` (K, K), and how many times larger than by the noise
+    of single corners it is, `inflation` (mean over the directions of the parameters' space)."""
+
+    covariance: Array
+    inflation: float
+
+
+def clustered(
+    state: State,
+    corners: Corners3,
+    weight: Array,
+    free: Array,
+    arrow: Arrow,
+    scale: float,
+    cluster: Array | None = None,
+) -> Clustered:
+    """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
+
+    An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
+    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^¾, between
+    the square root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe
+    side (CR3). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of
+    the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
+    """
+    here = Linear.of(state, corners, weight, free)
+    info, score = _by_cluster(here, cluster if cluster is not None else np.arange(here.frames))
+    if len(score) < FEWEST_CLUSTERS:
+        return Clustered(np.asarray(scale * arrow.covariance), 1.0)
+    rim = arrow.rim  # in its coordinates the whole information is the unit matrix
+    pulled = np.stack([_unleveraged(rim.T @ i @ rim, rim.T @ u) for i, u in zip(info, score, strict=True)])
+    meat = pulled.T @ pulled + rim.T @ here.precision @ rim
+    honest = np.asarray(rim @ meat @ rim.T)
+    return Clustered(honest, max(float(np.trace(meat)) / max(len(meat), 1) / max(scale, 1e-300), 1.0))
+
+
+def _unleveraged(leverage: Array, score: Array) -> Array:
+    """(1 − leverage)^−¾ score, for a symmetric `leverage` (K, K)."""
+    values, vectors = np.linalg.eigh((leverage + leverage.T) / 2)
+    return np.asarray(vectors @ ((vectors.T @ score) * np.maximum(1 - values, LEAST_LEFT) ** -LEVERAGE_POWER))
+
+
+def _by_cluster(here: Linear, cluster: Array) -> tuple[Array, Array]:
+    """Information (G, K, K) and scores (G, K) of the clusters that have corners, poses eliminated."""
+    _, number = np.unique(cluster, return_inverse=True)
+    info, score = [], []
+    present = np.abs(here.by_frame).sum(axis=(1, 2)) > 0
+    for g in range(int(number.max()) + 1):
+        mine = np.flatnonzero((number[here.frame] == g) & present)
+        if not len(mine):
+            continue
+        part = np.zeros((here.shared.shape[2], here.shared.shape[2]))
+        pull = np.zeros(len(part))
+        for f in np.unique(here.frame[mine]):
+            of = mine[here.frame[mine] == f]
+            J, S = here.by_frame[of].reshape(-1, 6), here.shared[of].reshape(2 * len(of), -1)
+            e = here.gaps[of].ravel()
+            basis, _ = np.linalg.qr(J)
+            S = S - basis @ (basis.T @ S)
+            part += S.T @ S
+            pull += S.T @ (e - basis @ (basis.T @ e))
+        info.append(part)
+        score.append(pull)
+    return np.array(info), np.array(score)
+
+
+def covariance(arrow: Arrow, frames: Array, scale: float, honest: Clustered) -> Array:
     """Covariance (K + 6, K + 6) of the K shared parameters and of the mean motion of the poses `frames` (F,) that were used.
 
-    `scale`: mean square of the whitened residuals.
+    `scale`: mean square of the whitened residuals. What a pose errs by itself is taken to be as many times larger than by the noise of
+    corners as what the parameters err by.
     """
     many = len(frames)
-    shared = arrow.rim @ arrow.rim.T
+    shared = honest.covariance
     reach = arrow.reach[frames].mean(axis=0)
-    own = np.einsum("fab,fcb->ac", arrow.own[frames], arrow.own[frames]) / many**2
+    own = scale * honest.inflation * np.einsum("fab,fcb->ac", arrow.own[frames], arrow.own[frames]) / many**2
     cross = -shared @ reach.T
-    return np.asarray(scale * np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
+    return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
 
 
 def motion_covariance(arrow: Arrow, frame: int, scale: float) -> Array:
@@ -34,7 +109,7 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
 
     The point stands `distance` m away, in front of boards that hold still: camera and boards were estimated together, and a turn of
     all boards that a shift of the principal point makes up for is no error (mrcal's projection uncertainty, mean-pcam). NaN where
-    the lens model has no ray. Of the noise of corners only: what the model can't follow isn't in it.
+    the lens model has no ray. It rests on how views disagree with each other; an error that is the same in all views isn't in it.
     """
     pixels = np.atleast_2d(np.asarray(pixels, float))
     if pixels.ndim != 2 or pixels.shape[1] != 2:
@@ -51,6 +126,27 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
     variance = np.einsum("nia,ab,nib->n", slopes, calibration.cov, slopes, optimize=True) / 2
     out = np.full(len(pixels), np.nan)
     out[seen] = np.sqrt(variance)
+    return out
+
+
+def projection_deviation(calibration: Calibration, pixels: Array) -> Array:
+    """Covariance (N, 2, 2), px², of where the camera sees the directions that it sees at `pixels` (N, 2), but for a rotation of all of them.
+
+    What a rotation of the camera does to all pixels is no error: the one that takes most away, by least squares over `pixels`, is taken out.
+    With it the difference of two calibrations after the best rotation can be compared. NaN where the lens model has no ray.
+    """
+    pixels = np.atleast_2d(np.asarray(pixels, float))
+    rays = unproject(calibration.camera, pixels)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    seen = np.isfinite(rays).all(axis=1)
+    _, by_point, by_camera = project_with_slopes(calibration.camera, rays[seen])
+    turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
+    flat = by_camera.reshape(len(turn), -1)
+    flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]
+    J = flat.reshape(by_camera.shape)
+    many = J.shape[2]
+    out = np.full((len(pixels), 2, 2), np.nan)
+    out[seen] = np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True)
     return out
 
 

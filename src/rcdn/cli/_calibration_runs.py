@@ -65,11 +65,11 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved for: the `spacing`, the lens `model`; of one camera the board's `warp`, views to `leave_out`, and what to `fix`."""
+    """What is solved for: the `spacing`, the lens `model`; of one camera whether the board is `flat`, views to `leave_out`, and what to `fix`."""
 
     spacing: Length
     model: str
-    warp: bool = False
+    flat: bool = False
     leave_out: tuple[str, ...] = ()
     fix: frozenset[str] = frozenset()
 
@@ -86,7 +86,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     run.check(got, problem.spacing)
     boards, names = _flat(got.images)
     done = calibrate(
-        boards, float(problem.spacing), names=names, model=problem.model, size=run.size, warp=problem.warp,
+        boards, float(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
         leave_out=problem.leave_out, fix=problem.fix,
     )  # fmt: skip
     done = advised(done)

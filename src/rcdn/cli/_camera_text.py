@@ -55,9 +55,10 @@ def camera_lines(calibration: Calibration) -> list[str]:
         lines.append(
             f"models, × the RMS of {c.models[0].model}: " + ", ".join(_model(m, c.models[0]) for m in c.models)
         )
-    if c.warp is not None and c.warp_std is not None:
-        bent = " and ".join(f"{1e3 * w:.2f} ± {1e3 * s:.2f} mm" for w, s in zip(c.warp, c.warp_std, strict=True))
-        lines.append(f"board bent by {bent} along its columns and rows")
+    if c.shape is not None:
+        lines.append(
+            f"board: corners {1e3 * c.shape.print_error:.3f} mm off their places in its plane, bent by {1e3 * c.shape.bend:.2f} mm"
+        )
     return lines
 
 

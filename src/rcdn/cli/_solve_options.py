@@ -1,4 +1,4 @@
-"""Options of `rcdn calibrate` on what is solved for: the lens model, the board's bend, pictures that are left out."""
+"""Options of `rcdn calibrate` on what is solved for: the lens model, the board's shape, pictures that are left out."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ BoardSize = Annotated[
         help="The board's inner corners: 10x7 squares are 9x6. Not needed; boards that can't be part of it are left out.",
     ),
 ]
-Warp = Annotated[bool, typer.Option("--warp", help="The board may be bent a little: solve for that, too.")]
+Flat = Annotated[bool, typer.Option("--flat", help="The board is perfect (glass, say): don't solve for its shape.")]
 LeaveOut = Annotated[
     list[str] | None,
     typer.Option(

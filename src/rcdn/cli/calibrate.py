@@ -20,7 +20,7 @@ from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
 from rcdn.cli._group import FAILED
 from rcdn.cli._options import CacheFolder, Frames, Jobs, NoCache, Pattern, PatternName
 from rcdn.cli._pair_file import PairFile, Pairs
-from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, LeaveOut, LensModel, Model, Warp
+from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
 from rcdn.cli._spacing import Spacing, check_length
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
@@ -38,7 +38,7 @@ def calibrate(
     spacing: Spacing,
     model: LensModel = Model.auto,
     board: BoardSize = None,
-    warp: Warp = False,
+    flat: Flat = False,
     fix_aspect: FixAspect = False,
     fix_principal_point: FixPrincipalPoint = False,
     leave_out: LeaveOut = None,
@@ -76,17 +76,17 @@ def calibrate(
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
     fix = frozenset(name for name, fixed in held.items() if fixed)
     if stereo:
-        _check_two(inputs, {"--warp": warp, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
+        _check_two(inputs, {"--flat": flat, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
-    if pattern is PatternName.deltille and (board is not None or warp or stereo):
-        raise ConfigError("--board, --warp and --stereo know boards of squares only; leave them out for a deltille")
+    if pattern is PatternName.deltille and (board is not None or stereo):
+        raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
     outputs.check(inputs if pairs is None else [*inputs, pairs])
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    problem = Problem(spacing, model.value, warp, tuple(leave_out or ()), fix)
+    problem = Problem(spacing, model.value, flat, tuple(leave_out or ()), fix)
     found = (
         two_cameras(run, inputs, problem, outputs, pair_file) if stereo else one_camera(run, inputs, problem, outputs)
     )

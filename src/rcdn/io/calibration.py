@@ -13,7 +13,7 @@ from rcdn.io.fields import nullable, number, numbers, read_text, take, two_whole
 from rcdn.io.files import write_text
 from rcdn.types import (
     LEVELS,
-    Array,
+    BoardShape,
     BoardView,
     Calibration,
     Level,
@@ -86,8 +86,7 @@ def _record(found: Calibration) -> dict[str, Any]:
         "spacing": float(found.spacing),
         "size": None if found.size is None else [int(n) for n in found.size],
         "orientation": found.orientation,
-        "warp": None if found.warp is None else nullable(found.warp),
-        "warp_std": None if found.warp_std is None else nullable(found.warp_std),
+        "shape": None if found.shape is None else nullable(found.shape.offsets),
         "noise": nullable(found.noise),
         "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
         "reasons": [] if found.verdict is None else [_reason_record(r) for r in found.verdict.reasons],
@@ -161,8 +160,7 @@ def _calibration(data: Any, where: str) -> Calibration:
         models=tuple(models),
         size=size,
         orientation=_orientation(data, where),
-        warp=_optional(data, "warp", where),
-        warp_std=_optional(data, "warp_std", where),
+        shape=_shape(data, where),
         advice=_texts(data, "advice", where),
         verdict=_verdict(data, where),
     )
@@ -190,6 +188,15 @@ def _level(record: Any, key: str, where: str) -> Level:
         if value == known:
             return known
     raise FormatError(f"{where}: {key!r} must be one of {', '.join(LEVELS)}, not {value!r}")
+
+
+def _shape(data: Any, where: str) -> BoardShape | None:
+    if data.get("shape") is None:
+        return None
+    offsets = numbers(data, "shape", where, finite=True)
+    if offsets.ndim != 3 or offsets.shape[2] != 3:
+        raise FormatError(f"{where}: 'shape' must have shape (rows, columns, 3), not {offsets.shape}")
+    return BoardShape(offsets)
 
 
 def _view(record: Any, where: str) -> BoardView:
@@ -224,10 +231,6 @@ def _known(record: Any, key: str, where: str) -> float:
     if not isinstance(record, dict) or key not in record:
         raise FormatError(f"{where}: {key!r} must be a number or null")
     return float(numbers({key: [record[key]]}, key, where, shape=(1,))[0])
-
-
-def _optional(record: dict[str, Any], key: str, where: str) -> Array | None:
-    return None if record.get(key) is None else numbers(record, key, where, shape=(2,))
 
 
 def _texts(record: dict[str, Any], key: str, where: str) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 """
 
 from rcdn.types.base import Array
+from rcdn.types.board_shape import BoardShape
 from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelScore, Reason, StereoCalibration, Verdict
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
@@ -14,6 +15,7 @@ __all__ = [
     "LEVELS",
     "Array",
     "Board",
+    "BoardShape",
     "BoardView",
     "Calibration",
     "Camera",

@@ -1,4 +1,4 @@
-"""`rcdn evaluate calibration` and `trust`: cameras, and whether their deviations hold."""
+"""`rcdn evaluate calibration`, `repeatability` and `trust`: cameras, and whether their deviations hold."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def calibration(
     detectors: Annotated[
         str, typer.Option(metavar="NAME,…", help="auto, paper, auto-fit, auto-first, and peers.")
     ] = "auto,paper,opencv,opencv-sb,boofcv-size",
-    warp: Annotated[bool, typer.Option("--warp", help="On common pictures, let the board be bent a little.")] = False,
+    shape: Annotated[
+        bool, typer.Option("--shape", help="On common pictures, solve for the shape of the board, too.")
+    ] = False,
     cache: Annotated[Path | None, typer.Option(metavar="DIR", help="Where detections are kept.")] = None,
     json: Json = None,
     markdown: Annotated[
@@ -54,10 +56,57 @@ def calibration(
     names = [name.strip() for name in detectors.split(",") if name.strip()]
     found, missing = suite.contestants(names, fingerprint, lambda salt: Cache(folder, salt))
     with bar("looking for boards") as step:
-        rows = suite.table(data, chosen := suite.chosen(sets or ()), found, missing, warp, step)
+        rows = suite.table(data, chosen := suite.chosen(sets or ()), found, missing, shape, step)
     if markdown is not None:
         write_text(markdown, suite.markdown(rows))
-    show(rows, json, "calibration", suite.settings_of(chosen, found, warp) | {"skipped": missing})
+    show(rows, json, "calibration", suite.settings_of(chosen, found, shape) | {"skipped": missing})
+
+
+def repeatability(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="The folder that holds the sets' folders.")],
+    sets: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME|NAME:PATTERN:COLSxROWS:MODEL",
+            help="A known set, or pictures of one camera; MODEL is what OpenCV's solver gets. May be given again; default: all "
+            "known sets of ten pictures and more.",
+        ),
+    ] = None,
+    splits: Annotated[int, typer.Option(min=1, help="Random splits of each set.")] = 8,
+    cache: Annotated[Path | None, typer.Option(metavar="DIR", help="Where detections are kept.")] = None,
+    json: Json = None,
+) -> None:
+    """Do cameras repeat, by as much as they state? Random halves of the photographs of one camera, calibrated apart.
+
+    `px`: how far the cameras of two halves differ over the area with corners after the best rotation (root mean square; `median px`
+    over the splits). `difference / stated`: difference of fx, fy, cx, cy ÷ what both state, root mean square (chance: 1), `within 1` the share
+    within one standard deviation (.683); the same of projections. `auto` is rcdn.calibrate, `opencv` is OpenCV's solver on the same corners.
+    """
+    from functools import partial
+
+    from rcdn.cli._cache import open_cache
+    from rcdn.cli._inputs import gather
+    from rcdn.config import DetectorConfig
+    from rcdn.evaluation import calibration as known
+    from rcdn.evaluation import repeatability as suite
+
+    check_files(json)
+    config = DetectorConfig()
+    chosen = known.chosen(sets or ())
+    found = []
+    with bar("calibrating") as step:
+        for k, cameras in enumerate(chosen):
+            images = gather([str(f) for f in cameras.files(data)], config, cache=open_cache(config, cache)).images
+            boards = [b for image in images for b in image.boards]
+            names = [image.path for image in images for _ in image.boards]
+            if sets or len(set(names)) >= suite.FEWEST:
+                solvers = {"auto": suite.ours, "opencv": partial(suite.opencv, model=cameras.model)}
+                found += [suite.repeat(cameras.name, boards, names, s, solve, splits) for s, solve in solvers.items()]
+            if step is not None:
+                step(k + 1, len(chosen))
+    rows = [suite.row(f) for f in found] + suite.summary(found)
+    show(rows, json, "repeatability", {"splits": splits, "sets": [c.name for c in chosen]})
 
 
 def trust(

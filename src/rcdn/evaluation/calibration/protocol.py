@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals, solve
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.choose import rms
-from rcdn.calibration.labels import bend
+from rcdn.calibration.shape import FUNCTIONS, Spread, shape_basis, with_spread
+from rcdn.calibration.solver import solve
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.errors import CalibrationError
 from rcdn.types import LENS, Array, Camera, CameraModel
@@ -28,13 +29,13 @@ FEWEST = 6
 @dataclass(frozen=True, eq=False)
 class Task:
     """Corners of one detector: `corners` of V views (one a picture), `weight` (N,) 1 / px, `used` (N,) bool, those that count; what is
-    fitted: the lens `model` and, if `warp`, a bend of the board; `start`: a rough camera and `T` (V, 4, 4) poses under it."""
+    fitted: the lens `model` and, if `shaped`, the shape of the board; `start`: a rough camera and `T` (V, 4, 4) poses under it."""
 
     corners: Corners3
     weight: Array
     used: Array
     model: CameraModel
-    warp: bool
+    shaped: bool
     start: Camera
     T: Array
 
@@ -52,7 +53,7 @@ def task_of(
     image_size: tuple[int, int],
     size: tuple[int, int],
     model: CameraModel,
-    warp: bool = False,
+    shaped: bool = False,
 ) -> Task:
     """Equal weights for all corners of `boards`: labels (M, 2) and pixels (M, 2) of each. Raises CalibrationError if one has no pose."""
     seen = [Seen(ij.astype(float), xy) for ij, xy in boards]
@@ -62,16 +63,22 @@ def task_of(
         raise CalibrationError("no pose fits one of the boards")
     frame = np.repeat(np.arange(len(seen)), [len(s.xy) for s in seen])
     ij = np.concatenate([b[0] for b in boards])
-    corners = Corners3(frame, 0 * frame, ij.astype(float), np.concatenate([s.xy for s in seen]), bend(ij, size))
-    return Task(corners, np.ones(len(frame)), np.ones(len(frame), bool), model, warp, start, T)
+    corners = Corners3(frame, 0 * frame, ij.astype(float), np.concatenate([s.xy for s in seen]), shape_basis(ij, size))
+    return Task(corners, np.ones(len(frame)), np.ones(len(frame), bool), model, shaped, start, T)
 
 
 def camera_of(task: Task, views: Sequence[int] | Array) -> State:
     """Lens and poses by least squares from the used corners of `views`."""
     camera = Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model)
-    state = State.mono(camera, task.T)
+    state = _start(task, camera)
     mine = task.of(views)
-    return solve(state, task.corners.take(mine), task.weight[mine], default_free(state, warp=task.warp)).state
+    return solve(state, task.corners.take(mine), task.weight[mine], default_free(state, shape=True)).state
+
+
+def _start(task: Task, camera: Camera) -> State:
+    """Where a fit begins: labels count squares, and a shape has its first prior."""
+    state = State.mono(camera, task.T, np.zeros((len(FUNCTIONS), 3)) if task.shaped else None)
+    return with_spread(state, Spread.first(1.0)) if task.shaped else state
 
 
 def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
@@ -83,7 +90,7 @@ def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
     T[np.asarray(views)] = poses(state.cameras[0], seen)
     lost = ~np.isfinite(T).all(axis=(1, 2))
     T[lost] = task.T[lost]
-    start = State.mono(state.cameras[0], T, state.warp)
+    start = replace(state, poses=T)
     return solve(start, corners, task.weight[mine], default_free(start, lens=False)).state
 
 
@@ -95,8 +102,8 @@ def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
 def without_outliers(task: Task) -> Task:
     """The task with the corners and views left out that disagree with the others, as `rcdn.calibrate` leaves them out."""
     none = np.zeros(len(task.corners))
-    state = State.mono(Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model), task.T)
-    free = default_free(state, warp=task.warp)
+    state = _start(task, Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model))
+    free = default_free(state, shape=True)
     fit = robust.fit(*robust.rough_fit(state, task.corners, none, free), task.corners, none, free)
     return replace(task, used=fit.used)
 
@@ -104,7 +111,7 @@ def without_outliers(task: Task) -> Task:
 def weighted(task: Task, sigma: Array) -> Task:
     """The task with each corner weighted by its `sigma` (N,) px and the noise beyond it that all show."""
     state = camera_of(task, range(task.views))
-    _, noise = robust.rough_fit(state, task.corners, sigma, default_free(state, warp=task.warp))
+    _, noise = robust.rough_fit(state, task.corners, sigma, default_free(state, shape=True))
     return replace(task, weight=1 / np.sqrt(noise**2 + sigma**2))
 
 

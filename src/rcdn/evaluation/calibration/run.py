@@ -42,7 +42,7 @@ def table(
     sets: Sequence[CameraSet],
     detectors: Sequence[Contestant],
     missing: dict[str, str] | None = None,
-    warp: bool = False,
+    shaped: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Row]:
     """Three rows for each set and detector, more where its sigma weighs, and rows `ALL` over the sets.
@@ -50,8 +50,8 @@ def table(
     `on` all: all boards that the detector found, outliers left out and counted. `on` common: the pictures in which everybody
     found the whole board, everybody's same corners with equal weights, none left out. `on` agreed: these without the corners
     that are outliers of any detector, the same ones for everybody. `on` with NAME: pictures in common with one that finds too
-    few whole boards. `missing`: detectors that can't run, and why: a row each. `warp`: on common pictures the boards may be
-    bent a little. `progress` is called with the pictures done and those to do. Raises ConfigError where a set has no
+    few whole boards. `missing`: detectors that can't run, and why: a row each. `shaped`: on common pictures the
+    shape of the board is solved for, too. `progress` is called with the pictures done and those to do. Raises ConfigError where a set has no
     pictures or nobody takes part.
     """
     if not detectors:
@@ -66,18 +66,18 @@ def table(
 
     for cameras in sets:
         found = look(cameras, data, detectors, step)
-        rows += _rows_on_all(cameras, found) + _rows_alike(cameras, found, warp)
+        rows += _rows_on_all(cameras, found) + _rows_alike(cameras, found, shaped)
     rows += _summary(rows)
     rows += [_row("-", "-", "-", name, note=reason) for name, reason in (missing or {}).items()]
     return rows
 
 
-def settings_of(sets: Sequence[CameraSet], detectors: Sequence[Contestant], warp: bool) -> dict[str, Any]:
+def settings_of(sets: Sequence[CameraSet], detectors: Sequence[Contestant], shaped: bool) -> dict[str, Any]:
     """What to write beside the figures."""
     return {
         "sets": {s.name: f"{s.pattern}, {s.size[0]}x{s.size[1]}, {s.model}" for s in sets},
         "detectors": {d.name: d.version for d in detectors},
-        "splits": SPLITS, "folds": FOLDS, "seed": SEED, "fewest pictures": FEWEST, "warp": warp,
+        "splits": SPLITS, "folds": FOLDS, "seed": SEED, "fewest pictures": FEWEST, "shape": shaped,
         "error": "root of the mean squared length of observed - projected, px",
     }  # fmt: skip
 
@@ -140,13 +140,13 @@ def largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
 # ---- like for like
 
 
-def _rows_alike(cameras: CameraSet, found: Found, warp: bool) -> list[Row]:
+def _rows_alike(cameras: CameraSet, found: Found, shaped: bool) -> list[Row]:
     """Rows on common and agreed; who finds too few whole boards for that is compared with the first of the others alone."""
     many = core({n: {k for k, g in enumerate(p) if whole(g, cameras.size) is not None} for n, p in found.grids.items()})
-    rows = _rows_on_common(cameras, found.of(many), warp, COMMON, AGREED)
+    rows = _rows_on_common(cameras, found.of(many), shaped, COMMON, AGREED)
     for name in found.grids:
         if name not in many:
-            rows += _rows_on_common(cameras, found.of([many[0], name]), warp, f"with {name}")
+            rows += _rows_on_common(cameras, found.of([many[0], name]), shaped, f"with {name}")
     return rows
 
 
@@ -160,7 +160,7 @@ def core(wholes: Mapping[str, set[Any]]) -> list[str]:
     return [n for n in wholes if n in judged or (n in OURS and n != "auto" and wholes[n] >= shared)]
 
 
-def _rows_on_common(cameras: CameraSet, found: Found, warp: bool, on: str, agreed_on: str = "") -> list[Row]:
+def _rows_on_common(cameras: CameraSet, found: Found, shaped: bool, on: str, agreed_on: str = "") -> list[Row]:
     same = common(found, cameras.size)
     note = f"{same.disputed} pictures disputed" if same.disputed else ""
     counts = {"pictures": len(found.names), "views": len(same.index), "corners": len(same.index) * len(same.ij)}
@@ -168,7 +168,7 @@ def _rows_on_common(cameras: CameraSet, found: Found, warp: bool, on: str, agree
     if len(same.index) < FEWEST:
         note = "; ".join(filter(None, [note, "too few pictures in common"]))
         return [_row(cameras.name, cameras.model, on, n, counts, note=note) for n in found.grids]
-    tasks = _tasks(cameras, found.image_size, same, warp)
+    tasks = _tasks(cameras, found.image_size, same, shaped)
     rows = _judged(cameras, tasks, on, counts, note)
     if not agreed_on:
         return rows
@@ -187,12 +187,12 @@ def _judged(cameras: CameraSet, tasks: dict[str, Task], on: str, counts: dict[st
     ]
 
 
-def _tasks(cameras: CameraSet, image_size: tuple[int, int], same: Common, warp: bool) -> dict[str, Task]:
+def _tasks(cameras: CameraSet, image_size: tuple[int, int], same: Common, shaped: bool) -> dict[str, Task]:
     """By detector, everybody's corners with equal weights; ours also weighted by sigma."""
     tasks = {}
     for name, xy in same.xy.items():
         boards = [(same.ij, spots) for spots in xy]
-        tasks[name] = task_of(boards, image_size, cameras.size, cameras.model, warp)
+        tasks[name] = task_of(boards, image_size, cameras.size, cameras.model, shaped)
         if name == "auto" and name in same.sigma:
             tasks[WEIGHTED] = weighted(tasks[name], same.sigma[name].ravel())
     return tasks

@@ -188,12 +188,13 @@ def _board(calibration: Calibration) -> Html:
     rows: list[tuple[str, str]] = [("size", size), ("spacing", f"{number(1000 * calibration.spacing, 4)} mm")]
     if calibration.orientation:
         rows.append(("orientation", turn[calibration.orientation]))
-    if calibration.warp is None:
-        rows.append(("warp", "taken as flat"))
+    if calibration.shape is None:
+        rows.append(("shape", "taken as perfect"))
     else:
-        std = calibration.warp_std if calibration.warp_std is not None else np.full(2, np.nan)
-        for name, value, spread in zip(("warp along columns", "warp along rows"), calibration.warp, std, strict=True):
-            rows.append((name, "{} ± {} mm".format(*value_and_std(1000 * float(value), 1000 * float(spread)))))
+        rows.append(
+            ("corners off their places in the plane (RMS)", f"{number(1000 * calibration.shape.print_error, 2)} mm")
+        )
+        rows.append(("bend, from the lowest corner to the highest", f"{number(1000 * calibration.shape.bend, 2)} mm"))
     rows += [("scatter of corners beyond their own sigma", f"{number(calibration.noise, 2)} px along an axis")]
     body = each([tag("tr", tag("th", n, scope="row"), tag("td", v)) for n, v in rows])
     return tag("div", tag("table", tag("caption", "The board"), tag("tbody", body)), class_="card wide")

@@ -1,0 +1,201 @@
+"""Least squares for cameras, poses and a board's shape: Levenberg–Marquardt on normal equations whose poses are eliminated.
+
+The normal matrix is an arrow: a block of 6 a frame (a board's pose) and a border of what all frames share (lenses, the second camera's
+place, the board's shape). The poses are eliminated by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
+from rcdn.types import Array
+
+RIDGE = 1e-10
+"""× the largest of a block's diagonal: keeps what nothing determines from stopping the solver; its variance is huge then"""
+ITERATIONS, ENOUGH = 60, 1e-9
+"""steps at most; the share of the cost that is too little to go on for"""
+DAMPING, STRONGEST = 1e-6, 1e8
+"""of Levenberg–Marquardt at the start, and where it gives up"""
+BEHIND = 1e3
+"""whitened residual of a corner that the camera can't see"""
+SCALE = 2.0
+"""whitened residual from which on the loss `soft_l1` grows linearly"""
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """Inverse Cholesky factor of the normal matrix, as blocks: x_frame = `own` y_frame − `reach` x_shared, x_shared = `rim` y_shared.
+
+    `own` (F, 6, 6), `reach` (F, 6, K), `rim` (K, K); with unit noise the covariance of x is the factor times its transpose.
+    """
+
+    own: Array
+    reach: Array
+    rim: Array
+
+    @classmethod
+    def of(
+        cls, by_frame: Array, shared: Array, frame: Array, frames: int, precision: Array, damping: float = 0.0
+    ) -> Arrow:
+        """From whitened Jacobians (N, 2, 6) and (N, 2, K), and the `precision` (K, K) of the prior. `damping`: share added to the diagonal."""
+        joint = np.concatenate([by_frame, shared], axis=2)
+        blocks = _by_frame(np.einsum("nia,nib->nab", by_frame, joint, optimize=True), frame, frames)
+        own = _inverse_factor(_damped(blocks[:, :, :6], damping))
+        reach = own @ (own.transpose(0, 2, 1) @ blocks[:, :, 6:])
+        flat = shared.reshape(2 * len(shared), shared.shape[2])
+        whole = _damped((flat.T @ flat + precision)[None], damping)[0]
+        rim = whole - np.einsum("fak,fal->kl", blocks[:, :, 6:], reach, optimize=True)
+        return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
+
+    @property
+    def covariance(self) -> Array:
+        """(K, K) of the shared parameters at unit noise."""
+        return np.asarray(self.rim @ self.rim.T)
+
+    def solve(self, by_frame: Array, shared: Array) -> tuple[Array, Array]:
+        """(F, 6) and (K,): the inverse of the normal matrix times a gradient `by_frame` (F, 6), `shared` (K,)."""
+        rest = shared - np.einsum("fak,fa->k", self.reach, by_frame)
+        x = self.rim @ (self.rim.T @ rest)
+        own = (self.own @ (self.own.transpose(0, 2, 1) @ by_frame[:, :, None]))[..., 0]
+        return own - self.reach @ x, x
+
+
+def _by_frame(values: Array, frame: Array, frames: int) -> Array:
+    """(F, …) sums of `values` (N, …) over the corners of each frame."""
+    out = np.zeros((frames, *values.shape[1:]))
+    order = np.argsort(frame, kind="stable")
+    present, starts = np.unique(frame[order], return_index=True)
+    if len(present):
+        out[present] = np.add.reduceat(values[order], starts, axis=0)
+    return out
+
+
+def _damped(blocks: Array, damping: float) -> Array:
+    """`blocks` (F, n, n) with their diagonals longer by the share `damping`."""
+    if not damping:
+        return blocks
+    out, n = blocks.copy(), np.arange(blocks.shape[-1])
+    out[:, n, n] *= 1 + damping
+    return out
+
+
+def _inverse_factor(blocks: Array, whole: Array | None = None) -> Array:
+    """Inverse of the upper Cholesky factor of symmetric `blocks` (F, n, n); a ridge where they are singular.
+
+    `whole` (n,): the diagonal before other unknowns were eliminated; what is left of it may be all rounding. What no corner
+    tells of gets zeros: it won't move.
+    """
+    if not blocks.shape[-1]:
+        return blocks
+    diagonal = np.einsum("fii->fi", blocks)
+    floor = 1e-13 * (diagonal if whole is None else whole[None])
+    told = floor > 0
+    unit = np.sqrt(np.where(told, np.maximum(diagonal, floor), 1.0))
+    scaled = blocks / (unit[:, :, None] * unit[:, None, :])
+    values, vectors = np.linalg.eigh((scaled + scaled.transpose(0, 2, 1)) / 2)
+    root = np.sqrt(np.maximum(values, RIDGE))[:, :, None] * vectors.transpose(0, 2, 1)
+    inverse = np.linalg.inv(np.linalg.qr(root, mode="r")) / unit[:, :, None]
+    return np.asarray(inverse * told[:, :, None] * told[:, None, :])
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The problem at one state: whitened `gaps` (N, 2) observed − projected, Jacobians `by_frame` (N, 2, 6) and `shared` (N, 2, K') of the free
+    parameters, `frame` (N,) of F `frames`; `precision` (K', K') and `pull` (K',) of the prior."""
+
+    gaps: Array
+    by_frame: Array
+    shared: Array
+    frame: Array
+    frames: int
+    precision: Array
+    pull: Array
+
+    @classmethod
+    def of(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str = "linear") -> Linear:
+        """Corners that a camera can't see tell nothing."""
+        xy, by_frame, shared = linearise(state, corners)
+        gaps = (corners.xy - xy) * weight[:, None]
+        blind = ~np.isfinite(gaps).all(axis=1)
+        firm = np.where(blind, 0.0, weight)
+        if loss == "soft_l1":
+            calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
+            by_frame, shared = by_frame * calm[:, :, None], shared * calm[:, :, None]
+            gaps = gaps * calm
+        gaps[blind] = 0.0
+        shared = shared[:, :, free]
+        by_frame, shared = (np.nan_to_num(a) * firm[:, None, None] for a in (by_frame, shared))
+        prior = state.beforehand
+        pull = -prior.gradient(state.values)[free]
+        return cls(gaps, by_frame, shared, corners.frame, len(state.poses), prior.precision[np.ix_(free, free)], pull)
+
+    def arrow(self, damping: float = 0.0) -> Arrow:
+        """Of its normal matrix."""
+        return Arrow.of(self.by_frame, self.shared, self.frame, self.frames, self.precision, damping)
+
+    @property
+    def gradient(self) -> tuple[Array, Array]:
+        """(F, 6) and (K',) by which the cost falls."""
+        by_frame = _by_frame(np.einsum("nia,ni->na", self.by_frame, self.gaps), self.frame, self.frames)
+        return by_frame, np.einsum("nik,ni->k", self.shared, self.gaps) + self.pull
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """`state` at the least squares; `arrow` there: with the weights' noise the covariance's factor."""
+
+    state: State
+    arrow: Arrow
+
+
+def solve(
+    start: State,
+    corners: Corners3,
+    weight: Array,
+    free: Array | None = None,
+    loss: str = "linear",
+    iterations: int = ITERATIONS,
+) -> Solution:
+    """The `State` that makes the sum of squares of `weight` (N,) × (observed − projected) (N, 2), and of its prior, least, from `start`.
+
+    `free` (K,) bool: which shared parameters may change (default: the lenses'). `loss`: linear or soft_l1 (by axis, its scale at 2).
+    A frame without corners keeps its pose.
+    """
+    free = default_free(start) if free is None else free
+    state, cost, damping = start, _cost(start, corners, weight, free, loss), DAMPING
+    for _ in range(iterations):
+        here = Linear.of(state, corners, weight, free, loss)
+        other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
+        gain = (cost - less) / max(cost, 1e-300)
+        state, cost = other, less
+        if gain < ENOUGH:
+            break
+    return Solution(state, Linear.of(state, corners, weight, free).arrow())
+
+
+def _step(
+    state: State, here: Linear, cost: float, damping: float, corners: Corners3, weight: Array, free: Array, loss: str
+) -> tuple[State, float, float]:
+    """The next state, its cost and the damping to go on with; `state` itself if no step lowers the cost."""
+    gradient = here.gradient
+    while damping < STRONGEST:
+        by_frame, some = here.arrow(damping).solve(*gradient)
+        shared = np.zeros(len(free))
+        shared[free] = some
+        other = state.moved(by_frame, shared)
+        less = _cost(other, corners, weight, free, loss)
+        if less <= cost:
+            return other, less, max(damping / 10, 1e-9)
+        damping *= 10
+    return state, cost, DAMPING
+
+
+def _cost(state: State, corners: Corners3, weight: Array, free: Array, loss: str) -> float:
+    gaps = residuals(state, corners) * weight[:, None]
+    gaps[~np.isfinite(gaps).all(axis=1)] = BEHIND
+    square = gaps[weight > 0] ** 2
+    total = square.sum() if loss == "linear" else 2 * SCALE**2 * (np.sqrt(1 + square / SCALE**2) - 1).sum()
+    return float(total) + state.beforehand.cost(state.values)
