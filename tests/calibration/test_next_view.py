@@ -66,8 +66,8 @@ def test_a_parameter_that_is_fixed_stays_so():
 @pytest.fixture(scope="module")
 def middling():
     """Boards in the middle of the frame only."""
-    boards, _ = random_boards(BROWN, 7, 10, noise=NOISE, whole=True, spread=0.12)
-    return boards, calibrate(boards, SPACING, model="brown")
+    boards, _ = random_boards(BROWN, 7, 30, noise=NOISE, whole=True, spread=0.12)
+    return boards, calibrate(boards, SPACING, model="brown", flat=True)
 
 
 def test_the_picture_brings_what_is_promised(middling):
@@ -82,11 +82,12 @@ def test_the_picture_brings_what_is_promised(middling):
         ij, xy = see(BROWN, T)
         xy = xy + np.random.default_rng(1).normal(0, NOISE, xy.shape)
         extra = board(ij - ij.min(axis=0), xy, BROWN.image_size, np.full(len(xy), NOISE))
-        again = calibrate([*boards, extra], SPACING, model="brown")
+        again = calibrate([*boards, extra], SPACING, model="brown", flat=True)
         return float(np.nanmax(projection_uncertainty(again, module._judged(calibration)[0])))
 
     held = worst(found.pose.T_cam_board)
-    assert held == pytest.approx(found.after, rel=0.35)
+    # a view that alone tells of a corner of the frame is trusted less than its information says: nothing confirms it
+    assert 0.65 * found.after < held < 2.2 * found.after
     assert held < 0.6 * worst(calibration.views[0].pose.T_cam_board)
 
 

@@ -78,7 +78,7 @@ def weight_of(calibration: Calibration) -> float:
 def share_told(calibration: Calibration, prior: Prior) -> float:
     """By what the information of a view, as if its corners erred independently, is to be multiplied so that the used views together bring
     what `calibration.cov` states: residuals of one view are correlated, and a view tells less than its corners seem to."""
-    if not any(v.used.any() for v in calibration.used_views):
+    if not any(v.used.any() for v in calibration.used_views) or any(v.pose is None for v in calibration.used_views):
         return 1.0
     total = view_information(calibration).information.sum(axis=0)
     told = float(np.trace(prior.root.T @ total @ prior.root)) / max(prior.root.shape[1], 1)

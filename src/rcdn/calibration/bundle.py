@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation
-from rcdn.types import Array, Camera
+from rcdn.types import LENS, Array, Camera
 
 DENOMINATOR = 1.0
 """prior standard deviation of k4, k5 and k6 of a rational lens: numerator and denominator may share a factor that no picture tells"""
+RADIAL, TANGENTIAL = 1.0, 0.1
+"""prior standard deviations of the other coefficients of a lens: real ones are several times smaller, and what the corners don't tell stays 0"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +97,35 @@ class State:
         )
 
 
+FIRM = 1e10
+"""1 / px², precision of what is held fixed: to 0.01 thousandths of a pixel"""
+
+
 def lens_prior(state: State) -> Prior:
-    """What is known of the lenses beforehand: the denominator of a rational one is small."""
+    """What is known of the lenses beforehand: their coefficients are small. A polynomial that no corner holds would fold where none was seen."""
     precision, at = np.zeros(sum(state.counts)), 0
     for camera in state.cameras:
-        if camera.model == "rational":
-            precision[at + 9 : at + 12] = 1 / DENOMINATOR**2
+        for k, name in enumerate(LENS[camera.model][: len(camera.distortion)]):
+            denominator = name in ("k4", "k5", "k6") and camera.model == "rational"
+            spread = DENOMINATOR if denominator else TANGENTIAL if name.startswith("p") else RADIAL
+            precision[at + 4 + k] = 1 / spread**2
         at += len(camera.parameters)
     return Prior(np.zeros(len(precision)), np.diag(precision))
+
+
+def with_fixed(state: State, fixed: Collection[str]) -> State:
+    """`state` of one camera whose `aspect` (fx = fy) or `principal_point` (the middle of the picture) is `fixed`, by a prior that no corner moves."""
+    if not fixed:
+        return state
+    (camera,), prior = state.cameras, lens_prior(state)
+    mean, precision, K = prior.mean.copy(), prior.precision.copy(), camera.K.copy()
+    if "aspect" in fixed:
+        K[0, 0] = K[1, 1] = (K[0, 0] + K[1, 1]) / 2
+        precision[:2, :2] += FIRM * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    if "principal_point" in fixed:
+        K[:2, 2] = mean[2:4] = (np.array(camera.image_size) - 1) / 2
+        precision[[2, 3], [2, 3]] += FIRM
+    return replace(state, cameras=(replace(camera, K=K),), prior=Prior(mean, precision))
 
 
 def _move(T: Array, motions: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.calibration import choose, robust
 from rcdn.calibration.advice import judged
-from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.bundle import Corners3, State, default_free, with_fixed
 from rcdn.calibration.cut import whole_size
 from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, in_line, mirrored, orientation_of, settle
@@ -74,8 +74,8 @@ def calibrate(
     a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
     board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
     `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `flat`: the board is known to
-    be perfect, a glass one, say; by default its shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
+    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `flat`: the board is known to be
+    perfect, a glass one, say; by default its shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
     `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
     `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
 
@@ -84,8 +84,7 @@ def calibrate(
     Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
     _check(boards, spacing, names, model, size)
-    if fixed := check_fix(fix):
-        raise ConfigError(f"fix: the solver can't hold {' and '.join(sorted(fixed))} yet")
+    fixed = check_fix(fix)
     names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
     if leave_out:
         from rcdn.calibration.by_hand import without  # which rests on this module
@@ -103,7 +102,7 @@ def calibrate(
     start = first_camera(task.seen, image_size)
     task, T = _with_poses(task, poses(start, task.seen))
     models = AUTO if model == "auto" else (model,)
-    fits = _fits(task, models, start, T, spacing, shaped=not flat and task.settled >= FEWEST_SHAPED)
+    fits = _fits(task, models, start, T, spacing, fixed, shaped=not flat and task.settled >= FEWEST_SHAPED)
     chosen, scores = _choose(task, fits)
     done = _result(task, boards, labels, names, fits[chosen], whole, scores, spacing)
     _believable(done)
@@ -275,12 +274,13 @@ def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
 
 
 def _fits(
-    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, shaped: bool
+    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, fixed: frozenset[str], shaped: bool
 ) -> dict[str, robust.Fit]:
     """Fits of the models that come near the best; the others are no lens for these corners."""
     rough = {}
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
+        state = with_fixed(state, fixed)
         rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state))
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
@@ -288,7 +288,7 @@ def _fits(
     cluster = alike(task.corners, start.image_size, _pictures(task))
     fits = {}
     for m, (state, noise) in near.items():
-        state = replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)))
+        state = with_fixed(replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)), prior=None), fixed)
         free = default_free(state, shape=shaped)
         fits[m] = robust.fit(state, noise, task.corners, task.sigma, free, cluster, spacing)
     return fits

@@ -15,22 +15,21 @@ SIGMAS = 3.0
 
 
 def board(c: Calibration, facts: Facts) -> list[Reason]:
-    """A print that is stretched, and a board that is bent alike in all views; nothing where it can't be told."""
+    """A print that is stretched, and a board that is bent alike in all views: solved for, but worth a word; nothing where it can't be told."""
     b = facts.board
-    if not np.isfinite(b.stretched):
+    if not np.isfinite(b.stretch):
         return []
     way = "wider" if b.stretch > 0 else "less wide"
-    side = 1e3 * (max(c.size or (1, 1)) - 1) * c.spacing
-    along = f"{b.bend[0] * side:.1f} mm along its columns and {b.bend[1] * side:.1f} mm along its rows"
+    bend = 1e3 * b.bend * (max(c.size or (1, 1)) - 1) * c.spacing
     return [
         reason(
-            "stretched", b.stretched, f"The print's squares are square, to {max(abs(b.stretch), SIGMAS * b.stretch_std):.1%}.",
-            f"The board's squares aren't square: {abs(b.stretch):.1%} (± {b.stretch_std:.1%}) {way} than high.",
+            "stretched", abs(b.stretch), f"The print's squares are square, to {max(abs(b.stretch), 1e-4):.2%}.",
+            f"The board's squares aren't square: {abs(b.stretch):.1%} {way} than high. The lens is right, lengths in poses may be off by that.",
             "Measure the print both ways, and print it again without scaling.",
         ),
         reason(
-            "bent", b.bent, "The board is flat, as far as the pictures tell.", f"The board is bent: its middle stands out by {along}.",
-            "Put it on something flat and stiff, or calibrate without --flat.",
+            "bent", b.bend, f"The board is flat, to {bend:.2g} mm.", f"The board is bent by {bend:.2g} mm. The camera takes that into account.",
+            "A board on something flat and stiff makes a better camera.",
         ),
     ]  # fmt: skip
 

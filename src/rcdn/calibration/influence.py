@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.board_points import board_points, pattern_of
+from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.bundle import Corners3, State, linearise
-from rcdn.types import Array, BoardView, Calibration, Camera
+from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.types import Array, BoardView, Calibration, plane_points
 
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
@@ -63,27 +64,21 @@ class ViewInformation:
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
     pattern = pattern_of(calibration)
-    points, xy, sigma = (
-        np.concatenate([a[m] for a, m in zip(arrays, masks, strict=True)])
-        for arrays in (
-            [board_points(calibration, v, pattern) for v in views],
-            [v.xy for v in views],
-            [v.sigma for v in views],
-        )
+    ij, xy, sigma = (
+        np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
+        for name in ("ij", "xy", "sigma")
     )
     frame = np.repeat(np.arange(len(views)), [int(m.sum()) for m in masks])
-    # what is out of the plane is one function that the state's shape takes once
-    return Corners3(frame, np.zeros(len(frame), int), points[:, :2], xy, points[:, 2:]), np.nan_to_num(sigma)
-
-
-def state_with(camera: Camera, poses: Array) -> State:
-    """The state of `camera` and the `poses` of the boards' known shape, for corners of `corners_of`."""
-    return State.mono(camera, poses, np.array([[0.0, 0.0, 1.0]]))
+    known = np.repeat([calibration.shape is not None and v.settled for v in views], [int(m.sum()) for m in masks])
+    board, basis = plane_points(ij, pattern) * calibration.spacing, np.zeros((len(ij), 1))
+    board[known], basis[known] = on_shape(board[known], ij[known], calibration.shape)
+    return Corners3(frame, np.zeros(len(frame), int), board, xy, basis), np.nan_to_num(sigma)
 
 
 def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:
     """The camera and the poses of `views`, all of which have one."""
-    return state_with(calibration.camera, np.stack([v.pose.T_cam_board for v in views if v.pose is not None]))
+    poses = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
+    return State.mono(calibration.camera, poses, KNOWN)
 
 
 def view_information(calibration: Calibration) -> ViewInformation:

@@ -99,12 +99,12 @@ LIMITS = {
         "Focal length to 5 %, principal point to 5 % of the diagonal, fx ÷ fy to 3 %: what views don't agree on any better isn't known.",
     ),
     "stretched": Limit(
-        "Squares wider than high, beyond three standard deviations", "share", 0.005, 0.015, NEVER,
-        "Printers stretch by a few thousandths; what is beyond goes into fx and fy, or into poses.",
+        "Squares wider than high", "share", 0.005, 0.015, NEVER,
+        "Printers stretch by a few thousandths; the shape of the board is solved for, but lengths in poses may be off by it.",
     ),
     "bent": Limit(
-        "Bend of the board, share of its side, beyond three standard deviations", "share", 0.002, 0.008, NEVER,
-        "Paper on cardboard stands out by 1 mm in 300; lens and focal length make up for it, and are wrong by it.",
+        "Bend of the board, share of its side", "share", 0.005, 0.02, NEVER,
+        "Paper on cardboard stands out by 1 mm in 300, which is solved for; a strongly bent board bends anew in every picture, too.",
     ),
     "left_out": Limit(
         "Views left out", "share", 0.1, 0.15, 0.5,

@@ -8,6 +8,7 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.calibrate import check_spacing, sigma_of
+from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import motion_covariance
 from rcdn.errors import CalibrationError, ConfigError
@@ -61,14 +62,12 @@ def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Co
             f"{board.size[0]}×{board.size[1]}: leave it out"
         )
     zero = np.zeros(len(board), int)
-    offsets = np.zeros((len(board), 3)) if shape is None else shape.at(board.ij)
-    sigma = np.nan_to_num(sigma_of(board))
-    # what is out of the plane is one function that the state's shape takes once
-    return Corners3(zero, zero, board.points * spacing + offsets[:, :2], board.xy, offsets[:, 2:]), sigma
+    places, basis = on_shape(board.points * spacing, board.ij, shape)
+    return Corners3(zero, zero, places, board.xy, basis), np.nan_to_num(sigma_of(board))
 
 
 def _state(camera: Camera, T: Array) -> State:
-    return State.mono(camera, T[None], np.array([[0.0, 0.0, 1.0]]))
+    return State.mono(camera, T[None], KNOWN)
 
 
 def _starts(camera: Camera, corners: Corners3) -> list[Array]:

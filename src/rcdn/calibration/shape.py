@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from rcdn.calibration.bundle import Prior, State, lens_prior
+from rcdn.calibration.bundle import Prior, State
 from rcdn.types import Array, BoardShape
 
 Size = tuple[int, int]
@@ -63,7 +63,7 @@ class Spread:
 
 def with_spread(state: State, spread: Spread) -> State:
     """`state` with a prior of these spreads on its shape, beside that of its lenses."""
-    lens = lens_prior(State(state.cameras, state.poses, state.rig, state.shape))
+    lens = state.beforehand
     each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
     at = len(lens.mean) - state.shape.size
     precision = lens.precision.copy()
@@ -79,15 +79,17 @@ def likelier(state: State, covariance: Array, spacing: float) -> Spread:
 
 
 def board_shape(coefficients: Array, size: Size) -> BoardShape:
-    """The shape of `coefficients` (B, 3) m at all corners of a board of `size`, without what a motion of the board or its size explain."""
+    """The shape of `coefficients` (B, 3) m at all corners of a board of `size`."""
     ij = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
-    offsets = shape_basis(ij, size) @ coefficients
-    x, y = (ij - ij.mean(axis=0)).T
-    one, none = np.ones(len(x)), np.zeros(len(x))
-    motions = np.concatenate([np.stack([one, none, x, -y], axis=1), np.stack([none, one, y, x], axis=1)])
-    plane = offsets[:, :2].T.ravel()
-    plane = plane - motions @ np.linalg.lstsq(motions, plane, rcond=None)[0]
-    tilts = np.stack([one, x, y], axis=1)
-    depth = offsets[:, 2] - tilts @ np.linalg.lstsq(tilts, offsets[:, 2], rcond=None)[0]
-    rest = np.column_stack([plane.reshape(2, -1).T, depth])
-    return BoardShape(rest.reshape(size[1], size[0], 3))
+    return BoardShape((shape_basis(ij, size) @ coefficients).reshape(size[1], size[0], 3))
+
+
+KNOWN = np.array([[0.0, 0.0, 1.0]])
+"""(1, 3) the shape of a state whose board is known: one function, the corners' height, taken once"""
+
+
+def on_shape(nominal: Array, ij: Array, shape: BoardShape | None) -> tuple[Array, Array]:
+    """Where corners are on a board of known `shape` (None: perfect): `board` (N, 2) m from their `nominal` places (N, 2) m and labels `ij`
+    (N, 2), and the `basis` (N, 1) of a state with the shape KNOWN."""
+    offsets = np.zeros((len(ij), 3)) if shape is None else shape.at(ij)
+    return nominal + offsets[:, :2], offsets[:, 2:]

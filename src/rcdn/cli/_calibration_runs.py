@@ -65,7 +65,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved for: the `spacing`, the lens `model`; of one camera whether the board is `flat`, views to `leave_out`, and what to `fix`."""
+    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, and what to `fix`."""
 
     spacing: Length
     model: str

@@ -166,6 +166,15 @@ def _calibration(data: Any, where: str) -> Calibration:
     )
 
 
+def _shape(data: Any, where: str) -> BoardShape | None:
+    if data.get("shape") is None:
+        return None
+    offsets = numbers(data, "shape", where, finite=True)
+    if offsets.ndim != 3 or offsets.shape[2] != 3:
+        raise FormatError(f"{where}: 'shape' must have shape (rows, columns, 3), not {offsets.shape}")
+    return BoardShape(offsets)
+
+
 def _verdict(data: dict[str, Any], where: str) -> Verdict | None:
     """None where the file has none: it was written before calibrations were judged."""
     if data.get("verdict") is None:
@@ -188,15 +197,6 @@ def _level(record: Any, key: str, where: str) -> Level:
         if value == known:
             return known
     raise FormatError(f"{where}: {key!r} must be one of {', '.join(LEVELS)}, not {value!r}")
-
-
-def _shape(data: Any, where: str) -> BoardShape | None:
-    if data.get("shape") is None:
-        return None
-    offsets = numbers(data, "shape", where, finite=True)
-    if offsets.ndim != 3 or offsets.shape[2] != 3:
-        raise FormatError(f"{where}: 'shape' must have shape (rows, columns, 3), not {offsets.shape}")
-    return BoardShape(offsets)
 
 
 def _view(record: Any, where: str) -> BoardView:

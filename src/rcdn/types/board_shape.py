@@ -13,7 +13,7 @@ from rcdn.types.base import Array, freeze
 @dataclass(frozen=True, eq=False)
 class BoardShape:
     """`offsets` (rows, columns, 3) m: how far each inner corner of a board lies off its place on the perfect plane, along the board's x, y and
-    normal (away from the camera). The same in all views; what a motion of the board or its size would explain isn't in it."""
+    normal (away from the camera), the same in all views. A part of it may be a motion of the whole board, which belongs to its pose."""
 
     offsets: Array
 
@@ -31,12 +31,30 @@ class BoardShape:
     @property
     def bend(self) -> float:
         """How far corners lie out of the plane that fits them best, m, from the lowest to the highest."""
-        return float(np.ptp(self.offsets[:, :, 2]))
+        depth = self.offsets[:, :, 2].ravel()
+        return float(np.ptp(depth - self._plane @ np.linalg.lstsq(self._plane, depth, rcond=None)[0]))
+
+    @property
+    def stretch(self) -> float:
+        """By how much columns are wider apart than rows, per corner, m (÷ spacing: as a share)."""
+        along = np.linalg.lstsq(self._plane, self.offsets[:, :, :2].reshape(-1, 2), rcond=None)[0]
+        return float(along[1, 0] - along[2, 1])
 
     @property
     def print_error(self) -> float:
-        """Root mean square distance of corners from their places within the plane, m."""
-        return float(np.sqrt((self.offsets[:, :, :2] ** 2).sum(axis=2).mean()))
+        """Root mean square distance of corners from their places within the plane, m, after the best motion and size of the board."""
+        one, x, y = self._plane.T
+        none = np.zeros(len(one))
+        motions = np.concatenate([np.stack([one, none, x, -y], axis=1), np.stack([none, one, y, x], axis=1)])
+        off = self.offsets[:, :, :2].reshape(-1, 2).T.ravel()
+        rest = off - motions @ np.linalg.lstsq(motions, off, rcond=None)[0]
+        return float(np.sqrt((rest**2).sum() / len(one)))
+
+    @property
+    def _plane(self) -> Array:
+        """(N, 3) 1, column and row of each corner."""
+        x, y = np.meshgrid(np.arange(self.size[0]), np.arange(self.size[1]))
+        return np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
 
     def at(self, ij: Array) -> Array:
         """(N, 3) m at the labels `ij` (N, 2) (column, row). Raises RcdnError for labels beyond the board."""

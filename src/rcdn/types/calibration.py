@@ -100,13 +100,13 @@ class Verdict:
 class Calibration:
     """A camera with all that tells how far to trust it.
 
-        `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input.
-        `cov` (P + 6, P + 6): covariance of the P `camera.parameters` and of the boards' mean small motion (rotation vector, rad,
-        and translation, m, in camera axes), which projection uncertainty needs. `noise`: px that the corners scatter along one axis
-        beyond their sigma. `models`: the lens models that were compared, the chosen one first; its `held_out` is k-fold: calibrate from the
-        others, then solve only poses. `shape` of the board, None if it was taken as perfect. `size` (columns, rows) of the board in inner
-    corners and its `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first: what the
-    `verdict` found, and notes that are no judgement. `verdict`: None until it is judged.
+    `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input.
+    `cov` (P + 6, P + 6): covariance of the P `camera.parameters` and of the boards' mean small motion (rotation vector, rad,
+    and translation, m, in camera axes), which projection uncertainty needs. `noise`: px that the corners scatter along one axis
+    beyond their sigma. `models`: the lens models that were compared, the chosen one first; its `held_out` is k-fold: calibrate from the
+    others, then solve only poses. `shape` of the board, None if it was taken as perfect. `size` (columns, rows) of the board in inner corners and its
+    `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first: what the `verdict`
+    found, and notes that are no judgement. `verdict`: None until it is judged.
     """
 
     camera: Camera
