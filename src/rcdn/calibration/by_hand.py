@@ -9,8 +9,8 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from rcdn.calibration.calibrate import sigma_of
 from rcdn.calibration.pose import estimate_pose
+from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Board, BoardView, Calibration, Pose
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from rcdn.calibration import choose, robust
+from rcdn.calibration import choose, robust, smooth_lens
 from rcdn.calibration.advice import judged
-from rcdn.calibration.bundle import Corners3, State, default_free, with_fixed
+from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.cut import whole_size
-from rcdn.calibration.groups import describe
-from rcdn.calibration.labels import Labelled, Size, in_line, mirrored, orientation_of, settle
-from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
-from rcdn.calibration.start import Seen, first_camera, poses
+from rcdn.calibration.labels import Labelled, Size, orientation_of, settle
+from rcdn.calibration.residual_facts import mean_residuals
+from rcdn.calibration.shape import FUNCTIONS, board_shape
+from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.usable import FEWEST_VIEWS, Usable, check_spacing, one_size, sigma_of, too_few, usable, with_poses
 from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import (
@@ -28,7 +29,6 @@ from rcdn.types import (
     CameraModel,
     ModelScore,
     Pose,
-    plane_points,
 )
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -41,16 +41,13 @@ LENSES: dict[str, tuple[CameraModel, int]] = {
 """name → model and how many numbers its distortion has, the simplest first"""
 AUTO = ("pinhole", "brown", "fisheye", "rational")
 """what `auto` compares"""
-MODELS = ("auto", *LENSES)
+MODELS = ("auto", *LENSES, "splined")
+SYSTEMATIC = 0.15
+"""share of the sensor's cells whose mean residual isn't chance, from which on a smooth correction of the lens is tried"""
 FIXABLE = ("aspect", "principal_point")
 """what may be held fixed: fx = fy; the principal point in the middle of the picture"""
-FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 FEWEST_SHAPED = 5
 """views of the whole board, below which it is taken as perfect"""
-LOOSEST = 1e3
-"""px; a sigma beyond counts as this"""
-SAME_SIZE = 0.75
-"""share of the boards whose pictures have one size: the others are left out, or it would be an error"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that a model leaves: beyond it a model isn't tried any further"""
 HOPELESS = 0.2
@@ -95,32 +92,22 @@ def calibrate(
             names,
             leave_out,
         )
-    image_size = _one_size(boards, names)
+    image_size = one_size(boards, names)
     whole = size or whole_size(boards)
     labels = settle(boards, whole, strict=size is not None)
-    task = _task(boards, labels, names, image_size, spacing, whole)
+    task = usable(boards, labels, names, image_size, spacing, whole)
     start = first_camera(task.seen, image_size)
-    task, T = _with_poses(task, poses(start, task.seen))
-    models = AUTO if model == "auto" else (model,)
+    task, T = with_poses(task, poses(start, task.seen))
+    models = AUTO if model in ("auto", "splined") else (model,)
     fits = _fits(task, models, start, T, spacing, fixed, shaped=not flat and task.settled >= FEWEST_SHAPED)
     chosen, scores = _choose(task, fits)
     done = _result(task, boards, labels, names, fits[chosen], whole, scores, spacing)
+    if model == "splined" or (model == "auto" and mean_residuals(done).share > SYSTEMATIC):
+        better = _splined(task, fits[chosen], scores[0], spacing, asked=model == "splined")
+        if better is not None:
+            done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores), spacing)
     _believable(done)
     return judged(done)
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """The boards that can be used: `index` of each among all, what is `seen`, `reasons` by index of those that can't; `corners`, `sigma` (N,),
-    `picture` (N,) its number; `settled`: how many views show which corner of the board is which."""
-
-    index: list[int]
-    seen: list[Seen]
-    reasons: dict[int, str]
-    corners: Corners3
-    sigma: Array
-    picture: Array
-    settled: int
 
 
 def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
@@ -148,133 +135,8 @@ def check_fix(fix: Collection[str]) -> frozenset[str]:
     return names
 
 
-def _one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
-    """The image size of (nearly) all boards, or an error that says which pictures are odd."""
-    sizes = Counter(b.image_size for b in boards)
-    (usual, many), *_ = sizes.most_common(1)
-    if many >= SAME_SIZE * len(boards):
-        return usual
-    raise CalibrationError(
-        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
-        "calibrate the pictures of each size by themselves"
-    )
-
-
-def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
-    """Each size with the pictures that have it."""
-    texts = []
-    for size, many in sizes.most_common():
-        mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
-        rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
-        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
-    return "; ".join(texts)
-
-
-def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str:
-    """Why a board can't take part, or ""."""
-    if board.image_size != image_size:
-        (w, h), (cols, rows) = board.image_size, image_size
-        return f"its picture has {w}×{h} px, the others {cols}×{rows}"
-    if label.reason:
-        return label.reason
-    if len(board) < FEWEST_CORNERS or min(board.size) < 2:
-        return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
-    if in_line(board):
-        return "its corners lie in one line"
-    return (
-        "its labels run the wrong way round: were pixels mirrored after the corners were found?"
-        if mirrored(board)
-        else ""
-    )
-
-
-def _task(
-    boards: Sequence[Board],
-    labels: list[Labelled],
-    names: Sequence[str],
-    image_size: tuple[int, int],
-    spacing: float,
-    whole: Size | None,
-) -> _Task:
-    """Boards with corners enough."""
-    numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
-    index, reasons = [], {}
-    for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
-        if reason := _unusable(board, label, image_size):
-            reasons[k] = reason
-        else:
-            index.append(k)
-    if len(index) < FEWEST_VIEWS:
-        raise CalibrationError(_too_few(len(index), reasons))
-    ij = [labels[k].ij for k in index]
-    lengths = [len(a) for a in ij]
-    frame = np.repeat(np.arange(len(index)), lengths)
-    joint = np.concatenate(ij)
-    sigma = np.concatenate([sigma_of(boards[k]) for k in index])
-    corners = Corners3(
-        frame,
-        np.zeros(len(frame), int),
-        plane_points(joint, boards[0].pattern) * spacing,
-        np.concatenate([boards[k].xy for k in index]),
-        _basis([labels[k] for k in index], whole),
-    )
-    picture = np.repeat([numbers[names[k]] for k in index], lengths)
-    seen = [Seen(plane_points(a, boards[k].pattern) * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
-    settled = sum(labels[k].settled for k in index)
-    return _Task(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
-
-
-def _basis(labels: list[Labelled], whole: Size | None) -> Array:
-    """(N, B) functions of the board's shape at the corners; 0 in views that don't settle which corner is which."""
-    parts = [
-        shape_basis(label.ij, whole) if label.settled and whole else np.zeros((len(label.ij), len(FUNCTIONS)))
-        for label in labels
-    ]
-    return np.concatenate(parts)
-
-
-def _too_few(many: int, reasons: dict[int, str]) -> str:
-    got = "one view" if many == 1 else f"{many} views" if many else "no view that can be used"
-    why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
-    verb = "are" if many > 1 else "is"
-    return (
-        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
-        "places and tilts"
-    )
-
-
-def check_spacing(spacing: float) -> None:
-    """Raise ConfigError unless `spacing` can be the side of a square."""
-    if not (np.isfinite(spacing) and spacing > 0):
-        raise ConfigError(
-            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
-        )
-
-
-def sigma_of(board: Board) -> Array:
-    """(M,) px; NaN where unknown."""
-    return np.full(len(board), np.nan) if board.sigma is None else np.minimum(board.sigma, LOOSEST)
-
-
-def _with_poses(task: _Task, T: Array) -> tuple[_Task, Array]:
-    """Only the views that got a pose."""
-    good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
-    if good.all():
-        return task, T
-    if good.sum() < FEWEST_VIEWS:
-        raise CalibrationError(_too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
-    keep = good[task.corners.frame]
-    number = np.cumsum(good) - 1
-    corners = task.corners.take(keep)
-    corners = replace(corners, frame=number[corners.frame])
-    reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
-    index = [k for k, g in zip(task.index, good, strict=True) if g]
-    seen = [s for s, g in zip(task.seen, good, strict=True) if g]
-    return _Task(index, seen, reasons, corners, task.sigma[keep], task.picture[keep], task.settled), T[good]
-
-
 def _fits(
-    task: _Task, models: Sequence[str], start: Camera, T: Array, spacing: float, fixed: frozenset[str], shaped: bool
+    task: Usable, models: Sequence[str], start: Camera, T: Array, spacing: float, fixed: frozenset[str], shaped: bool
 ) -> dict[str, robust.Fit]:
     """Fits of the models that come near the best; the others are no lens for these corners."""
     rough = {}
@@ -294,13 +156,13 @@ def _fits(
     return fits
 
 
-def _pictures(task: _Task) -> Array:
+def _pictures(task: Usable) -> Array:
     """(F,) the number of each view's picture."""
     first = np.unique(task.corners.frame, return_index=True)[1]
     return np.asarray(task.picture[first])
 
 
-def _choose(task: _Task, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelScore, ...]]:
+def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelScore, ...]]:
     """The model to take and how all did, that one first: on the same corners, those of the model that leaves out least."""
     widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
     common = choose.Task(task.corners, widest.weight, task.picture)
@@ -311,8 +173,29 @@ def _choose(task: _Task, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelS
     return scores[0].model, tuple(scores)
 
 
+def _splined(
+    task: Usable, fit: robust.Fit, score: ModelScore, spacing: float, asked: bool
+) -> tuple[robust.Fit, ModelScore] | None:
+    """The fit with a smooth correction of its lens, and how it does; None if it doesn't predict pictures held out better (unless it was
+    `asked` for), or if the correction folds the map."""
+    free = default_free(fit.state, shape=True)
+    state = smooth_lens.fitted(
+        fit.state, task.corners, fit.weight, shaped=bool(free[len(free) - fit.state.shape.size :].any())
+    )
+    if not smooth_lens.whole(state.cameras[0]):
+        return None
+    cluster = alike(task.corners, state.cameras[0].image_size, _pictures(task))
+    found = robust.fit(state, fit.noise, task.corners, task.sigma, default_free(state, shape=True), cluster, spacing)
+    common = choose.Task(task.corners, fit.weight, task.picture)
+    held = choose.rms(choose.held_out(found.state, common, default_free(state, shape=True)), fit.weight)
+    if not asked and not held * choose.SIMPLER <= score.held_out:
+        return None
+    own = choose.rms(found.residuals, fit.weight)
+    return found, ModelScore(f"{score.model} with spline", own, held)
+
+
 def _result(
-    task: _Task,
+    task: Usable,
     boards: Sequence[Board],
     labels: list[Labelled],
     names: Sequence[str],
@@ -324,7 +207,7 @@ def _result(
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     if len(used) < FEWEST_VIEWS:
         raise CalibrationError(
-            _too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]})
+            too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]})
         )
     cov = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered)
     camera = fit.state.cameras[0]
@@ -343,7 +226,7 @@ def _result(
 
 
 def _views(
-    task: _Task, boards: Sequence[Board], labels: list[Labelled], names: Sequence[str], fit: robust.Fit
+    task: Usable, boards: Sequence[Board], labels: list[Labelled], names: Sequence[str], fit: robust.Fit
 ) -> tuple[BoardView, ...]:
     number = {k: f for f, k in enumerate(task.index)}
     turn: Counter[str] = Counter()

@@ -7,10 +7,10 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
-from rcdn.calibration.calibrate import check_spacing, sigma_of
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.start import Seen, poses
-from rcdn.calibration.uncertainty import motion_covariance
+from rcdn.calibration.uncertainty import pose_covariance
+from rcdn.calibration.usable import check_spacing, sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
@@ -47,7 +47,7 @@ def estimate_pose(
     length = (gaps[first.used] ** 2).sum(axis=1)
     return PoseEstimate(
         first.state.poses[0],
-        motion_covariance(first.arrow, 0, first.scale),
+        pose_covariance(first.state, corners, first.weight, first.arrow, first.scale),
         float(np.sqrt(length.mean())),
         gaps,
         Pose(others[0].state.poses[0]) if others else None,

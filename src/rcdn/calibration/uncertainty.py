@@ -13,6 +13,8 @@ from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration
 
 FEWEST_CLUSTERS = 3
+REACHED = 2.0
+"""see `pose_covariance`"""
 LEVERAGE_POWER, LEAST_LEFT = 0.75, 1e-4
 """see `clustered`; least share of a direction that other clusters must tell"""
 
@@ -98,10 +100,28 @@ def covariance(arrow: Arrow, frames: Array, scale: float, honest: Clustered) -> 
     return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
 
 
-def motion_covariance(arrow: Arrow, frame: int, scale: float) -> Array:
-    """Covariance (6, 6) of one pose's small motion."""
-    reach = arrow.reach[frame] @ arrow.rim
-    return np.asarray(scale * (arrow.own[frame] @ arrow.own[frame].T + reach @ reach.T))
+def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Array:
+    """Covariance (6, 6) of the small motion of one board's pose under a known camera, from corners that err together with their neighbours.
+
+    A sandwich whose middle sums products of the corners' gradients with a weight that falls linearly to 0 at half of the board's longer side
+    (Conley, GMM estimation with cross sectional dependence, 1999): bends of paper and errors of the lens move whole regions. The pose takes up
+    a part of them, so that residuals show less: REACHED times as much is counted. Never less than by the noise of single corners, whose mean
+    square is `scale`.
+    """
+    here = Linear.of(state, corners, weight, np.zeros(len(state.values), bool))
+    used = np.flatnonzero(weight > 0)
+    gradient = np.einsum("nia,ni->na", here.by_frame[used], here.gaps[used])
+    places = corners.board[used]
+    distance = np.linalg.norm(places[:, None] - places[None], axis=2)
+    kernel = np.maximum(1 - distance / max(float(np.ptp(places, axis=0).max()) / 2, 1e-12), 0.0)
+    bread = arrow.own[0] @ arrow.own[0].T
+    single = scale * bread
+    meat = gradient.T @ kernel @ gradient
+    root = np.linalg.inv(arrow.own[0])  # in its coordinates the noise of corners is the unit matrix
+    middle = REACHED * root @ bread @ meat @ bread @ root.T / max(scale, 1e-300)
+    values, vectors = np.linalg.eigh((middle + middle.T) / 2)
+    wide = (vectors * np.maximum(values, 1.0)) @ vectors.T
+    return np.asarray(arrow.own[0] @ wide @ arrow.own[0].T * scale) if np.isfinite(wide).all() else np.asarray(single)
 
 
 def projection_uncertainty(calibration: Calibration, pixels: Array, distance: float = np.inf) -> Array:

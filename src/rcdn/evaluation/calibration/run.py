@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.calibrate import FEWEST_CORNERS
+from rcdn.calibration.usable import FEWEST_CORNERS
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.calibration.detectors import OURS, Contestant
 from rcdn.evaluation.calibration.pictures import Common, Found, common, handedness, look, whole

@@ -1,0 +1,162 @@
+"""Which boards a calibration can use, as arrays; and why it can't use the others."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration.bundle import Corners3
+from rcdn.calibration.groups import describe
+from rcdn.calibration.labels import Labelled, Size, in_line, mirrored
+from rcdn.calibration.shape import FUNCTIONS, shape_basis
+from rcdn.calibration.start import Seen
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import Array, Board, plane_points
+
+FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
+LOOSEST = 1e3
+"""px; a sigma beyond counts as this"""
+SAME_SIZE = 0.75
+"""share of the boards whose pictures have one size: the others are left out, or it would be an error"""
+
+
+@dataclass(frozen=True, eq=False)
+class Usable:
+    """The boards that can be used: `index` of each among all, what is `seen`, `reasons` by index of those that can't; `corners`, `sigma` (N,),
+    `picture` (N,) its number; `settled`: how many views show which corner of the board is which."""
+
+    index: list[int]
+    seen: list[Seen]
+    reasons: dict[int, str]
+    corners: Corners3
+    sigma: Array
+    picture: Array
+    settled: int
+
+
+def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
+    """The image size of (nearly) all boards, or an error that says which pictures are odd."""
+    sizes = Counter(b.image_size for b in boards)
+    (usual, many), *_ = sizes.most_common(1)
+    if many >= SAME_SIZE * len(boards):
+        return usual
+    raise CalibrationError(
+        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
+        "calibrate the pictures of each size by themselves"
+    )
+
+
+def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
+    """Each size with the pictures that have it."""
+    texts = []
+    for size, many in sizes.most_common():
+        mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
+        rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
+        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
+    return "; ".join(texts)
+
+
+def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str:
+    """Why a board can't take part, or ""."""
+    if board.image_size != image_size:
+        (w, h), (cols, rows) = board.image_size, image_size
+        return f"its picture has {w}×{h} px, the others {cols}×{rows}"
+    if label.reason:
+        return label.reason
+    if len(board) < FEWEST_CORNERS or min(board.size) < 2:
+        return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
+    if in_line(board):
+        return "its corners lie in one line"
+    return (
+        "its labels run the wrong way round: were pixels mirrored after the corners were found?"
+        if mirrored(board)
+        else ""
+    )
+
+
+def usable(
+    boards: Sequence[Board],
+    labels: list[Labelled],
+    names: Sequence[str],
+    image_size: tuple[int, int],
+    spacing: float,
+    whole: Size | None,
+) -> Usable:
+    """Boards with corners enough."""
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    index, reasons = [], {}
+    for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
+        if reason := _unusable(board, label, image_size):
+            reasons[k] = reason
+        else:
+            index.append(k)
+    if len(index) < FEWEST_VIEWS:
+        raise CalibrationError(too_few(len(index), reasons))
+    ij = [labels[k].ij for k in index]
+    lengths = [len(a) for a in ij]
+    frame = np.repeat(np.arange(len(index)), lengths)
+    joint = np.concatenate(ij)
+    sigma = np.concatenate([sigma_of(boards[k]) for k in index])
+    corners = Corners3(
+        frame,
+        np.zeros(len(frame), int),
+        plane_points(joint, boards[0].pattern) * spacing,
+        np.concatenate([boards[k].xy for k in index]),
+        _basis([labels[k] for k in index], whole),
+    )
+    picture = np.repeat([numbers[names[k]] for k in index], lengths)
+    seen = [Seen(plane_points(a, boards[k].pattern) * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
+    settled = sum(labels[k].settled for k in index)
+    return Usable(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
+
+
+def _basis(labels: list[Labelled], whole: Size | None) -> Array:
+    """(N, B) functions of the board's shape at the corners; 0 in views that don't settle which corner is which."""
+    parts = [
+        shape_basis(label.ij, whole) if label.settled and whole else np.zeros((len(label.ij), len(FUNCTIONS)))
+        for label in labels
+    ]
+    return np.concatenate(parts)
+
+
+def too_few(many: int, reasons: dict[int, str]) -> str:
+    got = "one view" if many == 1 else f"{many} views" if many else "no view that can be used"
+    why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
+    verb = "are" if many > 1 else "is"
+    return (
+        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
+        "places and tilts"
+    )
+
+
+def check_spacing(spacing: float) -> None:
+    """Raise ConfigError unless `spacing` can be the side of a square."""
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ConfigError(
+            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
+        )
+
+
+def sigma_of(board: Board) -> Array:
+    """(M,) px; NaN where unknown."""
+    return np.full(len(board), np.nan) if board.sigma is None else np.minimum(board.sigma, LOOSEST)
+
+
+def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:
+    """Only the views that got a pose."""
+    good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
+    if good.all():
+        return task, T
+    if good.sum() < FEWEST_VIEWS:
+        raise CalibrationError(too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
+    keep = good[task.corners.frame]
+    number = np.cumsum(good) - 1
+    corners = task.corners.take(keep)
+    corners = replace(corners, frame=number[corners.frame])
+    reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
+    index = [k for k, g in zip(task.index, good, strict=True) if g]
+    seen = [s for s, g in zip(task.seen, good, strict=True) if g]
+    return Usable(index, seen, reasons, corners, task.sigma[keep], task.picture[keep], task.settled), T[good]
