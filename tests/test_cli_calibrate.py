@@ -119,7 +119,9 @@ def test_the_board_s_size_and_shape(run):
     assert "board 9×6" in result.stdout
     assert "can't be part of a 9×6 board" in result.stdout
     assert "off their places in its plane, bent by" in result.stdout
-    assert "bent by" not in fine(run("calibrate", d, *FAST, "--board", "9x6", "--flat")).stdout
+    flat = fine(run("calibrate", d, *FAST, "--board", "9x6", "--flat", "--json", "flat.json"))
+    assert "bent by" not in flat.stdout
+    assert read_calibration("flat.json").shape is None
 
 
 def test_wrong_use_is_2(run, found):

@@ -22,7 +22,7 @@ from rcdn.io.cameras import read_camera
 from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_target, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
-from rcdn.types import Board, Corners, plane_points
+from rcdn.types import Board, BoardShape, Corners, plane_points
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
 
@@ -248,8 +248,10 @@ def test_squares_and_triangles_are_not_mixed():
     other = replace(seen[0][0], pattern="checker", orientation="unique")
     with pytest.raises(ConfigError, match="one kind"):
         rcdn.calibrate([*(b for b, _ in seen), other], 0.03)
-    with pytest.raises(ConfigError, match="warp"):
-        rcdn.estimate_pose(seen[0][0], view_scene(0).camera, 0.03, warp=np.zeros(2))
+    with pytest.raises(ConfigError, match="shape"):
+        columns, rows = seen[0][0].size
+        shape = BoardShape(np.zeros((rows, columns, 3)))
+        rcdn.estimate_pose(seen[0][0], view_scene(0).camera, 0.03, shape=shape)
 
 
 # ---- pictures
@@ -311,7 +313,7 @@ def test_the_command_line_calibrates_and_poses_from_pictures_of_deltilles(tmp_pa
         app, ["pose", "0.png", "--camera", "cam.json", "--spacing", "0.02", "--pattern", "deltille", "--no-cache"]
     )
     assert posed.exit_code == 0, posed.output
-    for wrong in (["--warp"], ["--board", "9x6"]):
+    for wrong in (["--stereo", "."], ["--board", "9x6"]):
         refused = CliRunner().invoke(app, ["calibrate", ".", "--spacing", "0.02", "--pattern", "deltille", *wrong])
         assert refused.exit_code == 2
         assert "squares only" in refused.output

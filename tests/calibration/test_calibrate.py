@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals, solve
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.calibrate import LENSES
+from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose, see
 from rcdn.geometry import project, rotation
@@ -149,25 +150,52 @@ def test_turned_boards_are_the_same_board():
     assert b.camera.parameters == pytest.approx(a.camera.parameters, rel=1e-4, abs=1e-4)
 
 
-def test_a_warp_is_found_within_its_deviation_and_predicts_better():
-    warp = (0.003, -0.002)
-    boards, _ = random_boards(BROWN, 3, 12, whole=True, warp=warp)
-    bent, flat = calibrate(boards, SPACING, model="brown", warp=True), calibrate(boards, SPACING, model="brown")
-    assert flat.warp is None
-    assert (np.abs(bent.warp - warp) < 4 * bent.warp_std).all()
-    assert (bent.warp_std < 2e-4).all()
+def domed(size=SIZE):
+    """(N, 3) m: a board whose middle stands out by 3 mm along its columns' axis and is sunk by 2 mm along its rows'."""
+    u = labels(size) / (np.array(size) - 1) * 2 - 1
+    depth = (1 - u**2) @ [0.003, -0.002]
+    return np.column_stack([0 * depth, 0 * depth, depth])
+
+
+def without_plane(depth):
+    """`depth` (rows, columns) less the plane that fits it best."""
+    rows, cols = depth.shape
+    slopes = np.column_stack([np.ones(rows * cols), labels((cols, rows))])
+    return depth.ravel() - slopes @ np.linalg.lstsq(slopes, depth.ravel(), rcond=None)[0]
+
+
+def test_a_bend_is_found_and_predicts_better():
+    boards, _ = random_boards(BROWN, 3, 12, whole=True, offsets=domed())
+    bent, flat = calibrate(boards, SPACING, model="brown"), calibrate(boards, SPACING, model="brown", flat=True)
+    assert flat.shape is None
+    depth, truth = bent.shape.offsets[:, :, 2], domed()[:, 2].reshape(6, 9)
+    assert np.abs(without_plane(depth) - without_plane(truth)).max() < 2e-4
+    assert bent.shape.bend == pytest.approx(np.ptp(without_plane(truth)), abs=3e-4)
     assert bent.held_out < 0.6 * flat.held_out
     assert np.abs(z_of(bent, BROWN)).max() < 4
 
 
-def test_under_a_warp_only_settled_views_count():
+def test_views_that_do_not_settle_their_labels_tell_nothing_of_the_shape():
+    """They serve the lens; a part of a perfect board, shifted by whole squares, makes no shape."""
     boards, _ = random_boards(BROWN, 3, 12, whole=True)
     part = boards[0]
     keep = part.ij[:, 0] < 6
     part = replace(part, ij=part.ij[keep], xy=part.xy[keep], sigma=None, response=np.ones(36), status=np.zeros(36))
-    found = calibrate([part, *boards[1:]], SPACING, model="brown", warp=True)
-    assert "which part of the board" in found.views[0].reason
-    assert np.abs(found.warp / found.warp_std).max() < 4
+    found = calibrate([part, *boards[1:]], SPACING, model="brown")
+    assert not found.views[0].settled
+    assert found.views[0].used.all()
+    assert found.shape.bend < 2e-4
+    assert np.abs(z_of(found, BROWN)).max() < 4
+
+
+@pytest.mark.parametrize(("whole", "shaped"), [(5, True), (4, False)])
+def test_a_shape_takes_five_settled_views(whole, shaped):
+    boards, _ = random_boards(BROWN, 3, whole, whole=True)
+    half = [b.ij[:, 0] < 5 for b in boards]
+    parts = [board(b.ij[k], b.xy[k], b.image_size, b.sigma[k]) for b, k in zip(boards, half, strict=True)]
+    found = calibrate([*boards, *parts[:3]], SPACING, model="brown")
+    assert sum(v.settled for v in found.views) == whole
+    assert (found.shape is not None) == shaped
 
 
 @pytest.mark.parametrize("size", [(8, 6), (7, 7), (6, 6)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration.labels import bend, mirrored, orientation_of, settle, turn_labels
+from rcdn.calibration.labels import mirrored, orientation_of, settle, turn_labels
 from rcdn.evaluation.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
 from rcdn.types import usual_size
 
@@ -73,15 +73,6 @@ def test_mirrored_labels_are_known_under_every_lens(model):
     for b in boards:
         assert not mirrored(b)
         assert mirrored(board(b.ij, b.xy * [-1, 1] + [639, 0], (640, 480)))
-
-
-def test_bend_is_one_in_the_middle_and_zero_at_the_rim():
-    raised = bend(labels((9, 5)), (9, 5)).reshape(5, 9, 2)
-    assert raised[2, 4].tolist() == [1, 1]
-    assert raised[:, [0, -1], 0] == pytest.approx(0)
-    assert raised[[0, -1], :, 1] == pytest.approx(0)
-    assert raised[0, 2, 0] == pytest.approx(0.75)
-    assert (bend(labels((9, 5)), None) == 0).all()
 
 
 @pytest.mark.parametrize("size", [(9, 6), (6, 6), (7, 4)])

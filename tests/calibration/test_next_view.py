@@ -29,9 +29,8 @@ def stated(camera, poses, extra=()):
     corners = Corners3(frame, 0 * frame, points, np.zeros((len(frame), 2)), np.zeros((len(frame), 0)))
     state = State.mono(camera, poses)
     arrow = Linear.of(state, corners, np.full(len(frame), 1 / NOISE), default_free(state)).arrow()
-    return Calibration(
-        camera, SPACING, (), covariance(arrow, np.arange(len(poses)), 1.0, Clustered(arrow.covariance, 1.0)), NOISE, ()
-    )
+    by_noise = Clustered(arrow.covariance, 1.0)
+    return Calibration(camera, SPACING, (), covariance(arrow, np.arange(len(poses)), 1.0, by_noise), NOISE, ())
 
 
 def whole_boards(camera, seed, many, spread=0.25):

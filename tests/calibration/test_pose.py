@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import estimate_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn.evaluation.real_boards import uneven_board
 from rcdn.geometry import rotation
-from rcdn.types import Camera
+from rcdn.types import BoardShape, Camera
 
 BROWN = CAMERAS["brown"]
 FISHEYE = Camera(
@@ -115,13 +116,21 @@ def test_squares_without_a_spacing_and_parts_from_their_own_corner():
     )
 
 
-def test_a_known_warp():
-    warp = np.array([0.004, -0.002])
-    for b, T in zip(*random_boards(BROWN, 3, 3, 0.1, whole=True, warp=tuple(warp)), strict=True):
-        bent, flat = estimate_pose(b, BROWN, SPACING, warp=warp), estimate_pose(b, BROWN, SPACING)
-        assert bent.rms < 0.2 < flat.rms
-        off = error_of(bent.T_cam_board, T)
-        assert off @ np.linalg.solve(bent.cov, off) < 30
+def test_a_known_shape():
+    """Uneven in the plane and out of it."""
+    offsets = uneven_board(np.random.default_rng(0), 0.01, 0.0003, 0.0015)
+    shape = BoardShape(offsets.reshape(6, 9, 3))
+    for b, T in zip(*random_boards(BROWN, 3, 3, 0.1, whole=True, offsets=offsets), strict=True):
+        real, flat = estimate_pose(b, BROWN, SPACING, shape=shape), estimate_pose(b, BROWN, SPACING)
+        assert real.rms < 0.2 < flat.rms
+        off = error_of(real.T_cam_board, T)
+        assert off @ np.linalg.solve(real.cov, off) < 30
+
+
+def test_a_shape_is_that_of_whole_boards():
+    b = views(BROWN, 6, 1)[0][0]
+    with pytest.raises(ConfigError, match="shape: it is that of whole boards of 7×5 corners"):
+        estimate_pose(b, BROWN, SPACING, shape=BoardShape(np.zeros((5, 7, 3))))
 
 
 def test_four_corners_and_fewer():

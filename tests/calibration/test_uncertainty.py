@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate, coverage, projection_uncertainty
-from rcdn.calibration.bundle import Corners3, State, solve
-from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.solver import solve
+from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.errors import RcdnError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, labels, random_boards, random_pose, see
 from rcdn.evaluation.trust import trust
@@ -49,7 +50,7 @@ def solved(poses, exact, seed):
     frame = np.repeat(np.arange(len(poses)), 54)
     corners = Corners3(frame, 0 * frame, np.tile(labels() * SPACING, (len(poses), 1)), xy, 0 * xy)
     done = solve(State.mono(PINHOLE, poses), corners, np.full(len(xy), 1 / NOISE))
-    cov = covariance(done.arrow, np.arange(len(poses)), 1.0)
+    cov = covariance(done.arrow, np.arange(len(poses)), 1.0, Clustered(done.arrow.covariance, 1.0))
     motion = np.mean([small_motion(T, true) for T, true in zip(done.state.poses, poses, strict=True)], axis=0)
     return Run(Calibration(done.state.cameras[0], SPACING, (), cov, NOISE, ()), motion)
 

@@ -33,10 +33,10 @@ def few_splits(monkeypatch):
     monkeypatch.setattr(protocol, "SPLITS", 2)
 
 
-def shown(camera, seed, views, warp=0.0):
-    """(V, M, 2) exact pixels of whole boards; `warp`: how far their middle stands out, squares."""
+def shown(camera, seed, views, bend=0.0):
+    """(V, M, 2) exact pixels of whole boards; `bend`: how far their middle stands out, squares."""
     rng = np.random.default_rng(seed)
-    raised = warp * (1 - (IJ[:, 0] / 3 - 1) ** 2)
+    raised = bend * (1 - (IJ[:, 0] / 3 - 1) ** 2)
     out = []
     while len(out) < views:
         z = rng.uniform(8, 16)
@@ -85,9 +85,9 @@ def test_the_camera_figure_judges_by_the_references_corners():
     assert 0.02 < bad < protocol.errors(rough).folds / 2
 
 
-def test_a_warp_is_fitted_if_asked_for():
-    xy = shown(LENSES["brown"], 3, 10, warp=0.05)
-    flat, bent = protocol.errors(task(xy)), protocol.errors(task(xy, warp=True))
+def test_a_shape_is_fitted_if_asked_for():
+    xy = shown(LENSES["brown"], 3, 10, bend=0.05)
+    flat, bent = protocol.errors(task(xy)), protocol.errors(task(xy, shaped=True))
     assert bent.pose < 1e-4 < 0.1 < flat.pose
 
 

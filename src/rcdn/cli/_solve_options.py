@@ -26,8 +26,8 @@ LensModel = Annotated[
     Model,
     typer.Option(
         help="The lens: pinhole has no distortion, radtan k1 k2 p1 p2 (Kalibr's), brown k3 too, fisheye four numbers "
-        "(Kannala-Brandt), rational eight, splined a smooth correction beside the best of these. "
-        "auto: the simplest that predicts pictures held out about as well as the best."
+        "(Kannala-Brandt), rational eight, splined a smooth correction beside the best of these. auto: the "
+        "simplest that predicts pictures held out about as well as the best."
     ),
 ]
 BoardSize = Annotated[

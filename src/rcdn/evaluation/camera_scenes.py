@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from rcdn.geometry import project, rotation
@@ -66,14 +68,13 @@ def random_pose(
     return T
 
 
-def see(
-    camera: Camera, T: Array, size: tuple[int, int] = SIZE, warp: tuple[float, float] = (0.0, 0.0)
-) -> tuple[Array, Array]:
-    """(N, 2) labels and (N, 2) exact pixels of the corners of a board (bent by `warp` m) that fall into the picture."""
+def see(camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array | None = None) -> tuple[Array, Array]:
+    """(N, 2) labels and (N, 2) exact pixels of the corners of a board that fall into the picture.
+
+    `offsets` (columns × rows, 3) m: how far the corners lie off their places on a perfect plane, in the order of `labels`."""
     ij = labels(size)
-    u = ij / (np.array(size) - 1) * 2 - 1
-    points = np.column_stack([ij * SPACING, (1 - u**2) @ np.array(warp)]) @ T[:3, :3].T + T[:3, 3]
-    xy = project(camera, points)
+    on_board = np.column_stack([ij * SPACING, np.zeros(len(ij))]) + (0.0 if offsets is None else offsets)
+    xy = project(camera, on_board @ T[:3, :3].T + T[:3, 3])
     inside = (xy > 1).all(axis=1) & (xy < np.array(camera.image_size) - 2).all(axis=1)
     return ij[inside], xy[inside]
 
@@ -90,21 +91,22 @@ def random_boards(
     noise: float = 0.2,
     outliers: float = 0.0,
     whole: bool = False,
-    warp: tuple[float, float] = (0.0, 0.0),
+    offsets: Array | Callable[[np.random.Generator], Array] | None = None,
     size: tuple[int, int] = SIZE,
     spread: float = 0.5,
     tilt: float = 0.8,
 ) -> tuple[list[Board], list[Array]]:
     """`views` boards with at least half of their corners in the picture, or all of them if `whole`, and their true poses.
 
-    Labels of a part start at its own (0, 0); the pose is that of the whole. Gaussian `noise` px; a share of `outliers` is thrown 5 to 40 px away.
+    Labels of a part start at its own (0, 0); the pose is that of the whole. Gaussian `noise` px; a share of `outliers` is thrown 5 to 40 px
+    away. `offsets` of the corners, m, as in `see`: of one board, or a function that draws them anew for every view.
     """
-    rng = np.random.default_rng(seed)
+    rng, bending = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     boards: list[Board] = []
     poses = []
     while len(boards) < views:
         T = random_pose(rng, spread, tilt, size=size)
-        ij, xy = see(camera, T, size, warp)
+        ij, xy = see(camera, T, size, offsets(bending) if callable(offsets) else offsets)
         if len(ij) < size[0] * size[1] * (1 if whole else 0.5):
             continue
         xy = xy + rng.normal(0, noise, xy.shape)

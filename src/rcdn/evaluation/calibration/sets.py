@@ -39,6 +39,8 @@ SETS = (
     CameraSet("opencv-right", "opencv-left-right/right*", (9, 6)),
     CameraSet("dreameer-left", "dreameer-qvga/left*", (7, 5)),
     CameraSet("dreameer-right", "dreameer-qvga/right*", (7, 5)),
+    CameraSet("oldvga-left", "dreameer-old-vga/*left*", (7, 5)),
+    CameraSet("oldvga-right", "dreameer-old-vga/*right*", (7, 5)),
     CameraSet("stereo1-left", "sourishg-stereo1/*left*", (9, 6)),
     CameraSet("stereo1-right", "sourishg-stereo1/*right*", (9, 6)),
     CameraSet("trinocular-left", "boof-trinocular/left*", (13, 9)),
