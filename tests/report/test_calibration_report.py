@@ -295,11 +295,14 @@ def test_nothing_used_still_makes_a_page(tmp_path):
 )
 def test_every_camera_has_its_page(tmp_path, camera):
     offsets = np.zeros((6, 9, 3))
-    offsets[:, :, 0], offsets[3, 4, 2] = 0.0001, 0.0002
-    calibration = simulated(camera, 12, shape=BoardShape(offsets))
+    offsets[::2, ::3, 0], offsets[3, 4, 2] = 0.0004, 0.0002
+    shape = BoardShape(offsets)
+    calibration = simulated(camera, 12, shape=shape)
     page = Page(written(tmp_path, calibration, lambda name: photograph(camera.image_size)))
-    assert "corners off their places in the plane (RMS)0.1 mm" in page.text
-    assert "from the lowest corner to the highest0.2 mm" in page.text
+    assert "corners off their places in the plane (RMS)" in page.text
+    assert shape.print_error > 1e-4
+    assert f"{number(1000 * shape.print_error, 2)} mm" in page.text
+    assert "0.20 mm" in page.text
     for name in camera.parameter_names:
         assert name in page.text
 

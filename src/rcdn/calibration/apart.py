@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import State, default_free
+from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.difference import camera_difference, common_grid
 from rcdn.calibration.groups import FEWEST, describe
 from rcdn.calibration.influence import ViewInformation, corners_of, of_state
+from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.errors import RcdnError
 from rcdn.types import Array, BoardView, Calibration, Camera
@@ -48,9 +49,7 @@ def calibrate_apart(
         T = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
     if len(T) < FEWEST or not np.isfinite(T).all():
         return None
-    state = State.mono(camera, T)
-    free = default_free(state)
-    fit = robust.fit(*robust.rough_fit(state, corners, sigma, free), corners, sigma, free)
+    fit, corners = _fit(calibration, views, camera, T, corners, sigma)
     used = [k for k, reason in enumerate(fit.reasons) if not reason]
     if len(used) < FEWEST or len(used) < AGREEING * len(views):
         return None
@@ -60,6 +59,24 @@ def calibrate_apart(
     others = [v.name for v in every if v.name not in names]
     rms = float(np.sqrt((fit.residuals[fit.used] ** 2).sum(axis=1).mean()))
     return CameraGroup(names, describe(names, others), fit.state.cameras[0], info.deviations(), rms, len(used))
+
+
+def _fit(
+    calibration: Calibration, views: Sequence[BoardView], camera: Camera, T: Array, corners: Corners3, sigma: Array
+) -> tuple[robust.Fit, Corners3]:
+    """The solution from `camera` and poses `T`, and its corners: with a shape of the board of its own, if the calibration has one, for that
+    may have made up for what tells the views apart."""
+    if calibration.shape is not None:
+        ij, size = np.concatenate([v.ij for v in views]), calibration.shape.size
+        known = np.repeat([v.settled for v in views], [len(v) for v in views])
+        basis = np.where(known[:, None], shape_basis(ij, size), 0.0)
+        corners = replace(corners, board=ij * calibration.spacing, basis=basis)
+    state = State.mono(camera, T)
+    state, noise = robust.rough_fit(state, corners, sigma, default_free(state))
+    if calibration.shape is not None:
+        state = replace(state, shape=np.zeros((len(FUNCTIONS), 3)))
+    free = default_free(state, shape=True)
+    return robust.fit(state, noise, corners, sigma, free, spacing=calibration.spacing), corners
 
 
 def significance(groups: Sequence[CameraGroup]) -> Array:

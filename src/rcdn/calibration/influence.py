@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, State, linearise, residuals
+from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
-from rcdn.types import Array, BoardView, Calibration, Pattern, plane_points
+from rcdn.types import Array, BoardView, Calibration, plane_points
 
-PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
 FIRM = 1e6
@@ -63,14 +63,7 @@ class ViewInformation:
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
-    used = calibration.used_views
-    fits = {p: _misfit(calibration, used, p) for p in PATTERNS}
-    return _corners(calibration, views, masks, min(PATTERNS, key=lambda p: fits[p]))
-
-
-def _corners(
-    calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array], pattern: Pattern
-) -> tuple[Corners3, Array]:
+    pattern = pattern_of(calibration)
     ij, xy, sigma = (
         np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
         for name in ("ij", "xy", "sigma")
@@ -80,13 +73,6 @@ def _corners(
     board, basis = plane_points(ij, pattern) * calibration.spacing, np.zeros((len(ij), 1))
     board[known], basis[known] = on_shape(board[known], ij[known], calibration.shape)
     return Corners3(frame, np.zeros(len(frame), int), board, xy, basis), np.nan_to_num(sigma)
-
-
-def _misfit(calibration: Calibration, views: Sequence[BoardView], pattern: Pattern) -> float:
-    """Median distance, px, of the used corners from where a board of this pattern would have them: a calibration doesn't keep its pattern."""
-    corners, _ = _corners(calibration, views, [v.used for v in views], pattern)
-    gaps = np.linalg.norm(residuals(state_of(calibration, views), corners), axis=1)
-    return float(np.median(np.nan_to_num(gaps, nan=np.inf)))
 
 
 def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:

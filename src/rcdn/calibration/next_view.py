@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rcdn.calibration.added_view import Information, Prior, share_told, variances, weight_of
+from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.sight import off_axis, out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.calibration.view_checks import THIRDS
-from rcdn.calibration.view_information import Information, Prior, pattern_of, share_told, variances, weight_of
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
 from rcdn.types import Array, Calibration, Pose, plane_points
 from rcdn.types.corners import Pattern

@@ -83,7 +83,7 @@ def deviations(calibration: Calibration) -> Array:
     The larger of two estimates: a jackknife over views, and the covariance scaled by the variance of the views' scores; their geometric mean with
     fewer than 5 views. Infinite where there are fewer than 2.
     """
-    if len(calibration.used_views) < 2:
+    if len(calibration.used_views) < 2 or any(v.pose is None for v in calibration.used_views):
         return np.full(4, np.inf)
     info = view_information(calibration)
     fx, fy = calibration.camera.parameters[:2]
@@ -99,6 +99,8 @@ def deviations(calibration: Calibration) -> Array:
 def tilt(calibration: Calibration) -> tuple[float, float]:
     """How far the boards are tilted against the sensor, degrees: the most (9 of 10 are less), and RMS to the side to which they are tilted least."""
     normals = np.array([v.pose.R[:, 2] * np.sign(v.pose.R[2, 2]) for v in calibration.used_views if v.pose is not None])
+    if not len(normals):
+        return float("nan"), float("nan")
     angle = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
     length = np.maximum(np.hypot(normals[:, 0], normals[:, 1]), 1e-12)
     sideways = normals[:, :2] / length[:, None] * angle[:, None]

@@ -98,7 +98,7 @@ def one_camera(calibration: Calibration) -> SeveralCameras | None:
     """
     views = calibration.used_views
     found = _left_out(calibration) if len(views) >= FEWEST else None
-    if found is not None or len(views) < ENOUGH:
+    if found is not None or len(views) < ENOUGH or any(v.pose is None for v in views):
         return found
     info = view_information(calibration).at_optimum()
     suspects = sorted(_suspects(calibration, info), key=lambda s: s.probability)

@@ -1,4 +1,4 @@
-"""Options of `rcdn calibrate` on what is solved for: the lens model, the board's bend, pictures that are left out."""
+"""Options of `rcdn calibrate` on what is solved for: the lens model, the board's shape, pictures that are left out."""
 
 from __future__ import annotations
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.next_view import NextView, sentence
 from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import cell_centres, off_axis
-from rcdn.calibration.view_information import pattern_of
 from rcdn.geometry import project, transform
 from rcdn.report.calibration.charts import MOST, legend, thinned
 from rcdn.report.calibration.maps import Sensor

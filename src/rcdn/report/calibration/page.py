@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS
 from rcdn.calibration.next_view import next_view
 from rcdn.calibration.verdict import judge
-from rcdn.calibration.view_information import pattern_of
 from rcdn.io import write_text
 from rcdn.provenance import provenance
 from rcdn.report.calibration import gallery, histogram, next_pose, sections, space, style, verdict

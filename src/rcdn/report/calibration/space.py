@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.view_facts import tilts
-from rcdn.calibration.view_information import pattern_of
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
 from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag

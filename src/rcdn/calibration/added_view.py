@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.influence import view_information
 from rcdn.geometry import cross_matrix, project_with_slopes
-from rcdn.types import Array, Calibration, Camera, plane_points
-from rcdn.types.corners import Pattern
+from rcdn.types import Array, Calibration, Camera
 
 NEGLIGIBLE = 1e-12
 """× the largest eigenvalue of a covariance of unit diagonal: what lies below is no freedom"""
@@ -67,21 +67,6 @@ class Prior:
         return cls(root, reach, own, len(calibration.used_views))
 
 
-def pattern_of(calibration: Calibration) -> Pattern:
-    """Squares or triangles: under which of the two the used views' poses put the corners where they were seen."""
-    patterns: tuple[Pattern, Pattern] = ("checker", "deltille")
-    misfit = []
-    for pattern in patterns:
-        gaps = []
-        for view in calibration.used_views[:3]:
-            if view.pose is not None:
-                points = _in_camera(view.ij, view.pose.T_cam_board, calibration.spacing, pattern)
-                seen = project_with_slopes(calibration.camera, points)[0]
-                gaps.append(np.linalg.norm(view.xy - seen - view.residuals, axis=1))
-        misfit.append(float(np.nanmedian(np.concatenate(gaps))) if gaps else 0.0)
-    return patterns[0] if misfit[0] <= misfit[1] else patterns[1]
-
-
 def weight_of(calibration: Calibration) -> float:
     """1 / px: of a usual corner, whose variance is the median sigma's and the scatter's beyond it."""
     sigma = np.concatenate([v.sigma[v.used] for v in calibration.used_views] or [np.zeros(0)])
@@ -93,18 +78,9 @@ def weight_of(calibration: Calibration) -> float:
 def share_told(calibration: Calibration, prior: Prior) -> float:
     """By what the information of a view, as if its corners erred independently, is to be multiplied so that the used views together bring
     what `calibration.cov` states: residuals of one view are correlated, and a view tells less than its corners seem to."""
-    pattern, weight = pattern_of(calibration), weight_of(calibration)
-    views = [v for v in calibration.used_views if v.pose is not None and v.used.any()]
-    if not views:
+    if not any(v.used.any() for v in calibration.used_views) or any(v.pose is None for v in calibration.used_views):
         return 1.0
-    many = max(int(v.used.sum()) for v in views)
-    points, weights = np.tile([0.0, 0.0, 1.0], (len(views), many, 1)), np.zeros((len(views), many))
-    for k, view in enumerate(views):
-        assert view.pose is not None
-        n = int(view.used.sum())
-        points[k, :n] = _in_camera(view.ij[view.used], view.pose.T_cam_board, calibration.spacing, pattern)
-        weights[k, :n] = weight
-    total = Information.of(calibration.camera, points, weights).camera.sum(axis=0)
+    total = view_information(calibration).information.sum(axis=0)
     told = float(np.trace(prior.root.T @ total @ prior.root)) / max(prior.root.shape[1], 1)
     return 1 / told if np.isfinite(told) and told > 0 else 1.0
 
@@ -125,9 +101,3 @@ def variances(prior: Prior, more: Information, by_camera: Array, by_motion: Arra
     rows = (slopes @ prior.root) @ half.transpose(0, 2, 1)
     square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
     return np.asarray(square.reshape(count, many, 2).mean(axis=2))
-
-
-def _in_camera(ij: Array, T: Array, spacing: float, pattern: Pattern) -> Array:
-    """(N, 3) m, camera coordinates of the corners `ij` (N, 2)."""
-    flat = plane_points(ij, pattern) * spacing
-    return np.asarray(flat @ T[:3, :2].T + T[:3, 3])
