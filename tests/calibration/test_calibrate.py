@@ -138,9 +138,10 @@ def test_several_boards_a_picture():
 
 
 def test_turned_boards_are_the_same_board():
+    """By the quarter turn that leaves the square inside (0, 0) its colour."""
     boards, _ = random_boards(BROWN, 6, 8, whole=True)
     turned = [
-        replace(b, ij=np.stack([b.ij[:, 1], 8 - b.ij[:, 0]], axis=-1)) if k % 3 == 0 else b
+        replace(b, ij=np.stack([5 - b.ij[:, 1], b.ij[:, 0]], axis=-1)) if k % 3 == 0 else b
         for k, b in enumerate(boards)
     ]
     a, b = (calibrate(x, SPACING, model="brown") for x in (boards, turned))

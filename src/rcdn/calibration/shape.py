@@ -3,7 +3,8 @@
 A corner lies off its place on the perfect plane by a smooth function of that place, polynomials to the fourth degree along the board's x and
 y and along its normal. They are unknowns of the calibration (as in Strobl and Hirzinger, More accurate pinhole camera calibration with
 imperfect planar target, 2011), with a Gaussian prior whose spreads, within the board and out of its plane, are those under which the
-corners are most likely (expectation–maximisation of the restricted likelihood). Higher degrees are held to be smaller.
+corners are most likely (expectation–maximisation of the restricted likelihood). Higher degrees are held to be smaller. What a motion of the
+board or its size would explain is no shape: the prior holds it at zero.
 """
 
 from __future__ import annotations
@@ -23,24 +24,52 @@ PLANE, DEPTH = 0.001, 0.003
 """spreads of the first degree to start from, in squares"""
 LEAST = 1e-7
 """squares; a spread below is none"""
-FUNCTIONS = tuple((i, j) for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if i + j)
-"""degrees in x and y of each function; a constant would only move the board"""
+FUNCTIONS = tuple((d - j, j) for d in range(1, DEGREE + 1) for j in range(d + 1))
+"""degrees in x and y of each function, the first two x and y themselves; a constant would only move the board"""
 FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 """(B, 1) prior standard deviation of each function as a share of the first degree's"""
+HELD = 1e3
+"""prior standard deviations ÷ those of what a motion or the size would explain"""
 
 
 def shape_basis(ij: Array, size: Size) -> Array:
-    """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows): products of Legendre polynomials that run over
-    −1 to 1 from the first to the last corner, scaled to a mean square of 1 over the board."""
-    places = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
-    root = np.sqrt((_products(places, size) ** 2).mean(axis=0))
-    return np.asarray(_products(np.asarray(ij, float), size) / np.maximum(root, 1e-12))
+    """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows): polynomials that are orthogonal to each other
+    and to a constant over the board's corners, of mean square 1 there (0 if so few corners have no such function).
+
+    The two of the first degree have the same slope along x and along y, and a mean square of 1 together.
+    """
+    whole, here = _products(all_labels(size), size), _products(np.asarray(ij, float), size)
+    for k in range(len(FUNCTIONS) + 1):  # Gram–Schmidt
+        length = np.sqrt((whole[:, k] ** 2).mean())
+        for values in (whole, here):
+            values[:, k] *= 1 / length if length > 1e-9 else 0.0
+        share = whole[:, k] @ whole[:, k + 1 :] / len(whole)
+        for values in (whole, here):
+            values[:, k + 1 :] -= np.outer(values[:, k], share)
+    sides = np.array(size) ** 2 - 1.0
+    here[:, 1:3] *= np.sqrt(sides / sides.mean())
+    return here[:, 1:]
+
+
+def all_labels(size: Size) -> Array:
+    """(columns × rows, 2) labels of a whole board, row by row."""
+    return np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
 
 
 def _products(ij: Array, size: Size) -> Array:
+    """(N, 1 + B) products of Legendre polynomials that run over −1 to 1 from the first to the last corner, a constant first."""
     x, y = (2 * ij[:, k] / max(size[k] - 1, 1) - 1 for k in (0, 1))
     across, down = legvander(x, DEGREE), legvander(y, DEGREE)
-    return np.stack([across[:, i] * down[:, j] for i, j in FUNCTIONS], axis=1)
+    return np.stack([across[:, i] * down[:, j] for i, j in ((0, 0), *FUNCTIONS)], axis=1)
+
+
+def _motions() -> Array:
+    """(4, 3 B) unit coefficients of a larger size, a turn within the plane, and both tilts."""
+    of = np.zeros((4, len(FUNCTIONS), 3))
+    of[0, [0, 1], [0, 1]] = np.sqrt(0.5)
+    of[1, [0, 1], [1, 0]] = np.sqrt(0.5) * np.array([1, -1])
+    of[2, 0, 2] = of[3, 1, 2] = 1.0
+    return of.reshape(4, -1)
 
 
 @dataclass(frozen=True)
@@ -68,20 +97,22 @@ def with_spread(state: State, spread: Spread) -> State:
     at = len(lens.mean) - state.shape.size
     precision = lens.precision.copy()
     precision[range(at, len(lens.mean)), range(at, len(lens.mean))] = each.ravel()
+    held = HELD**2 * np.array([spread.plane, spread.plane, spread.depth, spread.depth]) ** -2.0
+    precision[at:, at:] += _motions().T * held @ _motions()
     return State(state.cameras, state.poses, state.rig, state.shape, Prior(lens.mean, precision))
 
 
 def likelier(state: State, covariance: Array, spacing: float) -> Spread:
     """The spreads after one step of expectation–maximisation. `covariance` (3 B, 3 B) of the shape given the corners, m²."""
-    square = (state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2
-    plane, depth = float(np.sqrt(square[:, :2].mean())), float(np.sqrt(square[:, 2].mean()))
-    return Spread(max(plane, LEAST * spacing), max(depth, LEAST * spacing))
+    square = ((state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
+    many = len(FUNCTIONS)  # two of them are held within the plane, and two out of it
+    plane, depth = np.sqrt((square[0] + square[1]) / (2 * many - 2)), np.sqrt(square[2] / (many - 2))
+    return Spread(max(float(plane), LEAST * spacing), max(float(depth), LEAST * spacing))
 
 
 def board_shape(coefficients: Array, size: Size) -> BoardShape:
     """The shape of `coefficients` (B, 3) m at all corners of a board of `size`."""
-    ij = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
-    return BoardShape((shape_basis(ij, size) @ coefficients).reshape(size[1], size[0], 3))
+    return BoardShape((shape_basis(all_labels(size), size) @ coefficients).reshape(size[1], size[0], 3))
 
 
 KNOWN = np.array([[0.0, 0.0, 1.0]])

@@ -17,12 +17,14 @@ REACHED = 2.0
 """see `pose_covariance`"""
 LEVERAGE_POWER, LEAST_LEFT = 0.85, 1e-4
 """see `clustered`; least share of a direction that other clusters must tell"""
+STEADY = 20.0
+"""clusters that the covariance by the noise of corners, inflated as a whole, counts as"""
 
 
 @dataclass(frozen=True, eq=False)
 class Clustered:
     """The covariance of K shared parameters by the scatter of whole views: `covariance` (K, K), and how many times larger than by the noise
-    of single corners it is, `inflation` (mean over the directions of the parameters' space)."""
+    of single corners it is, `inflation` (mean over the directions that cameras are told in)."""
 
     covariance: Array
     inflation: float
@@ -44,6 +46,9 @@ def clustered(
     the square root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe
     side (CR3). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of
     the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
+
+    The sum over G clusters has at most rank G, and a few of them tell a covariance only roughly: it is shrunk towards the covariance by the noise
+    of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters: Ledoit and Wolf 2004).
     """
     here = Linear.of(state, corners, weight, free)
     info, score = _by_cluster(here, cluster if cluster is not None else np.arange(here.frames))
@@ -52,8 +57,18 @@ def clustered(
     rim = arrow.rim  # in its coordinates the whole information is the unit matrix
     pulled = np.stack([_unleveraged(rim.T @ i @ rim, rim.T @ u) for i, u in zip(info, score, strict=True)])
     meat = pulled.T @ pulled + rim.T @ here.precision @ rim
-    honest = np.asarray(rim @ meat @ rim.T)
-    return Clustered(honest, max(float(np.trace(meat)) / max(len(meat), 1) / max(scale, 1e-300), 1.0))
+    inflation = _inflation(meat, rim[: len(rim) - int(free[len(free) - state.shape.size :].sum())], scale)
+    share = STEADY / (STEADY + len(score))
+    meat = (1 - share) * meat + share * inflation * scale * np.eye(len(meat))
+    return Clustered(np.asarray(rim @ meat @ rim.T), inflation)
+
+
+def _inflation(meat: Array, rows: Array, scale: float) -> float:
+    """Mean of the scatter `meat` (K, K) over the directions in which the parameters of `rows` (P, K) are told, ÷ `scale`; at least 1."""
+    if not len(rows):
+        return 1.0
+    directions, _ = np.linalg.qr(rows.T)
+    return max(float(np.trace(directions.T @ meat @ directions)) / len(rows) / max(scale, 1e-300), 1.0)
 
 
 def _unleveraged(leverage: Array, score: Array) -> Array:

@@ -24,6 +24,8 @@ SPLITS, FOLDS = 5, 5
 SEED = 7
 FEWEST = 6
 """pictures, below which there are no halves to calibrate from"""
+WIDE = 1.0
+"""squares; prior standard deviation of a shape of the first degree: corners alone tell the shape"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +78,9 @@ def camera_of(task: Task, views: Sequence[int] | Array) -> State:
 
 
 def _start(task: Task, camera: Camera) -> State:
-    """Where a fit begins: labels count squares, and a shape has its first prior."""
+    """Where a fit begins: labels count squares, and the prior of a shape is a wide one."""
     state = State.mono(camera, task.T, np.zeros((len(FUNCTIONS), 3)) if task.shaped else None)
-    return with_spread(state, Spread.first(1.0)) if task.shaped else state
+    return with_spread(state, Spread(WIDE, WIDE)) if task.shaped else state
 
 
 def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
