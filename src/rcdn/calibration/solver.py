@@ -21,6 +21,8 @@ DAMPING, STRONGEST = 1e-6, 1e8
 """of Levenberg–Marquardt at the start, and where it gives up"""
 BEHIND = 1e3
 """whitened residual of a corner that the camera can't see"""
+FARTHEST = 1e8
+"""whitened residual beyond which a corner counts as one that the camera can't see: squares must not overflow"""
 SCALE = 2.0
 """whitened residual from which on the loss `soft_l1` grows linearly"""
 
@@ -119,7 +121,7 @@ class Linear:
         """Corners that a camera can't see tell nothing."""
         xy, by_frame, shared = linearise(state, corners)
         gaps = (corners.xy - xy) * weight[:, None]
-        blind = ~np.isfinite(gaps).all(axis=1)
+        blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
         firm = np.where(blind, 0.0, weight)
         if loss == "soft_l1":
             calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
@@ -165,7 +167,7 @@ def solve(
     A frame without corners keeps its pose.
     """
     free = default_free(start) if free is None else free
-    state, cost, damping = start, _cost(start, corners, weight, free, loss), DAMPING
+    state, cost, damping = start, _cost(start, corners, weight, loss), DAMPING
     for _ in range(iterations):
         here = Linear.of(state, corners, weight, free, loss)
         other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
@@ -185,17 +187,18 @@ def _step(
         by_frame, some = here.arrow(damping).solve(*gradient)
         shared = np.zeros(len(free))
         shared[free] = some
-        other = state.moved(by_frame, shared)
-        less = _cost(other, corners, weight, free, loss)
-        if less <= cost:
-            return other, less, max(damping / 10, 1e-9)
+        if np.isfinite(some).all() and np.isfinite(by_frame).all():
+            other = state.moved(by_frame, shared)
+            less = _cost(other, corners, weight, loss)
+            if less <= cost:
+                return other, less, max(damping / 10, 1e-9)
         damping *= 10
     return state, cost, DAMPING
 
 
-def _cost(state: State, corners: Corners3, weight: Array, free: Array, loss: str) -> float:
+def _cost(state: State, corners: Corners3, weight: Array, loss: str) -> float:
     gaps = residuals(state, corners) * weight[:, None]
-    gaps[~np.isfinite(gaps).all(axis=1)] = BEHIND
+    gaps[~(np.abs(gaps) < FARTHEST).all(axis=1)] = BEHIND
     square = gaps[weight > 0] ** 2
     total = square.sum() if loss == "linear" else 2 * SCALE**2 * (np.sqrt(1 + square / SCALE**2) - 1).sum()
     return float(total) + state.beforehand.cost(state.values)
