@@ -55,7 +55,9 @@ def test_the_arrow_is_the_inverse_of_the_normal_matrix(damping):
     arrow = Arrow.of(a, b, frame, 3, precision, damping)
     inverse = np.linalg.inv(normal)
     assert arrow.covariance == pytest.approx(inverse[18:, 18:], rel=1e-9, abs=1e-12)
-    columns = [np.concatenate([m.ravel(), s]) for m, s in (arrow.solve(e[:18].reshape(3, 6), e[18:]) for e in np.eye(23))]
+    columns = [
+        np.concatenate([m.ravel(), s]) for m, s in (arrow.solve(e[:18].reshape(3, 6), e[18:]) for e in np.eye(23))
+    ]
     assert np.stack(columns, axis=1) == pytest.approx(inverse, rel=1e-9, abs=1e-12)
     # the blocks are a factor of it
     factor = np.zeros((23, 23))
@@ -108,7 +110,9 @@ def by_scipy(state, corners, weight, free, loss="linear"):
         gaps = (residuals(other, corners) * weight[:, None]).ravel()
         return np.concatenate([gaps, root.T @ (other.values - prior.mean)])
 
-    found = least_squares(rows, np.zeros(6 * frames + many), x_scale="jac", loss=loss, f_scale=SCALE, xtol=1e-12, ftol=1e-12)
+    found = least_squares(
+        rows, np.zeros(6 * frames + many), x_scale="jac", loss=loss, f_scale=SCALE, xtol=1e-12, ftol=1e-12
+    )
     return state_at(found.x)
 
 

@@ -68,9 +68,7 @@ def random_pose(
     return T
 
 
-def see(
-    camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array | None = None
-) -> tuple[Array, Array]:
+def see(camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array | None = None) -> tuple[Array, Array]:
     """(N, 2) labels and (N, 2) exact pixels of the corners of a board that fall into the picture.
 
     `offsets` (columns × rows, 3) m: how far the corners lie off their places on a perfect plane, in the order of `labels`."""
