@@ -14,6 +14,7 @@ from rcdn.calibration.calibrate import LENSES
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose, see
+from rcdn.evaluation.real_boards import uneven_board
 from rcdn.geometry import project, rotation
 from rcdn.types import Camera
 
@@ -78,11 +79,18 @@ def test_known_cameras_come_back_within_their_deviations(model):
             assert pytest.approx(T[:3, :3], abs=0.03) == v.pose.R
 
 
-def test_residuals_are_observed_minus_projected():
-    boards, _ = random_boards(BROWN, 1, 8, outliers=0.05)
-    found = calibrate(boards, SPACING, model="brown")
+@pytest.mark.parametrize("flat", [True, False])
+def test_residuals_are_observed_minus_projected(flat):
+    """With the shape of the board, if it was solved for: corners lie off their places by `shape.at`, in views that settle their labels."""
+    offsets = uneven_board(np.random.default_rng(0), 0.003, 0.0001, 0.0007)
+    boards, _ = random_boards(BROWN, 1, 8, outliers=0.05, offsets=offsets)
+    found = calibrate(boards, SPACING, model="brown", flat=flat)
+    assert (found.shape is None) == flat
     for v in found.views:
-        points = np.column_stack([v.ij * SPACING, np.zeros(len(v))]) @ v.pose.R.T + v.pose.t
+        on_board = np.column_stack([v.ij * SPACING, np.zeros(len(v))])
+        if found.shape is not None and v.settled:
+            on_board = on_board + found.shape.at(v.ij)
+        points = on_board @ v.pose.R.T + v.pose.t
         assert v.residuals == pytest.approx(v.xy - project(found.camera, points), abs=1e-9)
 
 

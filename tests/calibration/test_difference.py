@@ -89,7 +89,7 @@ def test_wrong_arguments_are_named():
 
 def test_independent_calibrations_agree_as_often_as_they_state():
     """Of 7 pairs: the mean square of difference ÷ stated is 1, its probability uniform; and a changed lens is told."""
-    found = [calibrate(random_boards(PINHOLE, seed, 8)[0], SPACING, model="pinhole") for seed in range(14)]
+    found = [calibrate(random_boards(PINHOLE, seed, 20)[0], SPACING, model="pinhole") for seed in range(14)]
     pairs = [(a, b, camera_difference(a.camera, b.camera)) for a, b in zip(found[::2], found[1::2], strict=True)]
     told = [agreement(*pair) for pair in pairs]
     assert np.mean([t.rms**2 for t in told]) == pytest.approx(1, abs=0.5)

@@ -102,9 +102,9 @@ def test_residuals_that_err_together_promise_less(middling):
 
 
 def test_a_view_of_the_calibration_tells_about_its_share(middling):
-    """Corners err independently here: the stated covariance is that of the information, and nothing is taken off."""
+    """Corners err independently here: the stated covariance is about that of the information; that by ten views is a little on the safe side."""
     _, calibration = middling
-    assert share_told(calibration, Prior.of(calibration)) == pytest.approx(1, abs=0.15)
+    assert share_told(calibration, Prior.of(calibration)) == pytest.approx(0.9, abs=0.2)
     assert weight_of(calibration) == pytest.approx(1 / NOISE, rel=0.3)
     assert pattern_of(calibration) == "checker"
 

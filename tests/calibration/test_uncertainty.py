@@ -8,13 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rcdn.calibration import calibrate, coverage, projection_uncertainty
-from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration import calibrate, coverage, projection_uncertainty, uncertainty
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.solver import solve
-from rcdn.calibration.uncertainty import Clustered, covariance
+from rcdn.calibration.uncertainty import Clustered, clustered, covariance
 from rcdn.errors import RcdnError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, labels, random_boards, random_pose, see
-from rcdn.evaluation.trust import trust
+from rcdn.evaluation.real_boards import smooth_error
+from rcdn.evaluation.trust import BOARDS, row, trust
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import BoardView, Calibration, Pose
 
@@ -68,11 +69,13 @@ def small_motion(T, truth):
 
 
 def test_a_calibration_states_that_covariance():
-    """The whole way, noise estimated, gives the covariance of least squares of the noise that was put in."""
-    rng = np.random.default_rng(0)
-    boards = [board(labels(), xy, (640, 480)) for xy in np.split(EXACT + rng.normal(0, NOISE, EXACT.shape), 5)]
-    found = calibrate(boards, SPACING, model="pinhole")
-    assert np.sqrt(np.diag(found.cov)) == pytest.approx(np.sqrt(np.diag(runs()[0].found.cov)), rel=0.15)
+    """The whole way, noise estimated and by the scatter of 40 views, gives about the covariance of the noise that was put in."""
+    poses, exact = poses_of(5, 40)
+    xy = exact + np.random.default_rng(5).normal(0, NOISE, exact.shape)
+    boards = [board(labels(), each, (640, 480)) for each in np.split(xy, 40)]
+    found = calibrate(boards, SPACING, model="pinhole", flat=True)
+    by_noise = np.sqrt(np.diag(solved(poses, exact, 5).found.cov))
+    assert np.sqrt(np.diag(found.cov)) == pytest.approx(by_noise, rel=0.2)
 
 
 def test_the_spread_of_the_parameters_is_the_stated_one():
@@ -115,9 +118,10 @@ def test_uncertainty_falls_with_more_corners_and_grows_away_from_them():
 
 
 def test_deviations_scale_with_the_noise_and_not_with_the_spacing():
-    loud = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.4)[0], SPACING, model="brown")
-    quiet = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.1)[0], SPACING, model="brown")
-    large = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.1)[0], 10 * SPACING, model="brown")
+    many = 20  # the scatter of a few views is known roughly only
+    loud = calibrate(random_boards(CAMERAS["brown"], 2, many, noise=0.4)[0], SPACING, model="brown")
+    quiet = calibrate(random_boards(CAMERAS["brown"], 2, many, noise=0.1)[0], SPACING, model="brown")
+    large = calibrate(random_boards(CAMERAS["brown"], 2, many, noise=0.1)[0], 10 * SPACING, model="brown")
     assert loud.std / quiet.std == pytest.approx(np.full(9, 4), rel=0.25)
     assert large.std == pytest.approx(quiet.std, rel=1e-3)
     at = projection_uncertainty(quiet, PIXELS, 1.0)
@@ -158,9 +162,93 @@ def test_the_truth_lies_within_one_deviation_two_times_in_three():
     assert (np.abs(off) < 2).mean() > 0.90
 
 
-def test_trust_counts_runs_and_shares():
-    done = trust("pinhole", 3, seed=0)
-    assert (done.model, done.runs, done.failed) == ("pinhole", 3, 0)
+@pytest.mark.parametrize("boards", BOARDS)
+def test_trust_counts_runs_and_shares(boards):
+    done = trust("pinhole", 3, seed=0, boards=boards)
+    assert (done.model, done.boards, done.runs, done.failed) == ("pinhole", boards, 3, 0)
     assert 0.25 <= done.within <= done.within2 <= 1
     assert set(done.by_noise) == {0.1, 0.3, 1.0}
     assert np.mean(list(done.by_noise.values())) == pytest.approx(done.within)
+    assert (done.focal + done.centre) / 2 == pytest.approx(done.within)  # a pinhole has no more
+    assert np.isnan(done.lens)
+    assert row(done)["lens"] is None
+
+
+# ---- by the scatter of whole views
+
+
+def linear_problem(seed, views=14, bend=0.0, copies=1):
+    """(state at the least squares, corners, weight, arrow, scale) of whole boards under a Brown lens without robust steps."""
+    paper = (lambda draw: np.column_stack([np.zeros((54, 2)), smooth_error(draw, bend)])) if bend else None
+    boards, poses = random_boards(CAMERAS["brown"], seed, views, NOISE, whole=True, offsets=paper)
+    xy = np.concatenate([b.xy for _ in range(copies) for b in boards])
+    frame = np.repeat(np.arange(copies * views), 54)
+    corners = Corners3(frame, 0 * frame, np.tile(labels() * SPACING, (copies * views, 1)), xy, np.zeros((len(xy), 0)))
+    state = State.mono(CAMERAS["brown"], np.array(poses * copies))
+    weight = np.full(len(xy), 1 / NOISE)
+    done = solve(state, corners, weight)
+    square = ((residuals(done.state, corners) / NOISE) ** 2).sum()
+    return done.state, corners, weight, done.arrow, float(square / (2 * len(xy) - 6 * views * copies - 9))
+
+
+def stated(problem, cluster=None):
+    """(deviations by the scatter of views, by the noise of corners, inflation)."""
+    state, corners, weight, arrow, scale = problem
+    found = clustered(state, corners, weight, default_free(state), arrow, scale, cluster)
+    return np.sqrt(np.diag(found.covariance)), np.sqrt(np.diag(scale * arrow.covariance)), found.inflation
+
+
+def test_corners_that_err_by_themselves_have_the_deviations_of_their_noise():
+    by_views, by_noise, inflation = stated(linear_problem(1, 40))
+    assert by_views == pytest.approx(by_noise, rel=0.25)
+    assert (by_views / by_noise).mean() == pytest.approx(1, abs=0.15)
+    assert inflation < 1.3
+
+
+def test_paper_that_bends_anew_in_every_view_raises_the_deviations():
+    by_views, by_noise, inflation = stated(linear_problem(1, 40, bend=0.0005))
+    assert (by_views[:4] > 1.3 * by_noise[:4]).all()
+    assert inflation > 2
+
+
+def test_the_scatter_is_that_of_cameras_with_one_view_left_out(monkeypatch):
+    """The jackknife, solved anew without each view: its sum of squares is that of the first order."""
+    monkeypatch.setattr(uncertainty, "STEADY", 0.0)
+    monkeypatch.setattr(uncertainty, "LEAST_LEFT", 1e-4)
+    problem = linear_problem(3, 16, bend=0.0003)
+    state, corners, weight, *_ = problem
+    others = [solve(state, corners, np.where(corners.frame == f, 0, weight)).state for f in range(16)]
+    off = np.array([o.cameras[0].parameters - state.cameras[0].parameters for o in others])
+    assert stated(problem)[0] == pytest.approx(np.sqrt((off**2).sum(axis=0)), rel=0.15)
+
+
+def test_copies_of_a_view_in_one_cluster_tell_no_more_than_one():
+    one, four = linear_problem(2, 16), linear_problem(2, 16, copies=4)
+    once, together = stated(one)[0], stated(four, np.tile(np.arange(16), 4))[0]
+    assert together == pytest.approx(once, rel=0.03)
+    assert stated(four)[1] == pytest.approx(stated(one)[1] / 2, rel=0.05)  # by the noise of corners they would
+
+
+def test_four_copies_of_every_picture_do_not_make_a_camera_better():
+    boards, _ = random_boards(CAMERAS["brown"], 3, 14)
+    once = calibrate(boards, SPACING, model="brown")
+    again = calibrate(boards * 4, SPACING, model="brown")
+    assert (again.std > 0.9 * once.std).all()
+    assert again.camera.parameters == pytest.approx(once.camera.parameters, abs=0.3 * once.std.max(), rel=1e-3)
+
+
+def test_fewer_than_three_clusters_tell_no_scatter():
+    problem = linear_problem(2, 6)
+    by_views, by_noise, inflation = stated(problem, np.array([0, 0, 0, 1, 1, 1]))
+    assert by_views == pytest.approx(by_noise)
+    assert inflation == 1
+
+
+def test_the_covariance_of_few_views_has_full_rank():
+    """Six views of nine parameters: the sum over views alone would have six directions at most."""
+    state, corners, weight, arrow, scale = linear_problem(4, 6)
+    found = clustered(state, corners, weight, default_free(state), arrow, scale).covariance
+    unit = np.sqrt(np.diag(found))
+    assert np.linalg.eigvalsh(found / np.outer(unit, unit)).min() > 1e-5
+    off = state.cameras[0].parameters - CAMERAS["brown"].parameters
+    assert off @ np.linalg.solve(found, off) < 9 + 4 * np.sqrt(18)

@@ -22,8 +22,8 @@ DEGREE, DECAY = 4, 2.0
 """of the polynomials; the prior standard deviation of a function falls with its degree to that power"""
 PLANE, DEPTH = 0.001, 0.003
 """spreads of the first degree to start from, in squares"""
-LEAST = 1e-7
-"""squares; a spread below is none"""
+LEAST, MOST = 1e-6, 0.1
+"""squares; a spread below is none, and no board is worse than the other"""
 FUNCTIONS = tuple((d - j, j) for d in range(1, DEGREE + 1) for j in range(d + 1))
 """degrees in x and y of each function, the first two x and y themselves; a constant would only move the board"""
 FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
@@ -96,9 +96,8 @@ def with_spread(state: State, spread: Spread) -> State:
     each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
     at = len(lens.mean) - state.shape.size
     precision = lens.precision.copy()
-    precision[range(at, len(lens.mean)), range(at, len(lens.mean))] = each.ravel()
     held = HELD**2 * np.array([spread.plane, spread.plane, spread.depth, spread.depth]) ** -2.0
-    precision[at:, at:] += _motions().T * held @ _motions()
+    precision[at:, at:] = np.diag(each.ravel()) + _motions().T * held @ _motions()
     return State(state.cameras, state.poses, state.rig, state.shape, Prior(lens.mean, precision))
 
 
@@ -107,7 +106,7 @@ def likelier(state: State, covariance: Array, spacing: float) -> Spread:
     square = ((state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
     many = len(FUNCTIONS)  # two of them are held within the plane, and two out of it
     plane, depth = np.sqrt((square[0] + square[1]) / (2 * many - 2)), np.sqrt(square[2] / (many - 2))
-    return Spread(max(float(plane), LEAST * spacing), max(float(depth), LEAST * spacing))
+    return Spread(*(float(np.clip(value, LEAST * spacing, MOST * spacing)) for value in (plane, depth)))
 
 
 def board_shape(coefficients: Array, size: Size) -> BoardShape:

@@ -15,8 +15,8 @@ from rcdn.types import Array, Calibration
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
 """see `pose_covariance`"""
-LEVERAGE_POWER, LEAST_LEFT = 0.85, 1e-4
-"""see `clustered`; least share of a direction that other clusters must tell"""
+JACKKNIFE, UNBIASED, LEAST_LEFT = 1.0, 0.5, 0.1
+"""powers of the leverage, see `clustered`; share that other clusters tell of a direction, below which a cluster isn't weighed up further"""
 STEADY = 20.0
 """clusters that the covariance by the noise of corners, inflated as a whole, counts as"""
 
@@ -42,22 +42,23 @@ def clustered(
     """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
 
     An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
-    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by (1 − A)^0.85, between
-    the square root, which is right if corners err by themselves (CR2: Bell and McCaffrey 2002), and the jackknife, which is on the safe
-    side (CR3). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of
-    the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
+    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by 1 − A, which is the
+    jackknife (CR3: Bell and McCaffrey 2002; on the safe side). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default:
+    each frame by itself. `scale`: mean square of the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
 
     The sum over G clusters has at most rank G, and a few of them tell a covariance only roughly: it is shrunk towards the covariance by the noise
-    of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters: Ledoit and Wolf 2004).
+    of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters). The inflation is by scores
+    divided by the square root of 1 − A, right if corners err by themselves (CR2).
     """
     here = Linear.of(state, corners, weight, free)
     info, score = _by_cluster(here, cluster if cluster is not None else np.arange(here.frames))
     if len(score) < FEWEST_CLUSTERS:
         return Clustered(np.asarray(scale * arrow.covariance), 1.0)
     rim = arrow.rim  # in its coordinates the whole information is the unit matrix
-    pulled = np.stack([_unleveraged(rim.T @ i @ rim, rim.T @ u) for i, u in zip(info, score, strict=True)])
-    meat = pulled.T @ pulled + rim.T @ here.precision @ rim
-    inflation = _inflation(meat, rim[: len(rim) - int(free[len(free) - state.shape.size :].sum())], scale)
+    info, score = rim.T @ info @ rim, score @ rim
+    held = rim.T @ here.precision @ rim
+    meat, unbiased = (_scatter(info, score, power) + held for power in (JACKKNIFE, UNBIASED))
+    inflation = _inflation(unbiased, rim[: len(rim) - int(free[len(free) - state.shape.size :].sum())], scale)
     share = STEADY / (STEADY + len(score))
     meat = (1 - share) * meat + share * inflation * scale * np.eye(len(meat))
     return Clustered(np.asarray(rim @ meat @ rim.T), inflation)
@@ -71,10 +72,12 @@ def _inflation(meat: Array, rows: Array, scale: float) -> float:
     return max(float(np.trace(directions.T @ meat @ directions)) / len(rows) / max(scale, 1e-300), 1.0)
 
 
-def _unleveraged(leverage: Array, score: Array) -> Array:
-    """(1 − leverage)^−0.85 score, for a symmetric `leverage` (K, K)."""
-    values, vectors = np.linalg.eigh((leverage + leverage.T) / 2)
-    return np.asarray(vectors @ ((vectors.T @ score) * np.maximum(1 - values, LEAST_LEFT) ** -LEVERAGE_POWER))
+def _scatter(leverage: Array, score: Array, power: float) -> Array:
+    """(K, K) sum over G clusters of v vᵀ, v = (1 − leverage)^−power score, of symmetric `leverage` (G, K, K) and `score` (G, K)."""
+    values, vectors = np.linalg.eigh((leverage + leverage.transpose(0, 2, 1)) / 2)
+    along = np.einsum("gka,gk->ga", vectors, score) * np.maximum(1 - values, LEAST_LEFT) ** -power
+    pulled = np.einsum("gka,ga->gk", vectors, along)
+    return np.asarray(pulled.T @ pulled)
 
 
 def _by_cluster(here: Linear, cluster: Array) -> tuple[Array, Array]:

@@ -13,7 +13,8 @@ from rcdn.types.base import Array, freeze
 @dataclass(frozen=True, eq=False)
 class BoardShape:
     """`offsets` (rows, columns, 3) m: how far each inner corner of a board lies off its place on the perfect plane, along the board's x, y and
-    normal (away from the camera), the same in all views. A part of it may be a motion of the whole board, which belongs to its pose."""
+    normal (away from the camera). The same in all views. A shift, a turn, another size and a tilt, as the mean slopes of the offsets tell them,
+    aren't in it: they belong to the board's pose."""
 
     offsets: Array
 

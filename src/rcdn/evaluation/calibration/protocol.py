@@ -24,7 +24,7 @@ SPLITS, FOLDS = 5, 5
 SEED = 7
 FEWEST = 6
 """pictures, below which there are no halves to calibrate from"""
-WIDE = 1.0
+WIDE = 10.0
 """squares; prior standard deviation of a shape of the first degree: corners alone tell the shape"""
 
 

@@ -1,0 +1,214 @@
+"""The board's own shape: found beside the camera where it is there, nothing where it isn't, and no motion in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rcdn.calibration import calibrate, projection_uncertainty
+from rcdn.calibration.bundle import State
+from rcdn.calibration.shape import (
+    FALLING,
+    FUNCTIONS,
+    Spread,
+    all_labels,
+    board_shape,
+    likelier,
+    shape_basis,
+    with_spread,
+)
+from rcdn.errors import RcdnError
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.evaluation.real_boards import smooth_error, uneven_board
+from rcdn.types import BoardShape
+
+BROWN = CAMERAS["brown"]
+SIZE = (9, 6)
+UNEVEN = uneven_board(np.random.default_rng(2), stretch=0.01, print_error=0.0001, bend=0.001)
+
+
+def z_of(found):
+    return (found.camera.parameters - BROWN.parameters) / found.std
+
+
+@cache
+def both(kind, seed=5):
+    """(with its shape, as if perfect): the same 20 views, parts among them."""
+    offsets = UNEVEN if kind == "uneven" else None
+    boards, _ = random_boards(BROWN, seed, 20, offsets=offsets)
+    return calibrate(boards, SPACING, model="brown"), calibrate(boards, SPACING, model="brown", flat=True)
+
+
+def without_motion(offsets):
+    """Offsets (N, 3) less the shift, turn, size and tilts in their mean slopes, to first order."""
+    centred = all_labels(SIZE) - all_labels(SIZE).mean(axis=0)
+    slopes = np.linalg.lstsq(centred, offsets - offsets.mean(axis=0), rcond=None)[0]
+    size, turn = (slopes[0, 0] + slopes[1, 1]) / 2, (slopes[0, 1] - slopes[1, 0]) / 2
+    return offsets - offsets.mean(axis=0) - centred @ [[size, turn, slopes[0, 2]], [-turn, size, slopes[1, 2]]]
+
+
+# ---- calibrations
+
+
+def test_an_uneven_board_is_found_with_the_camera():
+    shaped, _ = both("uneven")
+    assert np.abs(z_of(shaped)).max() < 3
+    error = shaped.shape.offsets.reshape(-1, 3) - without_motion(UNEVEN)
+    truth = without_motion(UNEVEN)
+    assert np.sqrt((error[:, :2] ** 2).mean()) < 5e-5 < 0.2 * np.sqrt((truth[:, :2] ** 2).mean())
+    assert np.sqrt((error[:, 2] ** 2).mean()) < 1.5e-4 < 0.2 * np.sqrt((truth[:, 2] ** 2).mean())
+    assert shaped.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.06)
+
+
+def test_taken_as_perfect_it_spoils_the_camera():
+    """The fit of the same corners without a shape is off by several of the deviations that the one with it states."""
+    shaped, flat = both("uneven")
+    off = np.abs(flat.camera.parameters - BROWN.parameters) / shaped.std
+    assert off[:4].max() > 5
+    assert flat.rms > 2 * shaped.rms
+    assert (shaped.std[:4] < 0.5 * flat.std[:4]).all()
+    assert shaped.held_out < 0.5 * flat.held_out
+
+
+def test_a_perfect_board_has_no_shape_and_costs_nothing():
+    shaped, flat = both("perfect")
+    assert shaped.shape.print_error < 3e-5
+    assert shaped.shape.bend < 5e-5
+    gap = np.abs(shaped.camera.parameters - flat.camera.parameters) / flat.std
+    assert gap.max() < 0.5
+    assert shaped.std == pytest.approx(flat.std, rel=0.15)
+    assert np.abs(z_of(shaped)).max() < 3
+
+
+def test_the_shape_does_not_cast_doubt_on_projections():
+    """Of a motion or another size no corner tells: they aren't part of the shape, nor of the uncertainty."""
+    pixels = np.array([[320.0, 240], [100, 100], [560, 400]])
+    perfect = both("perfect")[0]
+    for distance in (np.inf, 1.0):
+        at = projection_uncertainty(both("uneven")[0], pixels, distance)
+        assert at == pytest.approx(projection_uncertainty(perfect, pixels, distance), rel=0.5)
+
+
+def test_the_shape_has_no_motion():
+    found = both("uneven")[0].shape.offsets.reshape(-1, 3)
+    assert np.abs(found - without_motion(found)).max() < 1e-3 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("size", [(8, 6), (7, 7)])
+def test_labels_of_an_ambiguous_board_may_be_turned(size):
+    """Half of the views are labelled from the other end: whatever shape is found, the camera isn't worse than without one."""
+    offsets = uneven_board(np.random.default_rng(1), 0.003, 0.0001, 0.0007, size)
+    boards, _ = random_boards(BROWN, 6, 16, whole=True, size=size, offsets=offsets)
+    turned = [replace(b, ij=np.array(size) - 1 - b.ij) if k % 2 else b for k, b in enumerate(boards)]
+    shaped, flat = (calibrate(turned, SPACING, model="brown", flat=f) for f in (False, True))
+    off = [np.abs(f.camera.parameters - BROWN.parameters)[:4] for f in (shaped, flat)]
+    assert np.linalg.norm(off[0]) < 1.1 * np.linalg.norm(off[1])
+    assert np.abs(z_of(shaped)).max() < 4
+    assert shaped.held_out < 1.02 * flat.held_out
+
+
+# ---- functions
+
+
+@pytest.mark.parametrize("size", [(9, 6), (5, 5), (11, 4)])
+def test_functions_are_orthogonal_to_each_other_and_to_a_constant(size):
+    basis = shape_basis(all_labels(size), size)
+    assert basis.shape == (size[0] * size[1], len(FUNCTIONS))
+    assert basis.mean(axis=0) == pytest.approx(0, abs=1e-12)
+    product = basis.T @ basis / len(basis)
+    assert product - np.diag(np.diag(product)) == pytest.approx(np.zeros(product.shape), abs=1e-9)
+    there = np.diag(product)[2:] > 1e-6
+    assert np.diag(product)[2:][there] == pytest.approx(1)
+    assert there.all() or min(size) < 5
+    assert product[0, 0] + product[1, 1] == pytest.approx(2)
+
+
+def test_the_first_degree_has_one_slope_in_both_directions():
+    basis = shape_basis(all_labels(SIZE), SIZE)
+    ij = all_labels(SIZE) - [4, 2.5]
+    slopes = (basis[:, :2] / np.where(ij == 0, np.nan, ij))[2]
+    assert basis[:, :2] == pytest.approx(ij * slopes[0])
+
+
+def test_functions_are_smooth_beyond_and_between_the_corners():
+    ij = all_labels(SIZE)
+    between = shape_basis(ij[:5] + 0.5, SIZE)
+    assert np.isfinite(between).all()
+    assert np.array_equal(shape_basis(ij[[7, 3]], SIZE), shape_basis(ij, SIZE)[[7, 3]])
+
+
+def test_small_boards_have_fewer_functions():
+    basis = shape_basis(all_labels((3, 2)), (3, 2))
+    assert np.isfinite(basis).all()
+    assert np.linalg.matrix_rank(basis) == np.abs(basis).max(axis=0).astype(bool).sum() == 5
+
+
+def test_coefficients_become_the_shape():
+    coefficients = np.random.default_rng(0).normal(size=(len(FUNCTIONS), 3))
+    shape = board_shape(coefficients, SIZE)
+    ij = np.array([[0, 0], [8, 5], [3, 2]])
+    assert shape.at(ij) == pytest.approx(shape_basis(ij, SIZE) @ coefficients)
+
+
+# ---- the prior and its spreads
+
+
+def test_the_prior_holds_motions_and_falls_with_the_degree():
+    state = State.mono(BROWN, np.eye(4)[None], np.zeros((len(FUNCTIONS), 3)))
+    prior = with_spread(state, Spread(1e-4, 3e-4)).beforehand
+    cov = np.linalg.inv(prior.precision[9:, 9:]).reshape(len(FUNCTIONS), 3, len(FUNCTIONS), 3)
+    var = np.einsum("fafa->fa", cov)
+    assert np.sqrt(var[2:]) == pytest.approx(FALLING[2:] * [1e-4, 1e-4, 3e-4])
+    assert np.sqrt(var[:2, 2]).max() < 1e-3 * 3e-4  # tilts
+    stretch, flat = np.zeros((2, len(FUNCTIONS), 3)), cov.reshape(3 * len(FUNCTIONS), -1)
+    stretch[0, 0, 0], stretch[0, 1, 1] = np.sqrt([0.5, 0.5]) * [1, -1]
+    stretch[1, 0, 0], stretch[1, 1, 1] = np.sqrt([0.5, 0.5])
+    spread, size = (np.sqrt(s.ravel() @ flat @ s.ravel()) for s in stretch)
+    assert spread == pytest.approx(1e-4)
+    assert size < 1e-3 * 1e-4
+
+
+def test_spreads_of_drawn_shapes_come_back():
+    """Without doubt of the coefficients, the likeliest spread is their scatter."""
+    rng, spread, found = np.random.default_rng(3), Spread(2e-4, 7e-4), []
+    nothing = np.zeros((3 * len(FUNCTIONS),) * 2)
+    state = State.mono(BROWN, np.eye(4)[None], np.zeros((len(FUNCTIONS), 3)))
+    cov = np.linalg.inv(with_spread(state, spread).beforehand.precision[9:, 9:])
+    for _ in range(100):
+        drawn = rng.multivariate_normal(np.zeros(len(cov)), cov, method="eigh").reshape(-1, 3)
+        found.append(likelier(replace(state, shape=drawn), nothing, SPACING))
+    assert np.sqrt(np.mean([f.plane**2 for f in found])) == pytest.approx(spread.plane, rel=0.1)
+    assert np.sqrt(np.mean([f.depth**2 for f in found])) == pytest.approx(spread.depth, rel=0.1)
+    # and if the corners tell nothing, it stays
+    again = likelier(state, cov, SPACING)
+    assert (again.plane, again.depth) == pytest.approx((spread.plane, spread.depth), rel=1e-3)
+
+
+# ---- BoardShape
+
+
+def test_bend_and_print_error_are_lengths():
+    offsets = np.zeros((6, 9, 3))
+    offsets[0, 0, 2], offsets[5, 8, 2], offsets[:, :, :2] = -0.001, 0.002, [0.0003, 0.0004]
+    shape = BoardShape(offsets)
+    assert shape.size == (9, 6)
+    assert shape.bend == pytest.approx(0.003)
+    assert shape.print_error == pytest.approx(0.0005)
+    assert shape.at(np.array([[8, 5]])) == pytest.approx(offsets[None, 5, 8])
+    with pytest.raises(RcdnError, match="9×6"):
+        shape.at(np.array([[9, 0]]))
+    with pytest.raises(RcdnError, match=r"\(rows, columns, 3\)"):
+        BoardShape(np.zeros((54, 3)))
+
+
+def test_simulated_unevenness_is_as_large_as_said():
+    error = smooth_error(np.random.default_rng(0), 0.002)
+    assert np.sqrt((error**2).mean()) == pytest.approx(0.002)
+    assert error.mean() == pytest.approx(0, abs=1e-12)
+    x = all_labels(SIZE)[:, 0] - 4.0
+    board = uneven_board(np.random.default_rng(0), 0.01, 0.0, 0.0)
+    assert board[:, 0] == pytest.approx(0.005 * x * SPACING)
+    assert board[:, 2] == pytest.approx(0)
