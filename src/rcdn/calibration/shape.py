@@ -27,6 +27,8 @@ FUNCTIONS = tuple((i, j) for i in range(DEGREE + 1) for j in range(DEGREE + 1 - 
 """degrees in x and y of each function; a constant would only move the board"""
 FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 """(B, 1) prior standard deviation of each function as a share of the first degree's"""
+FEWEST_SHAPED = 5
+"""views of the whole board, below which it is taken as perfect"""
 
 
 def shape_basis(ij: Array, size: Size) -> Array:
