@@ -14,7 +14,7 @@ from rcdn.calibration.calibrate import LENSES
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose, see
-from rcdn.evaluation.real_boards import uneven_board
+from rcdn.evaluation.real_boards import curved_board
 from rcdn.geometry import project, rotation
 from rcdn.types import Camera
 
@@ -61,13 +61,11 @@ def z_of(found, camera):
 
 @pytest.mark.parametrize("model", CAMERAS)
 def test_known_cameras_come_back_within_their_deviations(model):
-    """Parts among the views; the squares of error ÷ deviation add up to a chi-square."""
+    """Parts among the views."""
     boards, poses = random_boards(CAMERAS[model], 11, 12)
     found = calibrate(boards, SPACING, model=model)
-    off = found.camera.parameters - CAMERAS[model].parameters
-    many = len(off)
     if model != "rational":  # whose numbers make up for each other far beyond what a covariance can say
-        assert off @ np.linalg.solve(found.cov[:many, :many], off) < many + 4 * np.sqrt(2 * many)
+        assert np.abs(z_of(found, CAMERAS[model])).max() < 4
     assert found.rms < found.held_out < 1.25 * found.rms
     assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.06)
     assert not found.left_out
@@ -79,17 +77,13 @@ def test_known_cameras_come_back_within_their_deviations(model):
             assert pytest.approx(T[:3, :3], abs=0.03) == v.pose.R
 
 
-@pytest.mark.parametrize("flat", [True, False])
-def test_residuals_are_observed_minus_projected(flat):
-    """With the shape of the board, if it was solved for: corners lie off their places by `shape.at`, in views that settle their labels."""
-    offsets = uneven_board(np.random.default_rng(0), 0.003, 0.0001, 0.0007)
-    boards, _ = random_boards(BROWN, 1, 8, outliers=0.05, offsets=offsets)
-    found = calibrate(boards, SPACING, model="brown", flat=flat)
-    assert (found.shape is None) == flat
+def test_residuals_are_observed_minus_projected():
+    """Seen on the board as it was found to be, where it is settled which corner is which."""
+    boards, _ = random_boards(BROWN, 1, 8, outliers=0.05)
+    found = calibrate(boards, SPACING, model="brown")
+    assert len({v.settled for v in found.views}) == 2
     for v in found.views:
-        on_board = np.column_stack([v.ij * SPACING, np.zeros(len(v))])
-        if found.shape is not None and v.settled:
-            on_board = on_board + found.shape.at(v.ij)
+        on_board = np.column_stack([v.ij * SPACING, np.zeros(len(v))]) + (found.shape.at(v.ij) if v.settled else 0)
         points = on_board @ v.pose.R.T + v.pose.t
         assert v.residuals == pytest.approx(v.xy - project(found.camera, points), abs=1e-9)
 
@@ -146,7 +140,7 @@ def test_several_boards_a_picture():
 
 
 def test_turned_boards_are_the_same_board():
-    """By the quarter turn that leaves the square inside (0, 0) its colour."""
+    """By the quarter that leaves the square inside (0, 0) its colour."""
     boards, _ = random_boards(BROWN, 6, 8, whole=True)
     turned = [
         replace(b, ij=np.stack([5 - b.ij[:, 1], b.ij[:, 0]], axis=-1)) if k % 3 == 0 else b
@@ -159,13 +153,6 @@ def test_turned_boards_are_the_same_board():
     assert b.camera.parameters == pytest.approx(a.camera.parameters, rel=1e-4, abs=1e-4)
 
 
-def domed(size=SIZE):
-    """(N, 3) m: a board whose middle stands out by 3 mm along its columns' axis and is sunk by 2 mm along its rows'."""
-    u = labels(size) / (np.array(size) - 1) * 2 - 1
-    depth = (1 - u**2) @ [0.003, -0.002]
-    return np.column_stack([0 * depth, 0 * depth, depth])
-
-
 def without_plane(depth):
     """`depth` (rows, columns) less the plane that fits it best."""
     rows, cols = depth.shape
@@ -174,10 +161,11 @@ def without_plane(depth):
 
 
 def test_a_bend_is_found_and_predicts_better():
-    boards, _ = random_boards(BROWN, 3, 12, whole=True, offsets=domed())
+    domed = curved_board((0.003, -0.002))
+    boards, _ = random_boards(BROWN, 3, 12, whole=True, offsets=domed)
     bent, flat = calibrate(boards, SPACING, model="brown"), calibrate(boards, SPACING, model="brown", flat=True)
     assert flat.shape is None
-    depth, truth = bent.shape.offsets[:, :, 2], domed()[:, 2].reshape(6, 9)
+    depth, truth = bent.shape.offsets[:, :, 2], domed[:, 2].reshape(6, 9)
     assert np.abs(without_plane(depth) - without_plane(truth)).max() < 2e-4
     assert bent.shape.bend == pytest.approx(np.ptp(without_plane(truth)), abs=3e-4)
     assert bent.held_out < 0.6 * flat.held_out
@@ -189,7 +177,7 @@ def test_views_that_do_not_settle_their_labels_tell_nothing_of_the_shape():
     boards, _ = random_boards(BROWN, 3, 12, whole=True)
     part = boards[0]
     keep = part.ij[:, 0] < 6
-    part = replace(part, ij=part.ij[keep], xy=part.xy[keep], sigma=None, response=np.ones(36), status=np.zeros(36))
+    part = replace(part, ij=part.ij[keep], xy=part.xy[keep], sigma=part.sigma[keep], response=np.ones(36), status=np.zeros(36))
     found = calibrate([part, *boards[1:]], SPACING, model="brown")
     assert not found.views[0].settled
     assert found.views[0].used.all()

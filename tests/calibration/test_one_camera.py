@@ -13,7 +13,8 @@ from rcdn.calibration.groups import describe, name_partitions, natural_order
 from rcdn.calibration.influence import gains, group_difference, view_information
 from rcdn.calibration.one_camera import one_camera
 from rcdn.errors import CalibrationError
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, random_boards, random_pose, see
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn.evaluation.real_boards import curved_board
 
 BROWN = CAMERAS["brown"]
 PINHOLE = CAMERAS["pinhole"]
@@ -30,7 +31,7 @@ def scene(cameras, seed, bend=0.0, noise=0.15):
     """A board for each of `cameras`, each bent anew by `bend` m."""
     rng, out = np.random.default_rng(seed), []
     while len(out) < len(cameras):
-        ij, xy = see(cameras[len(out)], random_pose(rng, 0.4), SIZE, tuple(rng.normal(0, bend, 2)))
+        ij, xy = see(cameras[len(out)], random_pose(rng, 0.4), offsets=curved_board(rng.normal(0, bend, 2)))
         if len(ij) >= 40:
             out.append(
                 board(ij - ij.min(axis=0), xy + rng.normal(0, noise, xy.shape), (640, 480), np.full(len(xy), noise))
@@ -101,15 +102,16 @@ def test_a_zoom_in_the_middle_is_found_without_names():
     assert second.camera.K[0, 0] / first.camera.K[0, 0] == pytest.approx(1.04, abs=0.02)
 
 
-def test_two_zooms_in_no_order_are_found():
-    far = np.random.default_rng(4).permutation(20) < 9
-    cameras = [zoomed(PINHOLE, 1.15) if f else PINHOLE for f in far]
-    finding = found(cameras, plain(20), 4)
+@pytest.mark.parametrize("seed", [5, 6])
+def test_two_zooms_in_no_order_are_found(seed):
+    far = np.random.default_rng(seed).permutation(20) < 9
+    cameras = [zoomed(PINHOLE, 1.12) if f else PINHOLE for f in far]
+    finding = found(cameras, plain(20), seed)
     assert finding.by == "focal length"
     near, tele = sorted(finding.groups, key=lambda g: g.camera.K[0, 0])
     wrong = sum(far[int(n[:3])] for n in near.names) + sum(not far[int(n[:3])] for n in tele.names)
     assert wrong <= 4
-    assert tele.camera.K[0, 0] / near.camera.K[0, 0] == pytest.approx(1.15, abs=0.05)
+    assert tele.camera.K[0, 0] / near.camera.K[0, 0] == pytest.approx(1.12, abs=0.05)
 
 
 def test_views_left_out_that_have_a_camera_of_their_own_are_named():
@@ -143,7 +145,8 @@ def single():
 def test_the_score_is_zero_at_the_solution_and_the_information_is_that_of_the_covariance(single):
     info = view_information(single)
     H = info.information.sum(axis=0)
-    assert (np.abs(np.linalg.solve(H, info.score.sum(axis=0))) < 0.02 * single.std).all()
+    # but for the prior, which the views' scores don't hold
+    assert np.linalg.solve(H, info.score.sum(axis=0)) / single.std == pytest.approx(0, abs=0.01)
     many = len(H)
     stated = np.sqrt(np.diag(np.linalg.inv(H)))
     assert stated.shape == (many,)
@@ -153,11 +156,12 @@ def test_the_score_is_zero_at_the_solution_and_the_information_is_that_of_the_co
 
 
 def test_group_differences_are_those_of_separate_solutions_if_everything_may_differ(single):
-    info = view_information(single).at_optimum()
+    info = view_information(single)
+    info = replace(info, prior=0 * info.prior).at_optimum()  # the prior is on the camera that all have in common
     mask = np.arange(14) % 2 == 0
     d = group_difference(info, np.eye(9), mask[None])
     apart = [np.linalg.solve(info.information[m].sum(axis=0), info.score[m].sum(axis=0)) for m in (mask, ~mask)]
-    assert d.value[0] == pytest.approx(apart[0] - apart[1], rel=0.03)  # but for the weak prior of the lens
+    assert d.value[0] == pytest.approx(apart[0] - apart[1], rel=1e-3)
     assert (np.abs(d.value / d.std) < 6).all()
     assert ((d.freedom > 3) & (d.freedom < 13)).all()
     cost = sum(info.score[m].sum(axis=0) @ a for m, a in zip((mask, ~mask), apart, strict=True))

@@ -14,7 +14,7 @@ from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.cut import whole_size
 from rcdn.calibration.labels import Labelled, Size, orientation_of, settle
 from rcdn.calibration.residual_facts import mean_residuals
-from rcdn.calibration.shape import FUNCTIONS, board_shape
+from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.calibration.usable import FEWEST_VIEWS, Usable, check_spacing, one_size, sigma_of, too_few, usable, with_poses
@@ -46,8 +46,6 @@ SYSTEMATIC = 0.15
 """share of the sensor's cells whose mean residual isn't chance, from which on a smooth correction of the lens is tried"""
 FIXABLE = ("aspect", "principal_point")
 """what may be held fixed: fx = fy; the principal point in the middle of the picture"""
-FEWEST_SHAPED = 5
-"""views of the whole board, below which it is taken as perfect"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that a model leaves: beyond it a model isn't tried any further"""
 HOPELESS = 0.2

@@ -49,17 +49,6 @@ class ViewInformation:
         n = len(self)
         return np.asarray(np.sqrt((n - 1) / n * (moved**2).sum(axis=0)))
 
-    def scaled_deviations(self, directions: Array) -> Array:
-        """(q,) those of the information matrix, with the variance that the views' scores have over what it promises.
-
-        Coarser than the jackknife, as it takes all directions together, but steadier with few views.
-        """
-        free = self.at_optimum()
-        square = np.einsum("vp,vp->", free.score, _solve(free.information, free.score))
-        variance = square / max((len(self) - 1) * free.score.shape[1], 1)
-        H = free.information.sum(axis=0) + free.prior
-        return np.asarray(np.sqrt(variance * np.einsum("pq,pq->q", directions, _solve_all(H, directions))))
-
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""

@@ -3,7 +3,7 @@
 A plane parallel to the sensor looks the same near a wide lens and far from a long one: what such views seem to say about the focal length
 comes from the noise of their corners, from paper that bends and from a lens model that is nearly right (Sturm and Maybank 1999 list
 the degenerate poses of planes). A deviation that knows of noise alone doesn't tell. Here it is judged by how much views contradict each other
-(`rcdn.calibration.influence`), and the poses say why and what to do.
+(`rcdn.calibration.uncertainty.clustered`), and the poses say why and what to do.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from rcdn.calibration.influence import view_information
 from rcdn.types import Array, Calibration
 
 LOOSE_FOCAL = 0.05
@@ -23,7 +22,7 @@ LOOSE_ASPECT = 0.03
 LOOSE_CENTRE = 0.05
 """of the picture's diagonal: the same of the principal point"""
 FEW = 5
-"""views, below which the jackknife alone is too uncertain itself"""
+"""views, below which their number is why"""
 FRONTAL = 15.0
 """degrees between board and sensor: a set tilted by less hardly tells the focal length"""
 FLAT = 3.0
@@ -78,22 +77,17 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
 
 
 def deviations(calibration: Calibration) -> Array:
-    """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), from the scatter between views.
-
-    The larger of two estimates: a jackknife over views, and the covariance scaled by the variance of the views' scores; their geometric mean with
-    fewer than 5 views. Infinite where there are fewer than 2.
+    """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), by the calibration's covariance, which is that of the scatter
+    between views. Infinite where there are fewer than 2.
     """
     if len(calibration.used_views) < 2 or any(v.pose is None for v in calibration.used_views):
         return np.full(4, np.inf)
-    info = view_information(calibration)
     fx, fy = calibration.camera.parameters[:2]
-    directions = np.zeros((info.score.shape[1], 4))
+    directions = np.zeros((len(calibration.cov), 4))
     directions[:2, 0] = 0.5 / fx, 0.5 / fy
     directions[:2, 1] = 1 / fx, -1 / fy
     directions[[2, 3], [2, 3]] = 1.0
-    between, scaled = info.deviations(directions), info.scaled_deviations(directions)
-    few = len(info) < FEW
-    return np.asarray(np.sqrt(between * scaled) if few else np.maximum(between, scaled))
+    return np.sqrt(np.maximum(np.einsum("pq,pr,rq->q", directions, calibration.cov, directions), 0.0))
 
 
 def tilt(calibration: Calibration) -> tuple[float, float]:

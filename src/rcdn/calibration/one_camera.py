@@ -254,9 +254,10 @@ def _left_out(calibration: Calibration) -> SeveralCameras | None:
     if other is None or other.rms > ALIKE * calibration.rms or other.views < LEAST_GROUP:
         return None
     names = tuple(dict.fromkeys(v.name for v in calibration.used_views))
-    std = view_information(calibration).deviations()
     label = describe(names, [v.name for v in odd])
-    usual = CameraGroup(names, label, calibration.camera, std, calibration.rms, len(calibration.used_views))
+    usual = CameraGroup(
+        names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views)
+    )
     if significance((usual, other)).max() < SURE:
         return None
     return _finding(calibration, (usual, other), "left out", 0.0)

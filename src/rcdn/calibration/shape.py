@@ -30,6 +30,8 @@ FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 """(B, 1) prior standard deviation of each function as a share of the first degree's"""
 HELD = 1e3
 """prior standard deviations ÷ those of what a motion or the size would explain"""
+FEWEST_SHAPED = 5
+"""views of the whole board, below which it is taken as perfect"""
 
 
 def shape_basis(ij: Array, size: Size) -> Array:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose
+from rcdn.evaluation.real_boards import curved_board
 from rcdn.geometry import project, rotation
 from rcdn.types import Array, Board, Camera
 
@@ -38,28 +39,20 @@ class BadCase:
     keys: tuple[str, ...]
 
 
-Surface = Callable[[Array], Array]
-"""Board points (N, 3), m, of labels (N, 2)"""
-FLAT: Surface = lambda ij: np.column_stack([ij * SPACING, np.zeros(len(ij))])  # noqa: E731
-
-
-def bent(warp: Sequence[float] | Array) -> Surface:
-    """A paraboloid whose middle stands out by `warp` (2,) m along columns and rows."""
-
-    def points(ij: Array) -> Array:
-        u = ij / (np.array(SIZE) - 1) * 2 - 1
-        return np.column_stack([ij * SPACING, (1 - u**2) @ np.array(warp)])
-
-    return points
+FLAT = np.column_stack([labels() * SPACING, np.zeros(SIZE[0] * SIZE[1])])
+"""(N, 3) m: the corners of a perfect board"""
+OBLONG = FLAT * [0.04, 0, 0]
+"""(N, 3) m: offsets of the corners of a board whose x is printed 4 % too long"""
 
 
 def view(
-    camera: Camera, T: Array, rng: Rng, noise: float = NOISE, surface: Surface = FLAT, least: float = 0.6
+    camera: Camera, T: Array, rng: Rng, noise: float = NOISE, offsets: Array | None = None, least: float = 0.6
 ) -> Board | None:
-    """What `camera` sees of the board under `T` (4, 4), with noise; None if less than the share `least` is in the picture."""
-    ij = labels()
-    xy = project(camera, surface(ij) @ T[:3, :3].T + T[:3, 3])
-    return _board(camera, ij, xy, rng, noise, least)
+    """What `camera` sees of the board under `T` (4, 4), with noise; None if less than the share `least` is in the picture.
+
+    `offsets` (N, 3) m of the corners, as in `camera_scenes.see`."""
+    points = FLAT if offsets is None else FLAT + offsets
+    return _board(camera, labels(), project(camera, points @ T[:3, :3].T + T[:3, 3]), rng, noise, least)
 
 
 def _board(camera: Camera, ij: Array, xy: Array, rng: Rng, noise: float = NOISE, least: float = 0.6) -> Board | None:
@@ -113,11 +106,11 @@ OTHER = Camera(
 
 
 def _paper(rng: Rng) -> CaseInput:
-    return _as(views(lambda T: view(BROWN, T, rng, surface=bent(rng.normal(0, 0.005, 2))), rng))
+    return _as(views(lambda T: view(BROWN, T, rng, offsets=curved_board(rng.normal(0, 0.005, 2))), rng))
 
 
 def _bent_board(rng: Rng) -> CaseInput:
-    return _as(views(lambda T: view(BROWN, T, rng, surface=bent((0.009, -0.006))), rng))
+    return _as(views(lambda T: view(BROWN, T, rng, offsets=curved_board((0.009, -0.006))), rng))
 
 
 def _frontal(many: int) -> Callable[[Rng], CaseInput]:
@@ -200,7 +193,7 @@ def circle_centres(rng: Rng) -> CaseInput:
 
     def seen(T: Array) -> Board | None:
         ij = labels()
-        rims = FLAT(ij)[:, None] + ring
+        rims = FLAT[:, None] + ring
         xy = project(BROWN, rims.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]).reshape(len(ij), -1, 2)
         return _board(BROWN, ij, centroids(xy), rng)
 
@@ -217,7 +210,7 @@ def centroids(outline: Array) -> Array:
 
 
 def _oblong(rng: Rng) -> CaseInput:
-    return _as(views(lambda T: view(BROWN, T, rng, surface=lambda ij: FLAT(ij) * [1.04, 1, 1]), rng))
+    return _as(views(lambda T: view(BROWN, T, rng, offsets=OBLONG), rng))
 
 
 def _rolling_shutter(rng: Rng) -> CaseInput:
@@ -225,7 +218,7 @@ def _rolling_shutter(rng: Rng) -> CaseInput:
 
     def seen(T: Array) -> Board | None:
         ij, speed, turn = labels(), rng.normal(0, 0.015, 3), rng.normal(0, 0.03, 3)
-        points = FLAT(ij) @ T[:3, :3].T
+        points = FLAT @ T[:3, :3].T
         xy = project(BROWN, points + T[:3, 3])
         for _ in range(4):
             time = np.clip(xy[:, 1] / BROWN.image_size[1], -0.5, 1.5) - 0.5
@@ -241,7 +234,7 @@ def _ripples(rng: Rng) -> CaseInput:
 
     def seen(T: Array) -> Board | None:
         ij = labels()
-        xy = project(BROWN, FLAT(ij) @ T[:3, :3].T + T[:3, 3])
+        xy = project(BROWN, FLAT @ T[:3, :3].T + T[:3, 3])
         return _board(BROWN, ij, xy + 0.7 * np.sin(xy[:, ::-1] / [22.0, 27.0]), rng)
 
     return _as(views(seen, rng))

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.evaluation.bad_cases import CaseInput, circle_centres
 from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
+from rcdn.evaluation.real_boards import curved_board
 from rcdn.types import Board, Camera
 
 
@@ -49,7 +50,8 @@ def larger(camera: Camera, scale: float) -> Camera:
 
 
 def _slightly_bent(rng: np.random.Generator) -> CaseInput:
-    return _named(random_boards(CAMERAS["brown"], int(rng.integers(1 << 30)), 24, 0.15, warp=(0.0005, -0.0003))[0])
+    offsets = curved_board((0.0005, -0.0003))
+    return _named(random_boards(CAMERAS["brown"], int(rng.integers(1 << 30)), 24, 0.15, offsets=offsets)[0])
 
 
 CASES = (

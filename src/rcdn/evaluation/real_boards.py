@@ -28,6 +28,13 @@ def smooth_error(rng: np.random.Generator, rms: float, size: tuple[int, int] = S
     return np.asarray(values * rms / np.sqrt((values**2).mean()))
 
 
+def curved_board(depth: Array | tuple[float, float], size: tuple[int, int] = SIZE) -> Array:
+    """(N, 3) m: offsets of the corners of a paraboloid whose middle stands out by `depth` (2,) m along the board's columns and rows."""
+    u = labels(size) / (np.array(size) - 1) * 2 - 1
+    out = (1 - u**2) @ np.asarray(depth, float)
+    return np.column_stack([0 * out, 0 * out, out])
+
+
 def uneven_board(
     rng: np.random.Generator, stretch: float, print_error: float, bend: float, size: tuple[int, int] = SIZE
 ) -> Array:
