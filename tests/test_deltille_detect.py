@@ -22,7 +22,7 @@ from rcdn.io.cameras import read_camera
 from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_target, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
-from rcdn.types import BoardShape, Board, Corners, plane_points
+from rcdn.types import Board, BoardShape, Corners, plane_points
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
 
@@ -248,9 +248,9 @@ def test_squares_and_triangles_are_not_mixed():
     other = replace(seen[0][0], pattern="checker", orientation="unique")
     with pytest.raises(ConfigError, match="one kind"):
         rcdn.calibrate([*(b for b, _ in seen), other], 0.03)
+    columns, rows = seen[0][0].size
+    shape = BoardShape(np.zeros((rows, columns, 3)))
     with pytest.raises(ConfigError, match="shape"):
-        columns, rows = seen[0][0].size
-        shape = BoardShape(np.zeros((rows, columns, 3)))
         rcdn.estimate_pose(seen[0][0], view_scene(0).camera, 0.03, shape=shape)
 
 

@@ -103,7 +103,10 @@ def repeatability(
             boards = [b for image in images for b in image.boards]
             names = [image.path for image in images for _ in image.boards]
             if sets or len(set(names)) >= suite.FEWEST:
-                solvers = {"auto": suite.ours, "opencv": partial(suite.opencv, model=cameras.model)}
+                solvers: dict[str, suite.Solver] = {
+                    "auto": suite.ours,
+                    "opencv": partial(suite.opencv, model=cameras.model),
+                }
                 found += [suite.repeat(cameras.name, boards, names, s, solve, splits) for s, solve in solvers.items()]
             if step is not None:
                 step(k + 1, len(chosen))
