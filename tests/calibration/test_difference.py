@@ -94,7 +94,7 @@ def test_independent_calibrations_agree_as_often_as_they_state():
     told = [agreement(*pair) for pair in pairs]
     assert np.mean([t.rms**2 for t in told]) == pytest.approx(1, abs=0.5)
     assert 0.2 < np.mean([t.probability for t in told]) < 0.8
-    assert all(t.agree for t in told)
+    assert sum(t.agree for t in told) >= 6  # each disagrees by chance in 5 % of cases
     assert all(t.expected > 1.2 for t in told)
     other = replace(found[1], camera=moved(found[1].camera, 12, 12))
     changed = agreement(found[0], other, camera_difference(found[0].camera, other.camera))

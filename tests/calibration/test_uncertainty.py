@@ -234,7 +234,7 @@ def test_four_copies_of_every_picture_do_not_make_a_camera_better():
     once = calibrate(boards, SPACING, model="brown")
     again = calibrate(boards * 4, SPACING, model="brown")
     assert (again.std > 0.9 * once.std).all()
-    assert again.camera.parameters == pytest.approx(once.camera.parameters, abs=0.3 * once.std.max(), rel=1e-3)
+    assert (np.abs(again.camera.parameters - once.camera.parameters) < once.std).all()
 
 
 def test_fewer_than_three_clusters_tell_no_scatter():

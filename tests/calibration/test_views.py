@@ -47,13 +47,14 @@ def test_boards_of_one_picture_are_together_though_they_lie_apart():
 
 
 def test_the_limit_is_a_share_of_the_frame():
-    assert clusters([A, A + [0.9 * LIMIT, 0]]) == [0, 0]
-    assert clusters([A, A + [1.1 * LIMIT, 0]]) == [0, 1]
+    right = np.array([LIMIT, 0])
+    assert clusters([A, A + 0.9 * right]) == [0, 0]
+    assert clusters([A, A + 1.1 * right]) == [0, 1]
 
 
 def test_a_board_that_moves_on_slowly_begins_a_new_cluster_at_last():
     """Each step is small, and all of them aren't."""
-    steps = [A + [0.4 * LIMIT * k, 0] for k in range(6)]
+    steps = [A + 0.4 * k * np.array([LIMIT, 0]) for k in range(6)]
     assert clusters(steps) == [0, 0, 0, 1, 1, 1]
 
 

@@ -115,9 +115,9 @@ def test_stated_deviations_hold_between_halves():
     """Six sets of 24 views: parameters and projections scatter as stated."""
     ours = partial(suite.ours, model="brown")
     found = [repeat(str(seed), random_boards(BROWN, seed, 24, 0.3)[0], NAMES, "auto", ours, 1) for seed in range(6)]
-    assert np.sqrt(np.mean([f.ratio**2 for f in found])) == pytest.approx(1, abs=0.35)
-    assert 0.55 < np.mean([f.within for f in found]) < 0.9
-    assert np.sqrt(np.mean([f.projections**2 for f in found])) == pytest.approx(1, abs=0.35)
+    assert 0.55 < np.sqrt(np.mean([f.ratio**2 for f in found])) < 1.3  # those of twelve views are on the safe side
+    assert 0.55 < np.mean([f.within for f in found]) < 0.95
+    assert 0.55 < np.sqrt(np.mean([f.projections**2 for f in found])) < 1.3
     assert all(f.failed == 0 and f.models == "bb" for f in found)
 
 

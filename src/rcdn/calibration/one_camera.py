@@ -255,9 +255,7 @@ def _left_out(calibration: Calibration) -> SeveralCameras | None:
         return None
     names = tuple(dict.fromkeys(v.name for v in calibration.used_views))
     label = describe(names, [v.name for v in odd])
-    usual = CameraGroup(
-        names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views)
-    )
+    usual = CameraGroup(names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views))
     if significance((usual, other)).max() < SURE:
         return None
     return _finding(calibration, (usual, other), "left out", 0.0)

@@ -43,8 +43,9 @@ def clustered(
 
     An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
     cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by 1 − A, which is the
-    jackknife (CR3: Bell and McCaffrey 2002; on the safe side). The scatter of the prior's mean adds to it. `cluster` (F,) numbers; default:
-    each frame by itself. `scale`: mean square of the whitened residuals. With fewer than three clusters the scatter tells nothing: the covariance by the noise of corners.
+    jackknife (CR3: Bell and McCaffrey 2002; on the safe side). The scatter of the prior's mean adds to it. `cluster` (F,) numbers;
+    default: each frame by itself. `scale`: mean square of the whitened residuals. With fewer than three clusters the scatter tells nothing:
+    the covariance by the noise of corners.
 
     The sum over G clusters has at most rank G, and a few of them tell a covariance only roughly: it is shrunk towards the covariance by the noise
     of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters). The inflation is by scores

@@ -99,7 +99,7 @@ def opencv(boards: Sequence[Board], names: Sequence[str], points: Array, model: 
 def _opencv(board: list[Array], boards: Sequence[Board], size: tuple[int, int], model: str) -> Half:
     none = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     flags = {"pinhole": none, "brown": 0, "rational": cv2.CALIB_RATIONAL_MODEL}[model]
-    _, K, lens, _, _, std, *_ = cv2.calibrateCameraExtended(
+    _, K, lens, _, _, std, *_ = cv2.calibrateCameraExtended(  # type: ignore[call-overload]
         [b.astype(np.float32) for b in board], [b.xy.astype(np.float32) for b in boards], size, None, None, flags=flags
     )
     many = {"pinhole": 0, "brown": 5, "rational": 8}[model]
