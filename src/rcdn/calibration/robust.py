@@ -204,7 +204,9 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
     """
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     px = _medians(gaps, frame, frames)
-    own = np.maximum(noise, np.minimum(px / np.sqrt(MEDIAN), CROOKED * noise))
+    stated = np.array([np.median(sigma[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
+    beyond = np.sqrt(np.maximum(np.minimum(px, BEHIND) ** 2 / MEDIAN - stated**2, 0.0))
+    own = np.clip(beyond, noise, CROOKED * noise)
     good = far * _weights(own[frame], sigma) < GATE
     miss = far * _weights(noise, sigma)
     reasons = [""] * frames
