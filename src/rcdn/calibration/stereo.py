@@ -13,12 +13,13 @@ from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
+from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
-from rcdn.types import Array, Board, Calibration, Camera, Pose, StereoCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -103,12 +104,13 @@ def _pairs(
 @dataclass(frozen=True, eq=False)
 class _Task:
     """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their corners; `rows` (camera, view) →
-    rows of the corners; `turned`: quarter turns of right views."""
+    rows of the corners; the `shape` of the board, that of the left camera's calibration; `turned`: quarter turns of right views."""
 
     seen: list[tuple[int, int]]
     corners: Corners3
     sigma: Array
     rows: dict[tuple[int, int], Array]
+    shape: BoardShape | None
 
 
 def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]], turned: dict[int, int]) -> _Task:
@@ -116,7 +118,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
     alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
     alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
     seen = [*pairs, *alone]
-    frame, camera, ij, xy, sigma, rows, at = [], [], [], [], [], {}, 0
+    frame, camera, ij, xy, sigma, known, rows, at = [], [], [], [], [], [], {}, 0
     for f, pair in enumerate(seen):
         for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
             if k < 0:
@@ -127,23 +129,26 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             camera.append(np.full(len(view), c))
             ij.append(turn_labels(view.ij, first.size or (1, 1), turn) if turn else view.ij)
             xy.append(view.xy)
+            known.append(np.full(len(view), view.settled and first.shape is not None))
             sigma.append(np.nan_to_num(view.sigma))
             rows[c, k] = np.arange(at, at + len(view))
             at += len(view)
     joint = np.concatenate(ij)
+    board, basis, settled = joint * first.spacing, np.zeros((len(joint), 1)), np.concatenate(known)
+    board[settled], basis[settled] = on_shape(board[settled], joint[settled], first.shape)
     corners = Corners3(
         np.concatenate(frame),
         np.concatenate(camera),
-        joint * first.spacing,
+        board,
         np.concatenate(xy),
-        np.zeros((len(joint), 0)),
+        basis,
     )
-    return _Task(seen, corners, np.concatenate(sigma), rows)
+    return _Task(seen, corners, np.concatenate(sigma), rows, first.shape)
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
     poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
-    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]))
+    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), KNOWN)
 
 
 def _result(
@@ -210,8 +215,9 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
                 view, ij=ij, pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=fit.reasons[f]
             )
         )
+    lens = fit.state.cameras[camera]
     return replace(
-        before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, advice=(), verdict=None
+        before, camera=lens, views=tuple(views), cov=cov, noise=fit.noise, shape=task.shape, advice=(), verdict=None
     )
 
 
