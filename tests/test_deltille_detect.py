@@ -248,9 +248,9 @@ def test_squares_and_triangles_are_not_mixed():
     other = replace(seen[0][0], pattern="checker", orientation="unique")
     with pytest.raises(ConfigError, match="one kind"):
         rcdn.calibrate([*(b for b, _ in seen), other], 0.03)
+    columns, rows = seen[0][0].size
+    shape = BoardShape(np.zeros((rows, columns, 3)))
     with pytest.raises(ConfigError, match="shape"):
-        columns, rows = seen[0][0].size
-        shape = BoardShape(np.zeros((rows, columns, 3)))
         rcdn.estimate_pose(seen[0][0], view_scene(0).camera, 0.03, shape=shape)
 
 

@@ -177,7 +177,9 @@ def test_views_that_do_not_settle_their_labels_tell_nothing_of_the_shape():
     boards, _ = random_boards(BROWN, 3, 12, whole=True)
     part = boards[0]
     keep = part.ij[:, 0] < 6
-    part = replace(part, ij=part.ij[keep], xy=part.xy[keep], sigma=part.sigma[keep], response=np.ones(36), status=np.zeros(36))
+    part = replace(
+        part, ij=part.ij[keep], xy=part.xy[keep], sigma=part.sigma[keep], response=np.ones(36), status=np.zeros(36)
+    )
     found = calibrate([part, *boards[1:]], SPACING, model="brown")
     assert not found.views[0].settled
     assert found.views[0].used.all()

@@ -69,23 +69,24 @@ def middling():
 
 
 def test_the_picture_brings_what_is_promised(middling):
-    """The board is held there, and the camera calibrated again: the worst uncertainty falls about as said, and much more than for
-    one picture more in the middle."""
+    """The board is held there, and the camera calibrated again: the worst uncertainty falls nearly as said, and much more than for
+    one picture more in the middle. A view that alone shows an edge has no other to be checked by, so that its scatter counts for more."""
     boards, calibration = middling
     found = next_view(calibration)
     assert found.after < 0.5 * found.before
     assert found.worth_saying
 
-    def worst(T):
+    def worst(T, seed):
         ij, xy = see(BROWN, T)
-        xy = xy + np.random.default_rng(1).normal(0, NOISE, xy.shape)
+        xy = xy + np.random.default_rng(seed).normal(0, NOISE, xy.shape)
         extra = board(ij - ij.min(axis=0), xy, BROWN.image_size, np.full(len(xy), NOISE))
         again = calibrate([*boards, extra], SPACING, model="brown")
         return float(np.nanmax(projection_uncertainty(again, module._judged(calibration)[0])))
 
-    held = worst(found.pose.T_cam_board)
-    assert held == pytest.approx(found.after, rel=0.35)
-    assert held < 0.6 * worst(calibration.views[0].pose.T_cam_board)
+    for seed in range(3):
+        held = worst(found.pose.T_cam_board, seed)
+        assert found.after < held < 2 * found.after
+        assert held < 0.25 * worst(calibration.views[0].pose.T_cam_board, seed)
 
 
 def test_residuals_that_err_together_promise_less(middling):
@@ -100,9 +101,12 @@ def test_residuals_that_err_together_promise_less(middling):
 
 
 def test_a_view_of_the_calibration_tells_about_its_share(middling):
-    """Corners err independently here: the stated covariance is that of the information, and nothing is taken off."""
+    """With the covariance of corners that err independently nothing is taken off; with that of ten views' scatter about as little."""
     _, calibration = middling
-    assert share_told(calibration, Prior.of(calibration)) == pytest.approx(1, abs=0.15)
+    by_noise = stated(calibration.camera, [v.pose.T_cam_board for v in calibration.used_views]).cov
+    independent = replace(calibration, cov=by_noise)
+    assert share_told(independent, Prior.of(independent)) == pytest.approx(1, abs=0.05)
+    assert share_told(calibration, Prior.of(calibration)) == pytest.approx(1, abs=0.4)
     assert weight_of(calibration) == pytest.approx(1 / NOISE, rel=0.3)
     assert pattern_of(calibration) == "checker"
 

@@ -68,11 +68,17 @@ def small_motion(T, truth):
 
 
 def test_a_calibration_states_that_covariance():
-    """The whole way, noise estimated, gives the covariance of least squares of the noise that was put in."""
-    rng = np.random.default_rng(0)
-    boards = [board(labels(), xy, (640, 480)) for xy in np.split(EXACT + rng.normal(0, NOISE, EXACT.shape), 5)]
-    found = calibrate(boards, SPACING, model="pinhole")
-    assert np.sqrt(np.diag(found.cov)) == pytest.approx(np.sqrt(np.diag(runs()[0].found.cov)), rel=0.15)
+    """The whole way, by the scatter of five views: in the mean of 16 noises at least the covariance of least squares of the noise that was
+    put in, and not much more."""
+    variance = []
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        boards = [board(labels(), xy, (640, 480)) for xy in np.split(EXACT + rng.normal(0, NOISE, EXACT.shape), 5)]
+        variance.append(np.diag(calibrate(boards, SPACING, model="pinhole").cov))
+    ratio = np.sqrt(np.mean(variance, axis=0) / np.diag(runs()[0].found.cov))
+    assert ratio.min() > 0.9
+    assert ratio.max() < 1.9
+    assert np.median(ratio) < 1.4
 
 
 def test_the_spread_of_the_parameters_is_the_stated_one():
@@ -115,9 +121,9 @@ def test_uncertainty_falls_with_more_corners_and_grows_away_from_them():
 
 
 def test_deviations_scale_with_the_noise_and_not_with_the_spacing():
-    loud = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.4)[0], SPACING, model="brown")
-    quiet = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.1)[0], SPACING, model="brown")
-    large = calibrate(random_boards(CAMERAS["brown"], 2, 6, noise=0.1)[0], 10 * SPACING, model="brown")
+    loud = calibrate(random_boards(CAMERAS["brown"], 2, 12, noise=0.4)[0], SPACING, model="brown")
+    quiet = calibrate(random_boards(CAMERAS["brown"], 2, 12, noise=0.1)[0], SPACING, model="brown")
+    large = calibrate(random_boards(CAMERAS["brown"], 2, 12, noise=0.1)[0], 10 * SPACING, model="brown")
     assert loud.std / quiet.std == pytest.approx(np.full(9, 4), rel=0.25)
     assert large.std == pytest.approx(quiet.std, rel=1e-3)
     at = projection_uncertainty(quiet, PIXELS, 1.0)

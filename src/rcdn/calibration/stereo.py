@@ -13,9 +13,11 @@ from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
+from rcdn.calibration.shape import board_shape, shape_basis
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
 from rcdn.types import Array, Board, Calibration, Camera, Pose, StereoCalibration
@@ -67,7 +69,10 @@ def calibrate_stereo(
     task = _task(first, second, [p for p in shared if p not in odd], turned)
     start = _start(task, first, second, T)
     start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
-    fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
+    start = replace(start, shape=np.zeros((task.corners.basis.shape[1], 3)))
+    cluster = _cluster(task, start)
+    free = default_free(start, shape=True, rig=True)
+    fit = robust.fit(start, noise, task.corners, task.sigma, free, cluster, spacing)
     done = _result(task, fit, first, second, odd, spacing)
     return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
 
@@ -116,7 +121,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
     alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
     alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
     seen = [*pairs, *alone]
-    frame, camera, ij, xy, sigma, rows, at = [], [], [], [], [], {}, 0
+    frame, camera, ij, xy, sigma, settled, rows, at = [], [], [], [], [], [], {}, 0
     for f, pair in enumerate(seen):
         for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
             if k < 0:
@@ -128,6 +133,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             ij.append(turn_labels(view.ij, first.size or (1, 1), turn) if turn else view.ij)
             xy.append(view.xy)
             sigma.append(np.nan_to_num(view.sigma))
+            settled.append(np.full(len(view), view.settled))
             rows[c, k] = np.arange(at, at + len(view))
             at += len(view)
     joint = np.concatenate(ij)
@@ -136,9 +142,23 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
         np.concatenate(camera),
         joint * first.spacing,
         np.concatenate(xy),
-        np.zeros((len(joint), 0)),
+        _basis(first, joint, np.concatenate(settled)),
     )
     return _Task(seen, corners, np.concatenate(sigma), rows)
+
+
+def _basis(first: Calibration, ij: Array, settled: Array) -> Array:
+    """(N, B) functions of the board's shape at corners `ij` (N, 2); none if the cameras alone take it as perfect, 0 in views not `settled` (N,)."""
+    if first.shape is None:
+        return np.zeros((len(ij), 0))
+    return shape_basis(ij, first.shape.size) * settled[:, None]
+
+
+def _cluster(task: _Task, start: State) -> Array:
+    """(F,) which frames tell the same, by the left camera's corners, or by the right one's where it alone saw the board."""
+    left = np.isin(task.corners.frame, task.corners.frame[task.corners.camera == 0])
+    one = task.corners.take(np.flatnonzero((task.corners.camera == 0) | ~left))
+    return alike(one, start.cameras[0].image_size, np.arange(len(start.poses)))
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
@@ -210,9 +230,10 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
                 view, ij=ij, pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=fit.reasons[f]
             )
         )
-    return replace(
-        before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, advice=(), verdict=None
-    )
+    size = before.size
+    shape = board_shape(fit.state.shape, size) if size is not None and len(fit.state.shape) else None
+    found = replace(before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, shape=shape)
+    return replace(found, advice=(), verdict=None)
 
 
 def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.bundle import Corners3, Prior, State, default_free, lens_prior, residuals
 from rcdn.calibration.choose import rms
 from rcdn.calibration.shape import FUNCTIONS, Spread, shape_basis, with_spread
 from rcdn.calibration.solver import solve
@@ -24,6 +24,10 @@ SPLITS, FOLDS = 5, 5
 SEED = 7
 FEWEST = 6
 """pictures, below which there are no halves to calibrate from"""
+WEAK = 1e-6
+"""× the precision of a lens's prior"""
+LOOSE = Spread(1.0, 1.0)
+"""squares: prior spreads of a shape"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +80,11 @@ def camera_of(task: Task, views: Sequence[int] | Array) -> State:
 
 
 def _start(task: Task, camera: Camera) -> State:
-    """Where a fit begins: labels count squares, and a shape has its first prior."""
+    """Where a fit begins: labels count squares, and priors only hold what no corner tells. Corners weigh as if they erred by a pixel."""
     state = State.mono(camera, task.T, np.zeros((len(FUNCTIONS), 3)) if task.shaped else None)
-    return with_spread(state, Spread.first(1.0)) if task.shaped else state
+    prior = lens_prior(state)
+    state = replace(state, prior=Prior(prior.mean, WEAK * prior.precision))
+    return with_spread(state, LOOSE) if task.shaped else state
 
 
 def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
