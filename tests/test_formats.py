@@ -315,7 +315,7 @@ def test_bad_vnl(tmp_path, line):
 
 
 def test_documented_examples_are_what_is_written(tmp_path):
-    text, vnl = re.findall(r"^```(?:json)?\n(.*?)^```$", FORMATS.read_text("utf-8"), re.M | re.S)
+    text, vnl, *_ = re.findall(r"^```(?:json)?\n(.*?)^```$", FORMATS.read_text("utf-8"), re.M | re.S)
     (tmp_path / "a.json").write_text(text)
     images, errors = read_detections(tmp_path / "a.json")
     assert len(images) == 2

@@ -61,8 +61,11 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
     """What the views of `calibration` don't settle, the gravest first; () if all is settled.
 
     The focal length counts as unknown from a deviation of 5 % on, the principal point from 5 % of the picture's diagonal, the ratio of fx and fy
-    from 3 %; not what the calibration held fixed. Views that all face the camera tell no focal length even if they agree on one.
+    from 3 %; not what the calibration held fixed; nothing without views that were used. Views that all face the camera tell no focal length
+    even if they agree on one.
     """
+    if not any(v.pose is not None for v in calibration.used_views):
+        return ()
     focal, aspect, *centre = deviations(calibration).tolist()
     if tilt(calibration)[0] < FLAT:
         focal = float("inf")

@@ -94,9 +94,12 @@ class SeveralCameras:
 def one_camera(calibration: Calibration) -> SeveralCameras | None:
     """Whether the views speak against one camera at one zoom and focus; None if they don't.
 
-    With fewer than 6 used views nothing is tested. The probability of a false alarm is about one in a thousand for each way to split.
+    With fewer than 6 used views, or without their poses, nothing is tested.
+    The probability of a false alarm is about one in a thousand for each way to split.
     """
     views = calibration.used_views
+    if any(v.pose is None for v in views):
+        return None
     found = _left_out(calibration) if len(views) >= FEWEST else None
     if found is not None or len(views) < ENOUGH or any(v.pose is None for v in views):
         return found
