@@ -66,7 +66,7 @@ def test_noise_beyond_a_sigma_that_is_too_small():
 
 
 def test_a_sigma_that_is_too_large_does_not_spoil_the_deviations():
-    """Their scale is that of the residuals; only what is believed of the board's shape before counts for more."""
+    """Their scale is that of the residuals."""
     boards, _ = random_boards(BROWN, 3, 10, noise=0.1)
     right = calibrate(boards, SPACING, model="brown", flat=True)
     wide = calibrate([replace(b, sigma=np.full(len(b), 0.5)) for b in boards], SPACING, model="brown", flat=True)
@@ -81,9 +81,7 @@ def test_boards_of_two_noise_levels_are_weighted():
     told = calibrate([*quiet, *loud], SPACING, model="brown")
     alone = calibrate(quiet, SPACING, model="brown")
     assert told.std[:4] == pytest.approx(alone.std[:4], rel=0.3)
-    # more corners never tell less, but the scatter of 8 or 16 views is itself known to a quarter only
-    assert np.median(told.std / alone.std) < 1.02
-    assert (told.std < 1.3 * alone.std).all()
+    assert (told.std < 1.02 * alone.std).all()  # more corners never tell less
     assert not told.left_out
     assert np.abs(z_of(told, BROWN)).max() < 4
     assert told.outliers <= 2
@@ -183,6 +181,6 @@ def test_the_fit_says_what_it_rests_on():
     assert (done.weight > 0).tolist() == done.used.tolist()
     assert done.residuals == pytest.approx(residuals(done.state, corners), nan_ok=True)
     whitened = ((done.residuals[done.used] * done.weight[done.used, None]) ** 2).sum()
-    assert done.scale == pytest.approx(whitened / (2 * done.used.sum() - 6 * 6 - 9), rel=1e-4)  # a prior holds a little
+    assert done.scale == pytest.approx(whitened / (2 * done.used.sum() - 6 * 6 - 9))
     assert 0.8 < done.scale < 1.2
     assert not done.used[np.concatenate(masks)].any()

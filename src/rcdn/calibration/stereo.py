@@ -17,7 +17,6 @@ from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
-from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import cross_matrix, unproject
 from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
@@ -69,10 +68,7 @@ def calibrate_stereo(
     task = _task(first, second, [p for p in shared if p not in odd], turned)
     start = _start(task, first, second, T)
     start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
-    start = replace(start, shape=np.zeros((task.corners.basis.shape[1], 3)))
-    cluster = _cluster(task, start)
-    free = default_free(start, shape=True, rig=True)
-    fit = robust.fit(start, noise, task.corners, task.sigma, free, cluster, spacing)
+    fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
     done = _result(task, fit, first, second, odd, spacing)
     return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
 
@@ -135,7 +131,6 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             xy.append(view.xy)
             known.append(np.full(len(view), view.settled and first.shape is not None))
             sigma.append(np.nan_to_num(view.sigma))
-            settled.append(np.full(len(view), view.settled))
             rows[c, k] = np.arange(at, at + len(view))
             at += len(view)
     joint = np.concatenate(ij)
@@ -149,20 +144,6 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
         basis,
     )
     return _Task(seen, corners, np.concatenate(sigma), rows, first.shape)
-
-
-def _basis(first: Calibration, ij: Array, settled: Array) -> Array:
-    """(N, B) functions of the board's shape at corners `ij` (N, 2); none if the cameras alone take it as perfect, 0 in views not `settled` (N,)."""
-    if first.shape is None:
-        return np.zeros((len(ij), 0))
-    return shape_basis(ij, first.shape.size) * settled[:, None]
-
-
-def _cluster(task: _Task, start: State) -> Array:
-    """(F,) which frames tell the same, by the left camera's corners, or by the right one's where it alone saw the board."""
-    left = np.isin(task.corners.frame, task.corners.frame[task.corners.camera == 0])
-    one = task.corners.take(np.flatnonzero((task.corners.camera == 0) | ~left))
-    return alike(one, start.cameras[0].image_size, np.arange(len(start.poses)))
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import Corners3, Prior, State, default_free, lens_prior, residuals
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.choose import rms
 from rcdn.calibration.shape import FUNCTIONS, Spread, shape_basis, with_spread
 from rcdn.calibration.solver import solve
