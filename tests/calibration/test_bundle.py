@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration.bundle import DENOMINATOR, Corners3, Prior, State, default_free, lens_prior, linearise, residuals
+from rcdn.calibration.bundle import (
+    DENOMINATOR,
+    RADIAL,
+    TANGENTIAL,
+    Corners3,
+    Prior,
+    State,
+    default_free,
+    lens_prior,
+    linearise,
+    residuals,
+)
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
 from rcdn.evaluation.real_boards import uneven_board
 
@@ -82,17 +93,22 @@ def test_which_parameters_are_free():
     assert default_free(state, shape=True, lens=False).tolist() == full[2].astype(bool).tolist()
 
 
-def test_the_lens_prior_holds_the_denominator_only():
+def test_the_lens_prior_holds_what_distorts_and_nothing_else():
     camera = CAMERAS["rational"]
     state = State((camera, CAMERAS["brown"]), np.eye(4)[None], np.stack([np.eye(4)] * 2), np.zeros((2, 3)))
     prior = lens_prior(state)
     precision = np.diag(prior.precision)
     assert prior.precision.shape == (len(prior.mean),) * 2 == (sum(state.counts),) * 2
     assert np.array_equal(prior.precision, np.diag(precision))
-    assert np.flatnonzero(precision).tolist() == [9, 10, 11]
-    assert precision[9] == pytest.approx(1 / DENOMINATOR**2)
-    assert state.values[9:12] == pytest.approx(camera.distortion[-3:])
-    assert prior.cost(state.values) == pytest.approx((camera.distortion[-3:] ** 2).sum() / DENOMINATOR**2)
+    radial, tangential, denominator = (spread**-2 for spread in (RADIAL, TANGENTIAL, DENOMINATOR))
+    brown = [radial, radial, tangential, tangential, radial]
+    assert precision[:12] == pytest.approx([0, 0, 0, 0, *brown, *[denominator] * 3])
+    assert precision[12:21] == pytest.approx([0, 0, 0, 0, *brown])
+    assert (precision[21:] == 0).all()
+    assert (prior.mean == 0).all()
+    lenses = np.concatenate([camera.distortion, CAMERAS["brown"].distortion])
+    spreads = np.concatenate([precision[4:12], precision[16:21]])
+    assert prior.cost(state.values) == pytest.approx(lenses**2 @ spreads)
 
 
 def test_the_slope_of_a_prior_is_that_of_half_its_cost():

@@ -16,8 +16,9 @@ from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.calibration.view_facts import places, tilts
 from rcdn.evaluation import bad_cases
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_boards
-from rcdn.types import LEVELS, ModelScore, Reason, Verdict
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.evaluation.real_boards import curved_board
+from rcdn.types import LEVELS, BoardShape, ModelScore, Reason, Verdict
 
 BROWN = CAMERAS["brown"]
 
@@ -132,19 +133,14 @@ def test_a_stretched_print_is_said(good):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_shape_of_the_board_is_measured(seed):
-    """A print stretched by 4 % and a board bent by 2 and −1.5 mm both come out, and a flat one is flat."""
+    """A print stretched by 4 % and a board bent by 2 and −1.5 mm of 240 both come out, and a flat one is flat."""
     rng = np.random.default_rng(seed)
-    for surface, stretch in (
-        (bad_cases.FLAT, 0.0),
-        (lambda ij: bad_cases.FLAT(ij) * [1.04, 1, 1], 0.04),
-        (bad_cases.bent((0.002, -0.0015)), 0.0),
-    ):
-        boards = bad_cases.views(lambda T, s=surface: bad_cases.view(BROWN, T, rng, surface=s), rng)
+    for offsets, stretch in ((None, 0.0), (bad_cases.OBLONG, 0.04), (curved_board((0.002, -0.0015)), 0.0)):
+        boards = bad_cases.views(lambda T, s=offsets: bad_cases.view(BROWN, T, rng, offsets=s), rng)
         shape = measure_board(calibrate(boards, SPACING, model="brown"))
-        points = surface(labels())
-        bend = np.ptp(points[:, 2]) / np.ptp(bad_cases.FLAT(labels()), axis=0).max()
-        assert abs(shape.stretch - stretch) < 0.004
-        assert abs(shape.bend - bend) < 0.001
+        bend = 0.0 if offsets is None else BoardShape(offsets.reshape(6, 9, 3)).bend / 0.24
+        assert shape.stretch == pytest.approx(stretch, abs=0.0025)
+        assert shape.bend == pytest.approx(bend, abs=0.0006)
 
 
 def test_a_lens_that_turns_back_inside_the_picture_is_said(good):

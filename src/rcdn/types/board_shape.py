@@ -31,31 +31,21 @@ class BoardShape:
 
     @property
     def bend(self) -> float:
-        """How far corners lie out of the plane that fits them best, m, from the lowest to the highest."""
-        depth = self.offsets[:, :, 2].ravel()
-        return float(np.ptp(depth - self._plane @ np.linalg.lstsq(self._plane, depth, rcond=None)[0]))
+        """How far corners lie out of the plane, m, from the lowest to the highest."""
+        return float(np.ptp(self.offsets[:, :, 2]))
+
+    @property
+    def print_error(self) -> float:
+        """Root mean square distance of corners from their places within the plane, m."""
+        return float(np.sqrt((self.offsets[:, :, :2] ** 2).sum(axis=2).mean()))
 
     @property
     def stretch(self) -> float:
         """By how much columns are wider apart than rows, per corner, m (÷ spacing: as a share)."""
-        along = np.linalg.lstsq(self._plane, self.offsets[:, :, :2].reshape(-1, 2), rcond=None)[0]
-        return float(along[1, 0] - along[2, 1])
-
-    @property
-    def print_error(self) -> float:
-        """Root mean square distance of corners from their places within the plane, m, after the best motion and size of the board."""
-        one, x, y = self._plane.T
-        none = np.zeros(len(one))
-        motions = np.concatenate([np.stack([one, none, x, -y], axis=1), np.stack([none, one, y, x], axis=1)])
-        off = self.offsets[:, :, :2].reshape(-1, 2).T.ravel()
-        rest = off - motions @ np.linalg.lstsq(motions, off, rcond=None)[0]
-        return float(np.sqrt((rest**2).sum() / len(one)))
-
-    @property
-    def _plane(self) -> Array:
-        """(N, 3) 1, column and row of each corner."""
         x, y = np.meshgrid(np.arange(self.size[0]), np.arange(self.size[1]))
-        return np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+        plane = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+        along = np.linalg.lstsq(plane, self.offsets[:, :, :2].reshape(-1, 2), rcond=None)[0]
+        return float(along[1, 0] - along[2, 1])
 
     def at(self, ij: Array) -> Array:
         """(N, 3) m at the labels `ij` (N, 2) (column, row). Raises RcdnError for labels beyond the board."""
