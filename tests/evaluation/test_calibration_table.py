@@ -88,7 +88,7 @@ def test_the_camera_figure_judges_by_the_references_corners():
 def test_a_shape_is_fitted_if_asked_for():
     xy = shown(LENSES["brown"], 3, 10, bend=0.05)
     flat, bent = protocol.errors(task(xy)), protocol.errors(task(xy, shaped=True))
-    assert bent.pose < 1e-4 < 0.1 < flat.pose
+    assert bent.pose < 1e-3 < 0.1 < flat.pose  # the prior of a shape is wide, but there is one
 
 
 def test_outliers_are_left_out_and_counted():

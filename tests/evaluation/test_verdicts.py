@@ -8,6 +8,7 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.evaluation import bad_cases, good_cases
 from rcdn.evaluation.bad_cases import BROWN, circle_centres
+from rcdn.evaluation.real_boards import curved_board
 from rcdn.evaluation.verdicts import bad_outcome, good_outcome, row
 from rcdn.geometry import project
 
@@ -56,8 +57,9 @@ def test_centroids_of_circles_are_near_the_projected_centres_but_not_there():
 
 
 def test_bent_boards_stand_out_in_the_middle():
-    middle = bad_cases.bent((0.01, 0.0))(np.array([[4, 2], [0, 2]]))
-    assert middle[:, 2] == pytest.approx([0.01, 0.0])
+    offsets = curved_board((0.01, 0.0)).reshape(6, 9, 3)
+    assert offsets[2, [4, 0], 2] == pytest.approx([0.01, 0.0])
+    assert (offsets[:, :, :2] == 0).all()
 
 
 def test_a_larger_sensor_sees_the_same_directions():

@@ -140,7 +140,7 @@ def test_the_place_of_the_cameras_is_judged():
     assert exact.turn < 1e-4
     few = [replace(boards_of(TRUE[s].xy, s), index=[0], boards=[(IJ, TRUE[s].xy[0])]) for s in (0, 1)]
     note = table4_figures.rig_of(*few, stereo_pair.SPACING, true).note
-    assert note.startswith("no stereo calibration: there is one view")
+    assert note.startswith("no stereo calibration: left camera: there is one view")
 
 
 # ---- rows

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.bundle import Corners3, Prior, State, default_free, lens_prior, residuals
 from rcdn.calibration.choose import rms
 from rcdn.calibration.shape import FUNCTIONS, Spread, shape_basis, with_spread
 from rcdn.calibration.solver import solve
@@ -24,6 +24,8 @@ SPLITS, FOLDS = 5, 5
 SEED = 7
 FEWEST = 6
 """pictures, below which there are no halves to calibrate from"""
+WEAK = 1e-6
+"""× the precision of a lens's prior"""
 WIDE = 10.0
 """squares; prior standard deviation of a shape of the first degree: corners alone tell the shape"""
 
@@ -78,8 +80,10 @@ def camera_of(task: Task, views: Sequence[int] | Array) -> State:
 
 
 def _start(task: Task, camera: Camera) -> State:
-    """Where a fit begins: labels count squares, and the prior of a shape is a wide one."""
+    """Where a fit begins: labels count squares, and priors only hold what no corner tells."""
     state = State.mono(camera, task.T, np.zeros((len(FUNCTIONS), 3)) if task.shaped else None)
+    prior = lens_prior(state)
+    state = replace(state, prior=Prior(prior.mean, WEAK * prior.precision))
     return with_spread(state, Spread(WIDE, WIDE)) if task.shaped else state
 
 
