@@ -176,10 +176,7 @@ def _splined(
 ) -> tuple[robust.Fit, ModelScore] | None:
     """The fit with a smooth correction of its lens, and how it does; None if it doesn't predict pictures held out better (unless it was
     `asked` for), or if the correction folds the map."""
-    free = default_free(fit.state, shape=True)
-    state = smooth_lens.fitted(
-        fit.state, task.corners, fit.weight, shaped=bool(free[len(free) - fit.state.shape.size :].any())
-    )
+    state = smooth_lens.fitted(fit.state, task.corners, fit.weight)
     if not smooth_lens.whole(state.cameras[0]):
         return None
     cluster = alike(task.corners, state.cameras[0].image_size, _pictures(task))

@@ -16,6 +16,7 @@ import numpy as np
 from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration, plane_points
 
 RIDGE = 1e-10
@@ -99,9 +100,7 @@ def of_state(state: State, corners: Corners3, weight: Array) -> ViewInformation:
     scores, information = [], []
     for f in range(len(state.poses)):
         mine = corners.frame == f
-        Q, _ = np.linalg.qr(by_pose[mine].reshape(-1, 6))
-        J, r = by_camera[mine].reshape(-1, many), gaps[mine].ravel()
-        J, r = J - Q @ (Q.T @ J), r - Q @ (Q.T @ r)
+        J, r = without_pose(by_pose[mine], by_camera[mine], gaps[mine])
         scores.append(J.T @ r)
         information.append(J.T @ J)
     prior = state.beforehand.precision[:many, :many]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, Prior, State
+from rcdn.calibration.bundle import Corners3, Prior, State, default_free
 from rcdn.calibration.solver import solve
 from rcdn.geometry import folds, roughness, zero_correction
 from rcdn.types import Array, Camera
@@ -55,14 +55,13 @@ def with_correction(state: State, columns: int = COLUMNS) -> State:
     return replace(state, cameras=(corrected,), prior=None)
 
 
-def fitted(state: State, corners: Corners3, weight: Array, shaped: bool) -> State:
+def fitted(state: State, corners: Corners3, weight: Array) -> State:
     """`state` with the correction, its stiffness, and all else where the corners are most likely. Starts from a solution without one."""
-    before = state.beforehand.precision
+    before = state.beforehand
     bent = with_correction(state)
     bending, core = Bending.of(bent.cameras[0]), len(state.cameras[0].parameters)
     spline = slice(core, len(bent.cameras[0].parameters))
-    free = np.ones(len(bent.values), bool)
-    free[len(free) - bent.shape.size :] = shaped
+    free = default_free(bent, shape=True)
     variance = (FIRST / float(bent.cameras[0].K[0, 0])) ** 2
     for _ in range(ROUNDS):
         bent = replace(bent, prior=_prior(before, bending, variance, spline))
@@ -76,14 +75,14 @@ def fitted(state: State, corners: Corners3, weight: Array, shaped: bool) -> Stat
     return replace(bent, prior=_prior(before, bending, variance, spline))
 
 
-def _prior(before: Array, bending: Bending, variance: float, spline: slice) -> Prior:
-    """The prior `before` (K, K) of what there was without a correction, and that of the control points `spline` in between."""
-    many = len(before) + spline.stop - spline.start
+def _prior(before: Prior, bending: Bending, variance: float, spline: slice) -> Prior:
+    """The prior `before` of what there was without a correction, and that of the control points `spline` in between."""
+    many = len(before.mean) + spline.stop - spline.start
     rest = np.r_[0 : spline.start, spline.stop : many]
-    precision = np.zeros((many, many))
-    precision[np.ix_(rest, rest)] = before
+    mean, precision = np.zeros(many), np.zeros((many, many))
+    mean[rest], precision[np.ix_(rest, rest)] = before.mean, before.precision
     precision[spline, spline] = bending.energy / variance
-    return Prior(np.zeros(many), precision)
+    return Prior(mean, precision)
 
 
 def whole(camera: Camera) -> bool:

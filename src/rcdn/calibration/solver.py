@@ -145,6 +145,14 @@ class Linear:
         return by_frame, np.einsum("nik,ni->k", self.shared, self.gaps) + self.pull
 
 
+def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Array]:
+    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
+    and `gaps` (M, 2)."""
+    Q, _ = np.linalg.qr(by_pose.reshape(-1, 6))
+    J, e = shared.reshape(len(Q), -1), gaps.ravel()
+    return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """`state` at the least squares; `arrow` there: with the weights' noise the covariance's factor."""

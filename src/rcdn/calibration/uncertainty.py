@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State
-from rcdn.calibration.solver import Arrow, Linear
+from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
 from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration
@@ -94,12 +94,9 @@ def _by_cluster(here: Linear, cluster: Array) -> tuple[Array, Array]:
         pull = np.zeros(len(part))
         for f in np.unique(here.frame[mine]):
             of = mine[here.frame[mine] == f]
-            J, S = here.by_frame[of].reshape(-1, 6), here.shared[of].reshape(2 * len(of), -1)
-            e = here.gaps[of].ravel()
-            basis, _ = np.linalg.qr(J)
-            S = S - basis @ (basis.T @ S)
+            S, e = without_pose(here.by_frame[of], here.shared[of], here.gaps[of])
             part += S.T @ S
-            pull += S.T @ (e - basis @ (basis.T @ e))
+            pull += S.T @ e
         info.append(part)
         score.append(pull)
     return np.array(info), np.array(score)
