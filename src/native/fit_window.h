@@ -4,6 +4,8 @@
 
 #include "lattice.h"
 
+#include <float.h>
+
 enum {
     LANES = 16,  /* pixels of a corner are padded to a multiple of this */
     MOST = 3968, /* pixels of a corner: a window of 60 by 60 px at most holds 3721 */
@@ -21,6 +23,24 @@ typedef struct {
     float x[PIXELS], y[PIXELS], value[PIXELS], mask[PIXELS], u[PIXELS], v[PIXELS], gu[PIXELS], gv[PIXELS], iu[PIXELS], iv[PIXELS];
     index_t count, padded;
 } Window;
+
+/* px, beyond any picture */
+#define AWAY 1e9
+
+/* Do `frames` (n, FRAME) tell windows that fit into their room? */
+static inline int are_frames(const double *frames, index_t n) {
+    for (const double *f = frames; f < frames + FRAME * n; f += FRAME) {
+        for (int k = 0; k < FRAME; k++)
+            if (!(fabs(f[k]) <= DBL_MAX))
+                return 0;
+        if (fabs(f[CENTRE]) > AWAY || fabs(f[CENTRE + 1]) > AWAY || !(f[THIN] >= 1) || f[THIN] > AWAY)
+            return 0;
+        for (int k = 0; k < 2; k++)
+            if (!(f[BOX + k] >= 0) || f[BOX + k] > ROW / 2 - 1)
+                return 0;
+    }
+    return 1;
+}
 
 typedef struct {
     index_t first, last;

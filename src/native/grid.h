@@ -2,7 +2,7 @@
 #ifndef RCDN_GRID_H
 #define RCDN_GRID_H
 
-#include "rcdn.h"
+#include "kernel.h"
 
 /* Neighbours up to REACH squares away; with fewer than ENOUGH of them, up to WIDEST. At most MOST in all. */
 #define REACH 2

@@ -17,11 +17,13 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
 }
 
 /* Votes for the colouring of a grid of corners number `members` (n) of `xy`: side colour of the u axis times (-1)^(u + v), of those whose axes lie
- * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). 0, or -1 without memory. */
-EXPORT index_t rcdn_grid_sign(const int64_t *labels, const int64_t *members, index_t n, const double *xy, const double *axes, const int64_t *polarity, index_t known, double far, int64_t *votes) {
+ * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). */
+KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2),
+       (WITHIN, int64_t, members, 0, total - 1, n), (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known),
+       (REAL, far), (OUT, int64_t, votes, 1)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     *votes = 0;
     for (index_t k = 0; k < n; k++) {
         const int32_t *row = t.row + cell_of(&t, labels + 2 * k);
@@ -40,26 +42,29 @@ EXPORT index_t rcdn_grid_sign(const int64_t *labels, const int64_t *members, ind
 
 /* A grid that may go on: its labels and the numbers of its corners, (n, 2) and (n); the open spots (count, 2), their predictions (count, 6) and
  * steps (count). */
-typedef struct {
-    const int64_t *labels, *members;
-    index_t n;
-    const int64_t *spots;
-    const double *maps, *pitch;
-    index_t count;
-} Rim;
+ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2), (IN, int64_t, members, n),
+               (WITHIN, int64_t, spots, -FURTHEST, FURTHEST, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
 
-/* The corners of a picture as `boards.graph.Field` has them; which are `free`; the least response x fit of a new one. */
-typedef struct {
-    const double *xy, *axes;
-    const int64_t *polarity;
-    const double *contrast, *response, *fit;
-    const uint8_t *strong, *refined, *free;
-    double level;
-} Corners;
+/* The corners of a picture as `boards.graph.Field` has them; which are `free`. */
+ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2), (IN, int64_t, polarity, count),
+               (IN, double, contrast, count), (IN, double, response, count), (IN, double, fit, count), (IN, uint8_t, strong, count),
+               (IN, uint8_t, refined, count), (IN, uint8_t, free, count))
+
+/* What a grid takes: corners whose response x fit is at least `level`, no further than `near` squares from the prediction, `near_weak` if they
+ * aren't strong, and none of those (u, v, corner) that were `refused` before. `sign`: its colouring; `far`: how far axes may turn, radians. */
+ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far), (SIZE, refusals, refused, 0),
+               (IN, int64_t, refused, refusals, 3))
+
+/* What a grid is offered. `offers` (total, 3): u, v and number of the corner; `gap`, squares; `fits`: 1 if axes and colours fit the
+ * board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
+ * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), how many. */
+ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room), (OUT, uint8_t, fits, room),
+               (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2), (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room),
+               (OUT, int64_t, edges, 1))
 
 /* May a corner be taken, by what it looks like? */
-INLINE int usable(const Corners *all, index_t c) {
-    return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= all->level;
+INLINE int usable(const Corners *all, index_t c, double level) {
+    return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= level;
 }
 
 /* Corners that the spots were offered before and that were refused: (count, 3), u, v, corner. */
@@ -95,67 +100,67 @@ static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, inde
     return edges;
 }
 
-/* Corners that might take one of the open spots, as far as `room` lets: which are usable, not refused, and no further than `near`
- * squares from the prediction, `near_weak` if they aren't strong. `offers` (total, 3): u, v and number of the corner; `gap`, squares;
- * `fits`: 1 if axes and colours fit the board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
- * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edge_count` (1). Returns how many, or -1 without memory. */
-EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, index_t n, const int64_t *spots, const double *maps, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const double *contrast, const double *response, const double *fit, const uint8_t *strong, const uint8_t *refined, const uint8_t *unused, index_t corners, double least_quality, const int64_t *refused, index_t refusals, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, double *start, double *end, double *level, int64_t *edge_count, index_t room) {
-    const Rim rim = {labels, members, n, spots, maps, pitch, count};
-    const Corners all = {xy, axes, polarity, contrast, response, fit, strong, refined, unused, least_quality};
+/* Corners that might take one of the open spots, as far as there is room. Returns how many. */
+KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules, rules), (GROUP, Offers, out),
+       (WHERE, outlier_int64_t(rim.members, rim.n, 0, all.count - 1) == rim.n)) {
+    const index_t count = rim.count;
+    const double *maps = rim.maps, *pitch = rim.pitch, *xy = all.xy, near = rules.near;
     Table t;
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    if (!open_table(&t, labels, n))
-        return -1;
+    if (!open_table(&t, rim.labels, rim.n))
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++)
         for (int i = 0; i < 2; i++) {
             low[i] = fmin(low[i], maps[6 * k + i] - near * pitch[k]);
             high[i] = fmax(high[i], maps[6 * k + i] + near * pitch[k]);
         }
     index_t total = 0, edges = 0;
-    for (index_t c = 0; c < corners; c++) {
+    for (index_t c = 0; c < all.count; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
-        if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c))
+        if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c, rules.level))
             continue;
         for (index_t k = 0; k < count; k++) {
             const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
             if (!(square <= reach * reach))
                 continue;
             const double distance = sqrt(square) / pitch[k];
-            const int64_t *spot = spots + 2 * k;
-            if ((!strong[c] && !(distance < near_weak)) || was_refused(refused, refusals, spot, c))
+            const int64_t *spot = rim.spots + 2 * k;
+            if ((!all.strong[c] && !(distance < rules.near_weak)) || was_refused(rules.refused, rules.refusals, spot, c))
                 continue;
-            if (total < room) {
-                const int colour = (spot[0] + spot[1]) & 1 ? (int)-sign : (int)sign;
-                offers[3 * total] = spot[0];
-                offers[3 * total + 1] = spot[1];
-                offers[3 * total + 2] = c;
-                gap[total] = distance;
-                fits[total] = fits_steps(&all, c, maps + 6 * k, colour, far) ? (strong[c] ? 2 : 1) : 0;
-                edges = edges_of(&t, &rim, &all, c, spot, colour, edges, start, end, level, beside + 4 * total);
+            if (total < out.room) {
+                const int colour = (spot[0] + spot[1]) & 1 ? (int)-rules.sign : (int)rules.sign;
+                out.offers[3 * total] = spot[0];
+                out.offers[3 * total + 1] = spot[1];
+                out.offers[3 * total + 2] = c;
+                out.gap[total] = distance;
+                out.fits[total] = fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
+                edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level, out.beside + 4 * total);
             }
             total++;
         }
     }
-    *edge_count = edges;
+    *out.edges = edges;
     free(t.row);
     return total;
 }
 
 /* Whose edges are seen (count), from the contrast that each third of an edge shows, (edges, 3), and what `rcdn_grid_offers` says: one is enough where
  * `fits` is 2, if none speaks against it; otherwise all must be, and two at least where it is 0. */
-EXPORT void rcdn_grid_seen(const double *shown, const double *level, const int64_t *beside, const uint8_t *fits, index_t count, double least, double least_weak, uint8_t *seen) {
+KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3), (IN, double, level, edges),
+       (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count), (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
     for (index_t k = 0; k < count; k++, beside += 4) {
-        int edges = 0, one = 0, plain = 1, all = 1;
+        int known = 0, one = 0, plain = 1, all = 1;
         for (int way = 0; way < 4; way++) {
             if (beside[way] < 0)
                 continue;
             const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]], b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
             const double weakest = fmin(fmin(a, b), c);
-            edges++;
+            known++;
             one |= weakest > least;
             all &= weakest > least_weak;
             plain &= a + b + c > 0;
         }
-        seen[k] = fits[k] == 2 ? one && plain : all && edges >= (fits[k] ? 1 : 2);
+        seen[k] = fits[k] == 2 ? one && plain : all && known >= (fits[k] ? 1 : 2);
     }
+    return 0;
 }

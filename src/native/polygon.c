@@ -1,9 +1,9 @@
 /* How deep points lie in a polygon. */
-#include "rcdn.h"
+#include "kernel.h"
 
 /* Distances `depth` (m) of points `at` (m) from the outline of a polygon of `n` corners, positive inside (where lines of sight cross it an odd
  * number of times), negative outside. */
-EXPORT void rcdn_depth(const double *corners, index_t n, const double *at, index_t m, double *depth) {
+KERNEL(rcdn_depth, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2), (OUT, double, depth, m)) {
     for (index_t j = 0; j < m; j++) {
         const double x = at[2 * j], y = at[2 * j + 1];
         double least = INFINITY;
@@ -21,4 +21,5 @@ EXPORT void rcdn_depth(const double *corners, index_t n, const double *at, index
         }
         depth[j] = inside ? sqrt(least) : -sqrt(least);
     }
+    return 0;
 }

@@ -8,12 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-
 /* A function compiled for several generations of processors; the loader picks the one that fits. What it calls must be inlined (INLINE),
  * or it is compiled for the oldest of them. */
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
@@ -28,6 +22,9 @@
 #endif
 
 typedef ptrdiff_t index_t;
+
+/* px of a picture that one of a network's cells covers, along each axis */
+enum { CELL = 4 };
 
 /* A grey picture (height, width), 0..255: bytes, or float32 where `real`. */
 typedef struct {

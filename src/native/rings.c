@@ -3,6 +3,7 @@
 #include "sampling.h"
 
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
+CONSTANTS(rings, DIRECTIONS, RINGS)
 
 #define PI 3.14159265358979323846
 #define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
@@ -37,13 +38,13 @@ INLINE void ring_levels(const Picture *p, const double centre[2], const double *
 }
 
 /* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
-FAST EXPORT void rcdn_sample_rings(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
-                                   index_t count, index_t rings, const float *directions, float *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_sample_rings, (PICTURE, p), (SIZE, count, radius, 0), (SIZE, rings, radius, 1), (IN, double, xy, count, 2),
+            (IN, double, radius, count, rings), (IN, float, directions, 2, TURN), (OUT, float, out, count, rings, TURN)) {
     const Directions d = {directions, directions + TURN};
     Places w;
     for (index_t k = 0; k < count * rings; k++)
         ring_levels(&p, xy + 2 * (k / rings), radius + k, 1, d, &w, out + k * TURN);
+    return 0;
 }
 
 /* The two sectors that explain most of a ring's variance: from direction a to b, and the rest of the half turn. */
@@ -229,7 +230,8 @@ INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS
 }
 
 /* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
-FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, index_t count, const float *directions, double *axes) {
+FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS), (IN, double, radius, count, RINGS),
+            (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
     const Directions d = {directions, directions + TURN};
     Samples s;
     for (index_t k = 0; k < count; k++) {
@@ -240,13 +242,13 @@ FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, ind
         take_out_mean(&s);
         fit_axes(&s, d, axes + 2 * k);
     }
+    return 0;
 }
 
 /* Axes in [0, pi), rising, and what the rings say; see `rcdn.corners.orientation.axes`. */
-FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
-                           const uint8_t *careful, index_t count, double least, const float *directions, const float *gain, double *axes,
-                           double *contrast, int8_t *polarity, double *fit) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, radius, count), (IN, uint8_t, careful, count),
+            (REAL, least), (IN, float, directions, 2, TURN), (IN, float, gain, TURN), (OUT, double, axes, count, 2), (OUT, double, contrast, count),
+            (OUT, int8_t, polarity, count), (OUT, double, fit, count)) {
     const Directions d = {directions, directions + TURN};
     float level[RINGS * TURN], signal[TURN];
     Places w;
@@ -276,4 +278,5 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
         own[1] = found[!swapped];
         polarity[n] = (int8_t)((seen.contrast > 0) != swapped ? 1 : -1);
     }
+    return 0;
 }

@@ -7,6 +7,7 @@
 
 #define WIDE 32  /* channels of a cell */
 #define GROUP 4  /* channels that are multiplied together */
+#define BEST 2   /* level of the processor's instructions that is used, if it is there: 2 VNNI, 1 AVX2, 0 any */
 #define SLACK 8  /* cells that may be computed beyond the end of a row */
 
 /* Weights of a convolution: (tap, group of inputs, output, input); what turns sums into the next inputs. */

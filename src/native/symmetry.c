@@ -1,10 +1,12 @@
 /* Centres of point symmetry or antisymmetry; see rcdn.corners.symmetry. */
-#include "rcdn.h"
+#include "kernel.h"
 
 #define MARGIN 4   /* reach of the smoothing, px: a Gaussian of 1 px */
 #define LANES 16   /* rows are worked on in blocks of this many pixels; what is too much is never used */
 #define THIN 0.004 /* smallest ratio of the two eigenvalues of the normal matrix; below it the window shows an edge */
 #define FAR 1e9    /* px: no picture is as wide */
+
+enum { LARGEST = 10000 }; /* radius of a disc, px */
 
 static const float KERNEL[MARGIN + 1] = {0.39894346f, 0.24197145f, 0.05399112f, 0.00443186f, 0.00013383f};
 
@@ -31,9 +33,18 @@ INLINE index_t lay_out(Room *room, float *work, index_t half) {
     return 5 * size;
 }
 
-EXPORT index_t rcdn_symmetry_room(index_t half) {
+KERNEL(rcdn_symmetry_room, (INT, half, 0, LARGEST)) {
     Room room;
     return lay_out(&room, NULL, half);
+}
+
+/* Floats for the largest of `count` discs. */
+static index_t room_for(const int64_t *half, index_t count) {
+    Room room;
+    index_t most = 0;
+    for (index_t k = 0; k < count; k++)
+        most = half[k] > most ? (index_t)half[k] : most;
+    return lay_out(&room, NULL, most);
 }
 
 INLINE void draw_disc(Room *room) {
@@ -164,9 +175,8 @@ INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], ind
 
 /* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,) px; NaN where there is
  * none. `work`: zeros, as many as `rcdn_symmetry_room` says for the largest disc. */
-FAST EXPORT void rcdn_symmetry_centre(const void *data, index_t height, index_t width, int real, const double *start, const int64_t *half,
-                                      index_t count, index_t repeats, double done, index_t anti, float *work, double *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, double, start, count, 2), (WITHIN, int64_t, half, 0, LARGEST, count),
+            (INT, repeats, 0, 1000), (REAL, done), (INT, anti, 0, 1), (ROOM, float, work, room_for(half, count)), (OUT, double, out, count, 2)) {
     Room room = {-1, 0, NULL, NULL, NULL, NULL, NULL};
     for (index_t n = 0; n < count; n++) {
         const double *from = start + 2 * n, reach = half[n] > 2 ? 0.5 * (double)half[n] : 1;
@@ -181,4 +191,5 @@ FAST EXPORT void rcdn_symmetry_centre(const void *data, index_t height, index_t 
         if (!found || fabs(at[0] - from[0]) > reach || fabs(at[1] - from[1]) > reach)
             at[0] = at[1] = NAN;
     }
+    return 0;
 }

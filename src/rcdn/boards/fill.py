@@ -14,14 +14,14 @@ import numpy as np
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
-from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, windows
+from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, windows
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
 
-_usual = bind("rcdn_grid_usual", "ldnlnD", result=True)
+_usual = bind("rcdn_grid_usual")
 ROUNDS = 8
 LEAST_SUPPORT = 5
 """labelled neighbours that a prediction stands on"""
@@ -69,7 +69,7 @@ class _Seen:
     def shares(self, at: Array, strength: Array) -> Array:
         """`strength` (K, 2) at labels `at` (K, 2) against the median of those within two squares; 0 where nothing is seen."""
         usual, at = np.empty((len(at), 2)), as_labels(at)
-        checked(_usual(self.at, np.ascontiguousarray(self.strength), len(self.at), at, len(at), usual))
+        _usual(self.at, np.ascontiguousarray(self.strength), at, usual)
         fine = (usual > 0).all(axis=1, keepdims=True)
         return np.where(fine, strength / np.where(fine, usual, 1), 0)
 

@@ -15,11 +15,11 @@ from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
 from rcdn.types import Array, Status
 
-_links = bind("rcdn_links", "pddldnnrrrrDLL")
-_boxed = bind("rcdn_inside", "dbnrrrrL", result=True)
-_mutual = bind("rcdn_mutual", "lldlnDLnnL")
-_cells = bind("rcdn_quads", "ldnLLLn", result=True)
-_label = bind("rcdn_label", "lnnBLLLLLnLL", result=True)
+_links = bind("rcdn_links")
+_boxed = bind("rcdn_inside")
+_mutual = bind("rcdn_mutual")
+_cells = bind("rcdn_quads")
+_label = bind("rcdn_label")
 
 NEIGHBOURS = 14
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
@@ -97,7 +97,7 @@ def _inside(xy: Array, some: Array, spots: Array, margin: float) -> Array:
     """Rows, rising, of those of `xy` (N, 2) that are in `some` (N,) bool and within `margin` px of the box around `spots` (K, 2)."""
     (left, top), (right, bottom) = (spots.min(axis=0) - margin).tolist(), (spots.max(axis=0) + margin).tolist()
     rows = np.empty(len(xy), np.int64)
-    return rows[: _boxed(xy, some.view(np.uint8), len(xy), left, top, right, bottom, rows)]
+    return rows[: _boxed(xy, some.view(np.uint8), left, top, right, bottom, rows)]
 
 
 def _apart(xy: Array, known: Array) -> Array:
@@ -126,7 +126,7 @@ def links(field: Field) -> Array:
     distance, near = nearest(xy, xy, NEIGHBOURS + 1)
     own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
     limits = SMALL, np.sin(TOLERANCE), np.sin(TOLERANCE_SMALL), LEAST_CONTRAST
-    _links(field.grey, xy, looks, near, distance, *near.shape, *limits, np.empty(own.shape), room, own)
+    _links(field.grey, xy, looks, near, distance, *limits, np.empty(own.shape), room, own)
     out[usable] = np.where(own >= 0, usable[own], -1)
     return out
 
@@ -148,9 +148,9 @@ def slot_of(axes: Array, angle: Array) -> Array:
 
 
 def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
-    """`out` (N, S), all −1, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
+    """`out` (N, S), −1 for none, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
     i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
-    _mutual(i, j, length, slot, len(i), np.empty(out.shape), np.empty_like(out), *out.shape, out)
+    _mutual(i, j, length, slot, np.empty(out.shape), np.empty_like(out), out)
     return out
 
 
@@ -161,7 +161,7 @@ def cells(field: Field, neighbour: Array) -> Array:
     quads = np.empty((room, 4), np.int64)
     held = np.empty(count, np.int64), np.empty(room, np.int64)
     xy = np.ascontiguousarray(field.xy, np.float64)
-    return quads[: _cells(neighbour, xy, count, *held, quads, room)]
+    return quads[: _cells(neighbour, xy, *held, quads)]
 
 
 def label(field: Field, quads: Array) -> list[dict[Label, int]]:
@@ -171,9 +171,10 @@ def label(field: Field, quads: Array) -> list[dict[Label, int]]:
         return []
     order = np.argsort(-field.response[quads].min(axis=1), kind="stable")
     slots = 1 << (4 * count).bit_length()
-    used, first = np.empty(count, np.uint8), np.empty(corners + 2, np.int64)
-    heap, at_corner, where, held = (np.full(k, -1) for k in (count, 4 * count, 3 * corners, 4 * slots))
-    begin, out = np.empty(count + 1, np.int64), np.empty((4 * count, 3), np.int64)
-    found = _label(quads[order], count, corners, used, heap, first, at_corner, where, held, slots, begin, out)
+    heap, first, at_corner, where, held, begin, out = (
+        np.empty(shape, np.int64)
+        for shape in (count, corners + 2, 4 * count, (corners, 3), (slots, 4), count + 1, (4 * count, 3))
+    )
+    found = _label(quads[order], np.empty(count, np.uint8), heap, first, at_corner, where, held, begin, out)
     ends = begin[: found + 1].tolist()
     return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in pairwise(ends)]

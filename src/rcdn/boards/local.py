@@ -12,9 +12,9 @@ from rcdn.boards.graph import Label
 from rcdn.native import bind
 from rcdn.types import Array
 
-_around = bind("rcdn_grid_around", "lnlnnL", result=True)
-_predict = bind("rcdn_grid_predict", "ldnlnDLD", result=True)
-_beside = bind("rcdn_grid_beside", "ldnrLDLD", result=True)
+_around = bind("rcdn_grid_around")
+_predict = bind("rcdn_grid_predict")
+_beside = bind("rcdn_grid_beside")
 LEAST_PITCH = 2.0
 """px; smaller squares are none"""
 Labels = Array | Sequence[Label]
@@ -58,7 +58,7 @@ class Grid:
         """
         spots, labels = as_labels(spots), self.labels
         guess = Predictions.room(len(spots))
-        checked(_predict(labels, self.xy[self.corners], len(labels), spots, len(spots), *guess))
+        _predict(labels, self.xy[self.corners], spots, *guess)
         return guess
 
     def beside(self) -> tuple[Array, Predictions]:
@@ -70,7 +70,7 @@ def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
     """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
-    count = checked(_beside(labels, xy, len(labels), LEAST_PITCH, spots, *guess))
+    count = _beside(labels, xy, LEAST_PITCH, spots, *guess)
     return spots[:count], guess.take(slice(count))
 
 
@@ -85,15 +85,8 @@ def windows(labels: Array, spots: Labels, reach: int) -> Array:
     """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
     spots = as_labels(spots)
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
-    checked(_around(labels, len(labels), spots, len(spots), reach, out))
+    _around(labels, spots, reach, out)
     return out
-
-
-def checked(result: int) -> int:
-    """What a kernel of grids returned."""
-    if result < 0:
-        raise MemoryError("grids: no memory for the table of labels")
-    return result
 
 
 class Predictions(NamedTuple):

@@ -8,14 +8,14 @@ import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, checked
+from rcdn.boards.local import Grid
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 
-_prune = bind("rcdn_grid_prune", "ldddnrrrrL", result=True)
-_excess = bind("rcdn_grid_excess", "ldnlnrrD", result=True)
+_prune = bind("rcdn_grid_prune")
+_excess = bind("rcdn_grid_excess")
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RESIDUAL = 0.15
 """largest distance from the neighbours' prediction, share of the pitch"""
@@ -43,7 +43,7 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
     part = np.empty(len(labels), np.int64)
     quality, contrast = field.response[corners] * field.fit[corners], field.contrast[corners]
     limits = RESIDUAL, RESIDUAL_LOOSE, LEAST_QUALITY, LEAST_SHARE
-    count = checked(_prune(labels, grid.xy[corners], quality, contrast, len(labels), *limits, part))
+    count = _prune(labels, grid.xy[corners], quality, contrast, *limits, part)
     if count == 1 and part.max() == part.min():
         return []
     members = list(zip(part.tolist(), grid.at.items(), strict=True))
@@ -60,7 +60,7 @@ def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Array:
     labels = grid.labels
     rows = {spot: row for row, spot in enumerate(grid.at)}
     which, out = np.array([rows[spot] for spot in spots], np.int64), np.empty(len(spots))
-    checked(_excess(labels, grid.xy[grid.corners], len(labels), which, len(which), RESIDUAL, RESIDUAL_LOOSE, out))
+    _excess(labels, grid.xy[grid.corners], which, RESIDUAL, RESIDUAL_LOOSE, out)
     return out
 
 

@@ -13,8 +13,8 @@ from rcdn.types import Array
 
 ROOM = 4096
 """candidates that are usual"""
-_candidates = bind("rcdn_candidates", "fnnbrnLn", result=True)
-_suppress = bind("rcdn_suppress", "lnnnbnB", result=True)
+_candidates = bind("rcdn_candidates")
+_suppress = bind("rcdn_suppress")
 
 
 def candidates(response: Array, threshold: float, peaks: bool = False, cells: Array | None = None) -> Array:
@@ -30,7 +30,7 @@ def candidates(response: Array, threshold: float, peaks: bool = False, cells: Ar
     room = ROOM
     while True:
         xy = np.empty((room, 2), np.int64)
-        count = _candidates(response, *response.shape, cells.view(np.uint8), threshold, peaks, xy, room)
+        count = _candidates(response, cells.view(np.uint8), threshold, peaks, xy)
         if count <= room:
             return xy[:count]
         room = count
@@ -77,6 +77,5 @@ def _strongest(score: Array, limit: int) -> Array:
 def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
     """Indices of the survivors among `xy` (N, 2), which come strongest first."""
     keep = np.zeros(len(xy), np.uint8)
-    if _suppress(np.ascontiguousarray(xy, np.int64), len(xy), *shape, mask.astype(np.uint8), len(mask), keep) < 0:
-        raise MemoryError("nms: no memory")
+    _suppress(np.ascontiguousarray(xy, np.int64), *shape, mask.astype(np.uint8), keep)
     return np.flatnonzero(keep)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -19,6 +18,7 @@ from rcdn.corners.cells import CellNetwork
 from rcdn.corners.normalise import normaliser
 from rcdn.corners.onnx_file import read_graph
 from rcdn.corners.sieve import cells_with_saddles, every_cell
+from rcdn.corners.threads import Threads
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.types import Array
 
@@ -35,7 +35,7 @@ class ResponseModel:
     """A network ready to run.
 
     `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
-    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`.
+    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `pool`: the threads that it runs on.
     """
 
     data: bytes
@@ -44,6 +44,7 @@ class ResponseModel:
     cell: int
     facts: dict[str, Any]
     device: str = "cpu"
+    pool: Threads = field(default_factory=Threads, repr=False)
 
     @cached_property
     def session(self) -> Any:
@@ -60,7 +61,7 @@ class ResponseModel:
         """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
         if self.device != "cpu" or self.normalisation != "local":
             return None
-        return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"))
+        return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"), self.pool)
 
     def cells_of(self, grey: Array) -> Array | None:
         """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
@@ -103,12 +104,7 @@ class ResponseModel:
         alone = session.get_inputs()[0].shape[0] == 1  # exported before tiles went together
         together = _batches(height, width, tile, 1 if self.device == "cpu" or alone else BATCH)
         count = min(threads or os.cpu_count() or 1, len(together)) if self.device == "cpu" else 1
-        if count > 1:
-            with ThreadPoolExecutor(count) as pool:
-                list(pool.map(run, together))
-        else:
-            for spots in together:
-                run(spots)
+        self.pool(run, together, count)
         return out
 
     def _padded(self, grey: Array, reach: int) -> Array:

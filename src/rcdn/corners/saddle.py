@@ -15,7 +15,7 @@ from rcdn.corners.patches import plain
 from rcdn.native import bind
 from rcdn.types import Array
 
-_kernel = bind("rcdn_surface_fit", "pllndlldFD")
+_kernel = bind("rcdn_surface_fit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def surface_fits(grey: Array, seeds: Array, fits: tuple[Fit, ...], which: Array)
     xy = np.empty(seeds.shape)
     matrices, first, sizes, slack, room = _tables(fits)
     window = np.empty(room, np.float32)
-    _kernel(plain(grey), seeds, np.asarray(which, np.int64), len(seeds), matrices, first, sizes, slack, window, xy)
+    _kernel(plain(grey), seeds, np.asarray(which, np.int64), matrices, first, sizes, slack, window, xy)
     return xy
 
 
