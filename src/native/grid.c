@@ -2,8 +2,8 @@
 #include "grid.h"
 
 /* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. */
-KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2),
-       (WITHIN, int64_t, spots, -FURTHEST, FURTHEST, count, 2), (INT, reach, 0, 100), (OUT, int64_t, out, count, (2 * reach + 1) * (2 * reach + 1))) {
+KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (INT, reach, 0, 100), (OUT, int64_t, out, count, (2 * reach + 1) * (2 * reach + 1))) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -27,8 +27,8 @@ INLINE void predict(const Table *t, const double *xy, const int64_t *spots, inde
 }
 
 /* `predict` from corners `labels`, `xy` (n, 2). */
-FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2),
-            (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -FURTHEST, FURTHEST, count, 2), (OUT, double, out, count, 6),
+FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+            (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
             (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
     Table t;
     if (!open_table(&t, labels, n))
@@ -40,7 +40,7 @@ FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (W
 
 /* The empty labels beside a grid's corners, in order, (at most 4 n, 2), at which steps are `least` long, and what `predict` says of them. Returns
  * how many. */
-FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2), (IN, double, xy, n, 2), (REAL, least),
+FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
             (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
     Table t;
     if (!open_table(&t, labels, n))
@@ -61,7 +61,7 @@ FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -F
 }
 
 /* `excess_of` the corners number `which` (count). */
-FAST_KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2),
+FAST_KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
             (IN, double, xy, n, 2), (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
     Table t;
     if (!open_table(&t, labels, n))
@@ -73,8 +73,8 @@ FAST_KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WI
 }
 
 /* `usual_near` `spots` (count, 2) of the two `values` (n, 2) of each corner. */
-KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2), (IN, double, values, n, 2),
-       (WITHIN, int64_t, spots, -FURTHEST, FURTHEST, count, 2), (OUT, double, out, count, 2)) {
+KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, values, n, 2),
+       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 2)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;

@@ -18,7 +18,7 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
 
 /* Votes for the colouring of a grid of corners number `members` (n) of `xy`: side colour of the u axis times (-1)^(u + v), of those whose axes lie
  * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). */
-KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2),
+KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
        (WITHIN, int64_t, members, 0, total - 1, n), (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known),
        (REAL, far), (OUT, int64_t, votes, 1)) {
     Table t;
@@ -42,8 +42,8 @@ KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known,
 
 /* A grid that may go on: its labels and the numbers of its corners, (n, 2) and (n); the open spots (count, 2), their predictions (count, 6) and
  * steps (count). */
-ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -FURTHEST, FURTHEST, n, 2), (IN, int64_t, members, n),
-               (WITHIN, int64_t, spots, -FURTHEST, FURTHEST, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
+ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, int64_t, members, n),
+               (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
 
 /* The corners of a picture as `boards.graph.Field` has them; which are `free`. */
 ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2), (IN, int64_t, polarity, count),

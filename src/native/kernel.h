@@ -31,7 +31,7 @@
 #define NO_MEMORY ((index_t)-1)
 #define REFUSED ((index_t)-2)
 
-/* Whole numbers that may be labels or pixels lie within ± this; no axis of an array is longer, so that no product of a few of them runs over. */
+/* Whole numbers that may be pixels lie within ± this; no axis of an array is longer, so that no product of a few of them runs over. */
 enum { FURTHEST = 1 << 30 };
 
 /* axes of an array; values of a call, with those in groups */
