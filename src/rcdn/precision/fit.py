@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp, log
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median, medians
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice, lattice, misfit
@@ -88,7 +90,7 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
         state[:, SHIFT], state[:, CURVE] = maps(every, xy), 0
         if first:
             prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
-            frame = frames(maps, xy, rim, float(np.exp(median(state[:, BLUR]))))
+            frame = frames(maps, xy, rim, float(exp(median(state[:, BLUR]))))
         else:
             prior = Prior(board_mean(ij, done.state), prior.sd)
     return Fit(xy, _covariance(maps, ij, xy, done), done.state, done.variance, done.kept)
@@ -125,7 +127,7 @@ def fit_round(
     n, state = len(frame), state.copy()
     own, unit, scores, variance, kept = (np.zeros((n, *tail)) for tail in ((COUNT,), (2, 2), (2,), (), ()))
     if _fit(
-        grey, n, frame, *parts(maps), state, prior.mean, prior.sd**-2.0, noise, steps, robust, board, variance, kept,
+        grey, n, frame, *parts(maps), state, prior.mean, 1 / prior.sd**2, noise, steps, robust, board, variance, kept,
         tell, own, unit, share, scores,
     ):  # fmt: skip
         raise MemoryError
@@ -139,8 +141,8 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     odd = np.maximum(1 - done.kept / median(done.kept), 0)
     extra = (ODD * odd**2) ** 2 + (CROOKED * misfit(maps, ij, xy, noise)) ** 2
     cov = cov + extra[:, None, None] * np.eye(2)
-    jacobian = np.linalg.inv(maps.with_slopes(np.arange(len(xy)), xy)[1])
-    return np.asarray(jacobian @ cov @ jacobian.swapaxes(1, 2))
+    jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
+    return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
 
 
 def _rim(ij: Array) -> Array:
@@ -153,6 +155,6 @@ def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Ar
     typical = medians(found[..., 0])
     best = int(np.argmin(typical))
     state = np.zeros((len(xy), COUNT))
-    state[:, BLUR] = np.log(BLURS[best])
+    state[:, BLUR] = log(BLURS[best])
     state[:, [MEAN, CONTRAST]] = found[best, :, 1:]
     return float(BLURS[best]), state, float(typical[best])

@@ -49,7 +49,8 @@ STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 CHUNK = 128
 """corners whose posterior a kernel reckons at once"""
 
-_PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(TOTAL + 1) - 2.0)
+_POWERS = np.cumprod([[1 / (decay * decay), *[decay] * TOTAL] for decay in DECAYS], axis=1)
+_PRIORS = np.array(WIDTHS)[:, None] * _POWERS[:, None]
 """standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
 
 _tangent = bind("rcdn_smooth_tangent", "nddDD")
