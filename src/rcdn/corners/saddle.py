@@ -59,7 +59,7 @@ def smooth_fit(half: int) -> Fit:
 
 def _gaussian(half: int, sigma: float) -> Array:
     square = np.arange(-half, half + 1.0) ** 2
-    return exp(-(square[:, None] + square) / (2 * sigma**2))
+    return exp(-(square[:, None] + square) / (2 * sigma * sigma))
 
 
 def _matrix(weights: Array, kernel: Array) -> Array:

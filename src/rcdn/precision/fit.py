@@ -139,7 +139,7 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
     odd = np.maximum(1 - done.kept / median(done.kept), 0)
-    extra = (ODD * odd**2) ** 2 + (CROOKED * misfit(maps, ij, xy, noise)) ** 2
+    extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise))
     cov = cov + extra[:, None, None] * np.eye(2)
     jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
     return product(product(jacobian, cov), jacobian.swapaxes(1, 2))

@@ -140,7 +140,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
         flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
-        alien = beyond > 2 * MISFIT**2
+        alien = beyond > 2 * MISFIT * MISFIT
         if not alien.any() or not again:
             break
         out = np.flatnonzero(use)[alien]

@@ -34,6 +34,7 @@ def spreads(scores: Array, variance: Array) -> Array:
     white = np.maximum(scores[:, 1] * variance, 1e-12)
     factor = max(float(scores[:, 0].sum() / white.sum()), 1e-3)
     power = float(log(factor))
-    power *= (SPILL if power > 0 else 1.0) * power**2 / (power**2 + DOUBT**2)
+    square = power * power
+    power *= (SPILL if power > 0 else 1.0) * square / (square + DOUBT * DOUBT)
     factor = float(exp(power))
     return np.asarray(variance * factor * np.maximum(1, scores[:, 0] / white / factor / LOUD))
