@@ -67,7 +67,9 @@ def _matrix(weights: Array, kernel: Array) -> Array:
     half = len(weights) // 2
     y, x = (v.ravel().astype(float) for v in np.mgrid[-half : half + 1, -half : half + 1])
     w = weights.ravel()
-    even = np.stack((x * x, y * y, np.ones_like(x)))  # with weights symmetric along x and along y, all others are orthogonal
+    even = np.stack(
+        (x * x, y * y, np.ones_like(x))
+    )  # with weights symmetric along x and along y, all others are orthogonal
     a1, a3, _ = product(inverse(product(even * w, even.T)), even * w)
     a2, a4, a5 = (w * odd / (w * odd * odd).sum() for odd in (x * y, x, y))
     solver = np.reshape((a1, a2, a3, a4, a5), (5, *weights.shape))
