@@ -117,8 +117,10 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
     grey_levels(s, w, ROWS * STEPS, value);
     memset(padded, 0, sizeof padded); /* beyond a profile there is nothing: its ends see less */
     for (int r = 0; r < ROWS; r++)
-        for (int k = 0; k < STEPS; k++)
-            padded[r][TAPS + k] = logarithm(value[r * STEPS + k] + dark);
+        for (int k = 0; k < STEPS; k++) {
+            const float level = value[r * STEPS + k]; /* enlarged pictures in floating point go below 0 beside edges */
+            padded[r][TAPS + k] = logarithm((level > 0 ? level : 0) + dark);
+        }
     for (int r = 0; r < ROWS; r++)
         for (int k = 0; k < WIDE; k++) {
             float sum = 0;

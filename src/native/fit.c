@@ -25,9 +25,9 @@ typedef struct {
 #define OUTLIER_CONTRAST 0.15
 /* Least pivot of a matrix with ones on its diagonal. */
 #define LEAST 1e-13
-/* px, blurs */
-#define SHARPEST 0.25
-#define SOFTEST 20.0
+/* Logarithms of blurs of 0.25 and 20 px */
+#define SHARPEST -1.38629436111989062
+#define SOFTEST 2.99573227355399099
 
 /* px, sides of blocks */
 #define SMALLEST 1.0
@@ -102,7 +102,7 @@ INLINE void solve(Room *room, Sums sums, const double *state, const double *mean
 
 /* Squares a px across the narrower side of a window's square. */
 INLINE double steepest(const double *frame) {
-    const double u = hypot(frame[SLOPE], frame[SLOPE + 1]), v = hypot(frame[SLOPE + 2], frame[SLOPE + 3]);
+    const double u = length_of(frame[SLOPE], frame[SLOPE + 1]), v = length_of(frame[SLOPE + 2], frame[SLOPE + 3]);
     return u > v ? u : v;
 }
 
@@ -211,7 +211,7 @@ FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.cor
             for (int j = 0; j < COUNT && s < steps; j++)
                 p[j] += clip(step[j], -STEP[j], STEP[j]);
             for (int j = BLUR; j < BLUR + 2; j++)
-                p[j] = clip(p[j], log(SHARPEST), log(SOFTEST));
+                p[j] = clip(p[j], SHARPEST, SOFTEST);
         }
         const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
         variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;

@@ -26,10 +26,10 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
         return 0;
     double inner = 1, outer = 1;
     for (int k = 0; k < 2; k++) {
-        const double length = hypot(step[k], step[2 + k]), width = fabs(area) / hypot(step[1 - k], step[3 - k]);
+        const double length = length_of(step[k], step[2 + k]), width = fabs(area) / length_of(step[1 - k], step[3 - k]);
         const double far = LONGEST / length < HALF ? LONGEST / length : HALF, free = 1 - RIM * blur / width;
         const double cut = free > LEAST ? free : LEAST;
-        const double near = (BAND_BLURS * blur + BAND_MORE) * hypot(slope[2 * k], slope[2 * k + 1]);
+        const double near = (BAND_BLURS * blur + BAND_MORE) * length_of(slope[2 * k], slope[2 * k + 1]);
         reach[k] = rim[k] && cut < far ? cut : far;
         band[k] = near < reach[k] ? near : reach[k];
         outer *= reach[k];

@@ -1,15 +1,14 @@
 /* Completion of a labelled grid: its colouring, and the corners that might go on with it. */
+#include "elementary.h"
 #include "grid.h"
-
-#define HALF_TURN 3.14159265358979323846
 
 /* Colour of a corner's side at rising angle from the direction (dx, dy), bright +1 or dark -1, and the turn from its nearest axis. */
 INLINE int side_colour(const double *axes, int64_t polarity, double dx, double dy, double *turn) {
-    const double direction = atan2(dy, dx);
+    const double direction = angle_of(dy, dx);
     double turns[2];
     for (int k = 0; k < 2; k++) {
-        const double rest = fmod(axes[k] - direction + HALF_TURN / 2, HALF_TURN);
-        turns[k] = isfinite(axes[k]) ? fabs((rest < 0 ? rest + HALF_TURN : rest) - HALF_TURN / 2) : HALF_TURN;
+        const double rest = fmod(axes[k] - direction + PI / 2, PI);
+        turns[k] = isfinite(axes[k]) ? fabs((rest < 0 ? rest + PI : rest) - PI / 2) : PI;
     }
     const int other = turns[1] < turns[0];
     *turn = turns[other];

@@ -4,9 +4,6 @@
  * picture. The first layer is in floating point, the others in whole numbers (rows.h). Every number is the same sum in the same order, whatever
  * else is computed: results depend neither on what is asked for nor on the threads.
  */
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("no-associative-math")
-#endif
 #include "contrast.h"
 #include "kernel.h"
 #include "rows.h"

@@ -3,6 +3,7 @@
  * Coefficients: FREE of a homography, which move x and y, then `terms` polynomials that move x, and as many that move y, D in all. `terms` is a
  * multiple of PANEL and at most TERMS; terms that aren't there are zeros. Matrices are symmetric, (D + 1, D + PANEL) with the data in row and
  * column D and zeros behind; only what stands on and above the diagonal counts. */
+#include "elementary.h"
 #include "kernel.h"
 
 enum { FREE = 8, PANEL = 8, TERMS = 64, CHUNK = 128 };
@@ -49,7 +50,7 @@ INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, in
             for (index_t j = top; j < stride; j++)
                 row[j] *= scale;
         }
-        log_det += log(det);
+        log_det += natural_log(det);
         for (index_t i = top + PANEL; i < rows; i += 2) {
             double ca[PANEL], cb[PANEL];
             for (index_t k = 0; k < PANEL; k++) {
@@ -120,7 +121,7 @@ INLINE void take(Points *out, index_t p, index_t count, index_t terms, const dou
     for (index_t k = 0; k < PANEL && p + k < count; k++) {
         const index_t at = p + k;
         double w[3];
-        out->log_det += log(weights(cov + 4 * at, rough, w));
+        out->log_det += natural_log(weights(cov + 4 * at, rough, w));
         for (index_t i = 0; i < 3; i++)
             out->w[i][k] = w[i];
         for (index_t i = 0; i < FREE; i++) {

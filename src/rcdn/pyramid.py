@@ -178,8 +178,8 @@ def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -
 
 
 def _speck(board: Board) -> bool:
-    span = float(np.linalg.norm(np.ptp(board.xy, axis=0)))
-    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.hypot(*board.image_size))
+    span = float(np.linalg.norm(np.ptp(board.xy, axis=0), axis=0))
+    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.linalg.norm(board.image_size, axis=0))
 
 
 def _pitch(board: Board) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
@@ -65,7 +66,7 @@ DARK = 6.0
 def _slope_taps() -> Array:
     """(TAPS,) weights of the samples after one, less those before it, for the smoothed slope there, a square."""
     gap = np.arange(1, STEPS // 2 + 1) * (2 * SPAN / (STEPS - 1) / WIDTH)
-    taps = gap * np.exp(-0.5 * gap * gap)
+    taps = gap * exp(-0.5 * gap * gap)
     return np.asarray(taps[:TAPS] / (2 * taps.sum()) * (2 / WIDTH), np.float32)
 
 

@@ -16,6 +16,7 @@ from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
 from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, windows
 from rcdn.boards.validate import predicted_excess
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
@@ -133,7 +134,7 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
     known = _Seen(spots.at, strength)
     steps = np.stack([spots.guess.du, spots.guess.dv], axis=2)
     here = grid.xy[grid.corners[order][some]] - spots.guess.xy
-    own = np.linalg.solve(steps, here[..., None])[..., 0]
+    own = product(inverse(steps), here[..., None])[..., 0]
     limit = np.clip(BESIDE_PX / spots.guess.pitch, *BESIDE)
     most, found = np.abs(own).max(axis=1), np.abs(offset).max(axis=1)
     beside = np.flatnonzero((np.abs(own - offset).max(axis=1) > limit) & (most > 1.5 * found) & (found <= OFF))
@@ -142,7 +143,7 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
     seen = known.shares(spots.at[beside], strength[beside]).min(axis=1) >= SEEN
     for k in beside[seen].tolist():
         u, v = spots.at[k].tolist()
-        _put(grid, (u, v), spots.guess.xy[k] + steps[k] @ offset[k])
+        _put(grid, (u, v), spots.guess.xy[k] + product(steps[k], offset[k, :, None])[:, 0])
     return known
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from rcdn.corners.peaks import SAME, Peaks
+from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
 from rcdn.types import Array, Status
@@ -121,11 +122,12 @@ def links(field: Field) -> Array:
         return out
     xy, axes = field.xy[usable], field.axes[usable]
     looks = np.empty((len(usable), 6))
-    looks[:, 0:4:2], looks[:, 1:4:2] = np.cos(axes), np.sin(axes)
+    looks[:, 0:4:2], looks[:, 1:4:2] = cos_sin(axes)
     looks[:, 4], looks[:, 5] = field.polarity[usable], field.contrast[usable]
     distance, near = nearest(xy, xy, NEIGHBOURS + 1)
     own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
-    limits = SMALL, np.sin(TOLERANCE), np.sin(TOLERANCE_SMALL), LEAST_CONTRAST
+    strict, loose = cos_sin([TOLERANCE, TOLERANCE_SMALL])[1].tolist()
+    limits = SMALL, strict, loose, LEAST_CONTRAST
     _links(field.grey, xy, looks, near, distance, *limits, np.empty(own.shape), room, own)
     out[usable] = np.where(own >= 0, usable[own], -1)
     return out
@@ -137,12 +139,12 @@ def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Arra
     row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
     i, j = usable[row], usable[near[row, rank]]
     step = xy[j] - xy[i]
-    return i, j, distance[row, rank], np.arctan2(step[:, 1], step[:, 0])
+    return i, j, distance[row, rank], arctan2(step[:, 1], step[:, 0])
 
 
 def slot_of(axes: Array, angle: Array) -> Array:
     """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
-    turn = np.cos(angle[:, None] - axes)
+    turn = cos_sin(angle[:, None] - axes)[0]
     axis = np.abs(turn).argmax(axis=1)
     return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 

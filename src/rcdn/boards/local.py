@@ -132,7 +132,7 @@ class Prediction:
     @property
     def pitch(self) -> float:
         """Length of the shorter step, px."""
-        return float(min(np.linalg.norm(self.du), np.linalg.norm(self.dv)))
+        return float(min(np.linalg.norm(self.du, axis=0), np.linalg.norm(self.dv, axis=0)))
 
 
 def parts(spots: Iterable[Label], steps: Iterable[Label]) -> list[set[Label]]:

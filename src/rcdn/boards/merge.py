@@ -10,6 +10,7 @@ import numpy as np
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import Grid
+from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
@@ -105,7 +106,7 @@ def _move(motion: Motion, spot: Label) -> Label:
 def _motion(host: _Lattice, guest: _Lattice) -> Motion | None:
     """The turn and shift that take the guest's labels to the host's, or None if there is no clear one."""
     near = nearest(host.xy, guest.xy)[1][:, 0]
-    offset = (host.squares[near] @ (guest.xy - host.xy[near])[..., None])[..., 0]
+    offset = product(host.squares[near], (guest.xy - host.xy[near])[..., None])[..., 0]
     whole = np.rint(offset)
     reach = np.abs(whole).max(axis=1)
     voters = (reach >= 1) & (reach <= GAP)
@@ -129,7 +130,7 @@ def _same_steps(squares: Array, steps: Array) -> Array:
     """(K, 4) bool: are a guest's `steps` (K, 2, 2), after so many turns, the host's, by its `squares` (K, 2, 2), but for a quarter of a square?"""
     out = []
     for _ in range(4):
-        difference = squares @ steps - np.eye(2)
+        difference = product(squares, steps) - np.eye(2)
         out.append(np.linalg.norm(difference, axis=1).max(axis=1, initial=0) < STRETCH)
         # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
         steps = np.stack([-steps[..., 1], steps[..., 0]], axis=2)

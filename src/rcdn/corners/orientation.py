@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from rcdn.corners.patches import plain
+from rcdn.geometry.elementary import cos_sin
 from rcdn.native import bind, constants
 from rcdn.types import Array
 
@@ -70,7 +71,7 @@ def sample_rings(grey: Array, xy: Array, radius: Array) -> Array:
 def directions() -> Array:
     """Cosines and sines (2, 2 HALF_TURN) of the directions in which rings are sampled."""
     angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
-    return np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    return np.stack(cos_sin(angle)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp, log
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median, medians
 from rcdn.native import bind
 from rcdn.precision.lattice import Lattice, Maps, lattice, misfit
@@ -111,7 +113,7 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
         state[:, SHIFT], state[:, CURVE] = maps(every, xy), 0
         if first:
             prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
-            frame = frames(maps, xy, rim, float(np.exp(median(state[:, BLUR]))))
+            frame = frames(maps, xy, rim, float(exp(median(state[:, BLUR]))))
         else:
             prior = Prior(board_mean(ij, done.state), prior.sd)
     return Fit(xy, _covariance(maps, ij, xy, done), done.state, done.variance, done.kept)
@@ -147,7 +149,7 @@ def fit_round(
     state = state.copy()
     found = Found(*(np.zeros((len(frame), *tail)) for tail in ((), (), (COUNT,), (2, 2), (2,))))
     settings = Settings(noise, steps, robust, board, tell, share)
-    _fit(grey, maps.maps, frame, state, prior.mean, prior.sd**-2.0, settings, found)
+    _fit(grey, maps.maps, frame, state, prior.mean, 1 / prior.sd**2, settings, found)
     return Round(state, *found)
 
 
@@ -156,10 +158,10 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
     odd = np.maximum(1 - done.kept / median(done.kept), 0)
-    extra = (ODD * odd**2) ** 2 + (CROOKED * misfit(maps, ij, xy, noise)) ** 2
+    extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise))
     cov = cov + extra[:, None, None] * np.eye(2)
-    jacobian = np.linalg.inv(maps.with_slopes(np.arange(len(xy)), xy)[1])
-    return np.asarray(jacobian @ cov @ jacobian.swapaxes(1, 2))
+    jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
+    return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
 
 
 def _rim(ij: Array) -> Array:
@@ -172,6 +174,6 @@ def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Ar
     typical = medians(found[..., 0])
     best = int(np.argmin(typical))
     state = np.zeros((len(xy), COUNT))
-    state[:, BLUR] = np.log(BLURS[best])
+    state[:, BLUR] = log(BLURS[best])
     state[:, [MEAN, CONTRAST]] = found[best, :, 1:]
     return float(BLURS[best]), state, float(typical[best])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.geometry import homography
+from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
@@ -106,15 +107,14 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
 def _rectifier(ij: Array, xy: Array) -> Array:
     """Homography from pixels to squares; an affine map where the homography has its horizon on the board."""
     try:
-        flat = np.linalg.inv(homography(ij, xy))
-        depth = xy @ flat[2, :2] + flat[2, 2]
+        flat = inverse(homography(ij, xy))
+        depth = (xy * flat[2, :2]).sum(axis=1) + flat[2, 2]
         low, high = float(depth.min()), float(depth.max())
         if max(low, -high) > HORIZON * max(-low, high):
             return flat
     except np.linalg.LinAlgError:
         pass
-    affine = np.linalg.lstsq(np.column_stack([xy, np.ones(len(xy))]), ij.astype(float), rcond=None)[0].T
-    return np.ascontiguousarray(np.vstack([affine, [0, 0, 1]]))
+    return np.ascontiguousarray(np.vstack([affine(xy, ij), [0, 0, 1]]))
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Array:

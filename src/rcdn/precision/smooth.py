@@ -49,7 +49,8 @@ STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 CHUNK = constants("smooth")["CHUNK"]
 """corners whose posterior a kernel reckons at once"""
 
-_PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(TOTAL + 1) - 2.0)
+_POWERS = np.cumprod([[1 / (decay * decay), *[decay] * TOTAL] for decay in DECAYS], axis=1)
+_PRIORS = np.array(WIDTHS)[:, None] * _POWERS[:, None]
 """standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
 
 _tangent = bind("rcdn_smooth_tangent")
@@ -139,7 +140,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
         flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
-        alien = beyond > 2 * MISFIT**2
+        alien = beyond > 2 * MISFIT * MISFIT
         if not alien.any() or not again:
             break
         out = np.flatnonzero(use)[alien]
