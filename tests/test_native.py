@@ -53,7 +53,7 @@ def board_picture(**changes):
 
 def dimmed(grey, at):
     """With a spot on a corner, so that its board has to grow over it."""
-    spot = cv2.circle(np.zeros(grey.shape, np.float32), tuple(int(v) for v in [*at, 2, 1]), 7, 1.0, -1)
+    spot = cv2.circle(np.zeros(grey.shape, np.float32), np.add(at, (2, 1)).astype(int).tolist(), 7, 1.0, -1)
     share = 0.85 * cv2.GaussianBlur(spot, (0, 0), 1)
     return (grey * (1 - share) + 120 * share).astype(np.uint8)
 
