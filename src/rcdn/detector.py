@@ -148,24 +148,21 @@ def _members(corners: Corners, boards: list[Board]) -> Array:
 def _moved(corners: Corners, before: list[Board], after: list[Board]) -> Corners:
     """The corners with those of boards where their boards have them now, and with their sigma; NaN for the others."""
     xy, sigma = corners.xy.copy(), np.full(len(corners), np.nan)
-    for old, new in zip(before, after, strict=True):
-        row = _rows(old.xy, corners.xy)
-        xy[row] = new.xy
-        if new.sigma is not None:
-            sigma[row] = new.sigma
+    row = _rows(_joint([board.xy for board in before], (0, 2)), corners.xy)
+    xy[row] = _joint([board.xy for board in after], (0, 2))
+    sigma[row] = _joint([np.full(len(b), np.nan) if b.sigma is None else b.sigma for b in after], 0)
     return replace(corners, xy=xy, sigma=sigma).sort()
 
 
 def _with_members(found: Candidates, boards: list[Board]) -> Corners:
     """The corners above the threshold, and those below it or without a response that are in a board."""
-    row = _rows(found.all.xy, _joint([board.xy for board in boards], (0, 2)))
-    status = np.append(_joint([board.status for board in boards], 0), np.uint8(0))[row]
-    known = replace(found.all, status=np.where(row >= 0, status, found.all.status)).take(found.sure | (row >= 0))
-    more = []  # no candidates before: the boards alone found them
-    for board in boards:
-        new = _rows(board.xy, found.all.xy) < 0
-        more.append(Corners(board.xy[new], board.response[new], board.status[new]))
-    return distinct_corners([known, *more], reach=0)
+    xy, status = _joint([board.xy for board in boards], (0, 2)), _joint([board.status for board in boards], 0)
+    row = _rows(found.all.xy, xy)
+    own = np.append(status, np.uint8(0))[row]
+    known = replace(found.all, status=np.where(row >= 0, own, found.all.status)).take(found.sure | (row >= 0))
+    new = _rows(xy, found.all.xy) < 0  # no candidates before: the boards alone found them
+    response = _joint([board.response for board in boards], 0)
+    return distinct_corners([known, Corners(xy[new], response[new], status[new])], reach=0)
 
 
 def _joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from rcdn.boards.fill import fill
@@ -19,6 +21,8 @@ __all__ = ["find_boards", "has_cells"]
 
 CELL = 4
 """corners of the smallest grid"""
+ROOM = 4096
+"""corners that a board may add to those of its picture without a copy of all"""
 
 
 def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
@@ -31,9 +35,9 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     free, parts = np.ones(len(field.xy), bool), []
     settled: dict[Grid, int] = {}
-    queue = [Grid(at, field.xy) for at in grids]
+    queue = deque(Grid(at, field.xy) for at in grids)
     while queue:
-        grid = queue.pop(0)
+        grid = queue.popleft()
         grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
         rest = prune(grid, field)
         if len(grid) >= CELL:
@@ -45,11 +49,12 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
     usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
+    whole = set(map(id, parts))
     for grid in merge(field, [g for g in parts if len(g) >= CELL]):
         if len(grid) * 2 < least or not plain(grid, field.response, usual):
             continue
         # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
-        alone = grid in parts
+        alone = id(grid) in whole
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
@@ -93,10 +98,14 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
     """The candidates as the recovery sees them, in their order, and after them the weak peaks."""
     found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
     more = 0 if peaks is None else len(peaks.xy)
+    count = len(found) + more
+    room = np.empty((count + ROOM + count // 4, 2))
+    room[: len(found)] = found.xy
+    room[len(found) : count] = peaks.xy if peaks is not None else 0
     longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
         np.ascontiguousarray(grey),
-        found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
+        room[:count],
         longer(seen.axes, np.nan),
         longer(seen.polarity.astype(int), 0),
         longer(seen.contrast, 0),
@@ -105,7 +114,7 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
         longer(candidates.seed, False),
         longer(found.status != Status.SEED, False),
         peaks,
-        np.arange(len(found) + more) >= len(found),
+        np.arange(count) >= len(found),
     )
 
 

@@ -17,6 +17,8 @@ _predict = bind("rcdn_grid_predict", "ldnlnDLD", result=True)
 _beside = bind("rcdn_grid_beside", "ldnrLDLD", result=True)
 LEAST_PITCH = 2.0
 """px; smaller squares are none"""
+WIDEST = 3
+"""squares: labels further away tell a prediction nothing"""
 Labels = Array | Sequence[Label]
 """of spots: (K, 2), or so many (u, v)"""
 
@@ -39,6 +41,15 @@ class Grid:
     def corners(self) -> Array:
         """Their numbers, (M,) int64, in the order of `at`."""
         return np.fromiter(self.at.values(), np.int64, len(self.at))
+
+    def append(self, xy: list[Array], shared: Array) -> None:
+        """Put positions (2,) of its own behind `self.xy`: into the room behind `shared`, those of all corners, if there is some. One grid at a time may."""
+        before, after, room = len(self.xy), len(self.xy) + len(xy), shared.base
+        if room is not None and self.xy.base is room and after <= len(room):
+            room[before:after] = np.reshape(xy, (-1, 2))
+            self.xy = room[:after]
+        elif xy:
+            self.xy = np.vstack([self.xy, *xy])
 
     def around(self, spots: Labels, reach: int) -> Array:
         """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
