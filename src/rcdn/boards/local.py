@@ -67,14 +67,18 @@ class Grid:
         Weighted least squares over the neighbours up to two squares away, with fewer than six of them up to three: bilinear with four
         neighbours, quadratic along an axis on which they take three places; the smallest such map where there are many.
         """
-        spots, labels = as_labels(spots), self.labels
-        guess = Predictions.room(len(spots))
-        checked(_predict(labels, self.xy[self.corners], len(labels), spots, len(spots), *guess))
-        return guess
+        return predictions(self.labels, self.xy[self.corners], as_labels(spots))
 
     def beside(self) -> tuple[Array, Predictions]:
         """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions, of steps of 2 px and more."""
         return beside(self.labels, self.xy[self.corners])
+
+
+def predictions(labels: Array, xy: Array, spots: Array) -> Predictions:
+    """`Grid.predictions` at `spots` (K, 2) of the corners `labels`, `xy` (M, 2)."""
+    guess = Predictions.room(len(spots))
+    checked(_predict(labels, xy, len(labels), spots, len(spots), *guess))
+    return guess
 
 
 def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
