@@ -14,8 +14,8 @@ import numpy as np
 
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.sieve import CELL
-from rcdn.geometry.median import median
 from rcdn.geometry.boxes import BoxCells, PointCells
+from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest, within
 from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.types import Array, Board, Corners

@@ -43,7 +43,7 @@ class Grid:
         return np.fromiter(self.at.values(), np.int64, len(self.at))
 
     def append(self, xy: list[Array], shared: Array) -> None:
-        """Put positions (2,) of its own behind `self.xy`: into the room behind `shared`, those of all corners, if there is some. One grid at a time may."""
+        """Put positions (2,) of its own behind `xy`: into the room behind `shared`, those of all corners, if there is some. One grid at a time."""
         before, after, room = len(self.xy), len(self.xy) + len(xy), shared.base
         if room is not None and self.xy.base is room and after <= len(room):
             room[before:after] = np.reshape(xy, (-1, 2))

@@ -68,13 +68,15 @@ SMALL = ((5.6, 1.0), (7.0, 0.9))
 """(pitch px, share of its box that a board of smaller squares must fill)"""
 SMALL_LEAST = 20
 """corners of a board of such squares"""
+LARGE, LARGE_FILL = 1000, 0.9
+"""a board of so many corners must fill this share of its box, however small its squares: no keyboard has as many"""
 
 
 def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     """Is it a board? At least `least` corners and four whole cells. `scale`: px of the grid for one of the picture.
 
     Where squares are under 7 px of the picture, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly
-    all of their box, under 5.6 px all of it.
+    all of their box, under 5.6 px all of it, unless they are a thousand.
     """
     if len(grid) < least or cell_count(grid) < 4:
         return False
@@ -82,6 +84,7 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     pitch = median(nearest_pitch(xy)) / scale
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
+    needed = min(needed, LARGE_FILL) if len(spots) >= LARGE else needed
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
 
 

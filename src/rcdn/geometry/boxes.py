@@ -58,7 +58,9 @@ class BoxCells:
         span = high - low
         extent = high.max(axis=0) - low.min(axis=0) if len(low) else np.ones(2)
         side = float(np.sqrt(span.prod(axis=1).mean())) if len(low) else 1.0
-        self._size = max(side, float(span.mean(axis=0).max(initial=0)), float(extent.max()) / (4 * max(len(low), 1)), 1e-3)
+        self._size = max(
+            side, float(span.mean(axis=0).max(initial=0)), float(extent.max()) / (4 * max(len(low), 1)), 1e-3
+        )
         self._held: dict[tuple[int, int], list[int]] = {}
         for box in range(len(low)):
             for cell in self._cells(low[box], high[box]):

@@ -29,8 +29,22 @@ def grey(contrast: Array) -> Array:
     return np.asarray(np.rint((DARK + BRIGHT) / 2 + (BRIGHT - DARK) / 2 * contrast), np.uint8)
 
 
-def board(size: tuple[int, int], pitch: float, angle: float = 0.07, margin: int = 12) -> Array:
-    """One board of squares of `pitch` px over the whole picture, turned by `angle` rad, with a bright margin."""
+def board(size: tuple[int, int], pitch: float, angle: float = 0.0) -> Array:
+    """The largest board of squares of `pitch` px that fits, turned by `angle` rad, on white."""
+    x, y = grid(size)
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    u, v = (
+        ((x - size[0] / 2) * c + (y - size[1] / 2) * s) / pitch,
+        ((y - size[1] / 2) * c - (x - size[0] / 2) * s) / pitch,
+    )
+    across, down = size[0] - 3 * pitch, size[1] - 3 * pitch
+    turn = c * c - s * s
+    columns, rows = (int((c * one - s * other) / turn / pitch) for one, other in ((across, down), (down, across)))
+    return _on_white(u + columns / 2, v + rows / 2, columns, rows, pitch)
+
+
+def cut(size: tuple[int, int], pitch: float, angle: float, margin: int = 12) -> Array:
+    """A turned board that is larger than the picture, behind a bright frame."""
     x, y = grid(size)
     c, s = np.cos(angle), np.sin(angle)
     u, v = (c * x + s * y) / F32(pitch) + F32(0.31), (c * y - s * x) / F32(pitch) + F32(0.27)
@@ -39,21 +53,27 @@ def board(size: tuple[int, int], pitch: float, angle: float = 0.07, margin: int 
     return out
 
 
+def _on_white(u: Array, v: Array, columns: int, rows: int, pitch: float) -> Array:
+    """`columns` × `rows` squares from (0, 0) on in coordinates u, v, with soft edges."""
+    rim = np.minimum(np.minimum(u, columns - u), np.minimum(v, rows - v)) * pitch
+    share = np.clip(rim + 0.5, 0, 1)
+    return grey(1 - share + share * wave(u + F32(0.5), pitch) * wave(v + F32(0.5), pitch))
+
+
 def screen(size: tuple[int, int], columns: int, rows: int) -> Array:
     """A board of `columns` × `rows` squares as a monitor shows it, almost filling the picture."""
     x, y = grid(size)
     pitch = min(size[0] / (columns + 1.5), size[1] / (rows + 1.5))
-    u, v = (x - size[0] / 2) / pitch + columns / 2, (y - size[1] / 2) / pitch + rows / 2
-    inside = (u > 0) & (u < columns) & (v > 0) & (v < rows)
-    return grey(np.where(inside, wave(u + F32(0.5), pitch) * wave(v + F32(0.5), pitch), 1))
+    return _on_white(
+        (x - size[0] / 2) / pitch + columns / 2, (y - size[1] / 2) / pitch + rows / 2, columns, rows, pitch
+    )
 
 
 def many(size: tuple[int, int], squares: int, pitch: int, gap: int) -> Array:
     """As many boards of `squares` × `squares` squares of `pitch` px as fit, `gap` px apart."""
     x, y = grid(size)
-    side = squares * pitch
-    u, v = (x % (side + gap)) / pitch, (y % (side + gap)) / pitch
-    return grey(np.where((u < squares) & (v < squares), wave(u + F32(0.5), pitch) * wave(v + F32(0.5), pitch), 1))
+    side = squares * pitch + gap
+    return _on_white((x % side - gap / 2) / pitch, (y % side - gap / 2) / pitch, squares, squares, pitch)
 
 
 def turned(size: tuple[int, int], squares: int, pitch: int, gap: int, seed: int) -> Array:
@@ -61,13 +81,11 @@ def turned(size: tuple[int, int], squares: int, pitch: int, gap: int, seed: int)
     rng = np.random.default_rng(seed)
     x, y = grid(size)
     cell = squares * pitch + gap
-    tile = ((x // cell).astype(int), (y // cell).astype(int))
-    angles = rng.uniform(-0.4, 0.4, (size[1] // cell + 1, size[0] // cell + 1)).astype(F32)[tile[1], tile[0]]
+    column, row = (x // cell).astype(int), (y // cell).astype(int)
+    angles = rng.uniform(-0.4, 0.4, (size[1] // cell + 1, size[0] // cell + 1)).astype(F32)[row, column]
     c, s = np.cos(angles), np.sin(angles)
-    dx, dy = x % cell - cell / 2, y % cell - cell / 2
-    u, v = (c * dx + s * dy) / pitch + squares / 2, (c * dy - s * dx) / pitch + squares / 2
-    inside = (u > 0) & (u < squares) & (v > 0) & (v < squares)
-    return grey(np.where(inside, wave(u + F32(0.5), pitch) * wave(v + F32(0.5), pitch), 1))
+    dx, dy = (x % cell - cell / 2) / pitch, (y % cell - cell / 2) / pitch
+    return _on_white(c * dx + s * dy + squares / 2, c * dy - s * dx + squares / 2, squares, squares, pitch)
 
 
 def touching(size: tuple[int, int], pitch: int, cell: int) -> Array:
@@ -91,7 +109,7 @@ def holed(size: tuple[int, int], pitch: int, hole: int, every: int) -> Array:
     """One board with round holes of `hole` px across, `every` px apart."""
     x, y = grid(size)
     inside = np.hypot(x % every - every / 2, y % every - every / 2) < hole / 2
-    return np.where(inside, np.uint8(128), board(size, pitch, 0.0))
+    return np.where(inside, np.uint8(128), cut(size, pitch, 0.0))
 
 
 def nested(size: tuple[int, int], pitch: float, levels: int) -> Array:

@@ -19,9 +19,13 @@ def _boards() -> dict[str, Callable[[], Array]]:
     made: dict[str, Callable[[], Array]] = {}
     for pitch in (4, 5, 6, 8, 10):
         for name, size in SIZES.items():
-            made[f"board of {pitch} px squares, {name}"] = partial(checkers.board, size, pitch)
-    made["board of 5 px squares, 1 MP, upright"] = partial(checkers.board, (866, 1155), 5, 0.0)
-    made["board of 6.33 px squares, 4 MP, 100,000 corners"] = partial(checkers.board, MIDDLE, 6.33, 0.0)
+            made[f"board of {pitch} px squares, {name}"] = partial(
+                checkers.board, size, pitch, 0.0 if pitch < 8 else 0.07
+            )
+    for pitch in (5, 7):
+        made[f"board of {pitch} px squares, cut, 1 MP"] = partial(checkers.cut, SMALL, pitch, 0.07)
+    made["board of 5 px squares, 866 × 1155 px"] = partial(checkers.board, (866, 1155), 5)
+    made["board of 6.25 px squares, 4 MP, 100,000 corners"] = partial(checkers.board, MIDDLE, 6.25)
     made["screen of 59 × 33 squares, 12 MP"] = partial(checkers.screen, LARGE, 59, 33)
     made["screen of 160 × 120 squares, 12 MP"] = partial(checkers.screen, LARGE, 160, 120)
     return made
@@ -49,7 +53,11 @@ def _several() -> dict[str, Callable[[], Array]]:
         "triangles of 24 px": (checkers.triangles, (24.0,)),
     }
     sizes = {name: size for name, size in SIZES.items() if name != "12 MP"}
-    return {f"{kind}, {name}": partial(make, size, *rest) for kind, (make, rest) in kinds.items() for name, size in sizes.items()}
+    return {
+        f"{kind}, {name}": partial(make, size, *rest)
+        for kind, (make, rest) in kinds.items()
+        for name, size in sizes.items()
+    }
 
 
 def _textures() -> dict[str, Callable[[], Array]]:
@@ -83,7 +91,13 @@ def _textures() -> dict[str, Callable[[], Array]]:
     }
     return {f"{kind}, 1 MP": partial(make, SMALL, *rest) for kind, (make, rest) in kinds.items()} | {
         f"{kind}, 12 MP": partial(kinds[kind][0], LARGE, *kinds[kind][1])
-        for kind in ("white noise", "noise blurred by 2 px", "random squares of 8 px", "saddles of 12 px", "half-tone dots of 12 px")
+        for kind in (
+            "white noise",
+            "noise blurred by 2 px",
+            "random squares of 8 px",
+            "saddles of 12 px",
+            "half-tone dots of 12 px",
+        )
     }
 
 
@@ -97,8 +111,8 @@ def _shapes() -> dict[str, Callable[[], Array]]:
         "board of 6 px squares, 320 × 250 px": partial(checkers.board, (320, 250), 6),
         "noise, 1,000,000 × 3 px": partial(textures.white_noise, (1_000_000, 3)),
         "noise, 3 × 1,000,000 px": partial(textures.white_noise, (3, 1_000_000)),
-        "board, 100,000 × 40 px": partial(checkers.board, (100_000, 40), 8, 0.0, 2),
-        "board, 40 × 100,000 px": partial(checkers.board, (40, 100_000), 8, 0.0, 2),
+        "board, 100,000 × 60 px": partial(checkers.board, (100_000, 60), 8),
+        "board, 60 × 100,000 px": partial(checkers.board, (60, 100_000), 8),
     }
     return made | {f"all {level}, 12 MP": partial(textures.constant, LARGE, level) for level in (0, 128, 255)}
 

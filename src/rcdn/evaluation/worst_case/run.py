@@ -29,7 +29,10 @@ Answer = dict[str, Any]
 
 
 def table(
-    photographs: Path, names: Sequence[str] = (), limit: float = 120.0, progress: Callable[[int, int], None] | None = None
+    photographs: Path,
+    names: Sequence[str] = (),
+    limit: float = 120.0,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """One row for the photographs in a folder, then one for each picture whose name contains one of `names` (none: all), the slowest first.
 
@@ -86,7 +89,10 @@ def measured(name: str, limit: float) -> Answer:
     try:
         answer = receive.recv()  # the picture's size, once it is drawn
         if not receive.poll(limit):
-            return answer | {"ms a megapixel": 1e3 * limit / answer.pop("megapixels"), "ended": f"given up after {limit:g} s"}
+            return answer | {
+                "ms a megapixel": 1e3 * limit / answer.pop("megapixels"),
+                "ended": f"given up after {limit:g} s",
+            }
         answer |= receive.recv()
         answer.pop("megapixels")
         return answer
