@@ -89,7 +89,10 @@ def _textures() -> dict[str, Callable[[], Array]]:
         "16-bit noise": (textures.sixteen_bits, ()),
         "float noise": (textures.reals, (1e6,)),
     }
-    return {f"{kind}, 1 MP": partial(make, SMALL, *rest) for kind, (make, rest) in kinds.items()} | {
+    made: dict[str, Callable[[], Array]] = {
+        f"{k}, 1 MP": partial(make, SMALL, *rest) for k, (make, rest) in kinds.items()
+    }
+    return made | {
         f"{kind}, 12 MP": partial(kinds[kind][0], LARGE, *kinds[kind][1])
         for kind in (
             "white noise",
