@@ -24,7 +24,7 @@ __all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
-PIECES, BOARDS = (100, 300), (25, 100)
+PIECES, BOARDS = (50, 150), (25, 100)
 """how many are looked at: at least, and a megapixel (photographs have up to 22 and 12, 80 and 40 a megapixel)"""
 ROOM = 4096
 """corners that a board may add to those of its picture without a copy of all"""
