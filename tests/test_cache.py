@@ -66,6 +66,12 @@ def test_no_corners_and_no_sigma_come_back_as_that(cache):
     assert_equal(cache.result("00", "a"), empty)
 
 
+def test_warnings_come_back(cache):
+    told = ImageResult("a", 5, 4, Corners(np.zeros((0, 2)), [], []), (), ("one", "two"))
+    cache.keep("00", told)
+    assert cache.result("00", "a").warnings == ("one", "two")
+
+
 @pytest.mark.parametrize(
     "damage",
     [

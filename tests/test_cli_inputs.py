@@ -17,7 +17,19 @@ import pytest
 from typer.testing import CliRunner
 
 import detector_stand_in as stand_in
-from detector_stand_in import BROKEN, KILL, KILL_ONCE, MARKS, SLOW, BrightSquare, StandIn, picture, video
+from detector_stand_in import (
+    BROKEN,
+    KILL,
+    KILL_ONCE,
+    LIMIT,
+    LIMITED,
+    MARKS,
+    SLOW,
+    BrightSquare,
+    StandIn,
+    picture,
+    video,
+)
 from rcdn.cli import _batch, _inputs, _pool, app
 from rcdn.cli import detect as verb
 from rcdn.cli._cache import Cache
@@ -66,6 +78,28 @@ def outcomes(paths, jobs, make=StandIn, cache=None):
     work = _batch.Work(partial(make, CONFIG), cache)
     pictures = _batch.read_ahead(paths, decode=jobs == 1, cache=cache)
     return [done.outcomes for done in _pool.compute(pictures, work, jobs)]
+
+
+# ---- warnings
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_limits_left_out_is_told_and_written_also_from_the_cache(run, jobs):
+    picture(Path("in/usual.png"))
+    picture(Path("in/much.png"), missing=LIMITED)
+    for again in (False, True):
+        result = run("in", "--json", "out.json", "--cache", "cache", "--jobs", jobs)
+        assert result.exit_code == 0
+        assert result.stderr.splitlines() == ["warning: in/much.png: too many; far too many"], again
+        images, _ = read_detections("out.json")
+        assert {Path(i.path).name: i.warnings for i in images} == {"usual.png": (), "much.png": LIMIT}
+
+
+def test_what_limits_left_out_is_told_before_a_calibration(home, capfd):
+    picture(Path("much.png"), missing=LIMITED)
+    got = gather("much.png")
+    assert got.images[0].warnings == LIMIT
+    assert capfd.readouterr().err == "warning: much.png: too many; far too many\n"
 
 
 # ---- processes

@@ -16,6 +16,7 @@ from rcdn import native
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import RcdnError
+from rcdn.geometry import elementary, polygon
 from rcdn.native import bind
 from rcdn.synthetic import Background, BoardSpec, Scene, render
 
@@ -79,6 +80,8 @@ def use_the_package():
     grid = local.Grid({(u, v): k for k, (u, v) in enumerate(ij.tolist())}, xy)
     grid.around([(0, 0), (3, 3)], 1)
     symmetry.symmetry_centre(grey, xy, 5)
+    polygon.deeper(xy[:9], xy, 1.0)
+    elementary.exp(xy), elementary.log(xy), elementary.cos_sin(xy), elementary.arctan2(xy, xy)
     symmetry._room.__wrapped__(5)
 
 

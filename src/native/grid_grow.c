@@ -66,12 +66,80 @@ INLINE int usable(const Corners *all, index_t c, double level) {
     return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= level;
 }
 
-/* Corners that the spots were offered before and that were refused: (count, 3), u, v, corner. */
-static int was_refused(const int64_t *refused, index_t count, const int64_t *spot, int64_t corner) {
-    for (index_t k = 0; k < count; k++, refused += 3)
-        if (refused[0] == spot[0] && refused[1] == spot[1] && refused[2] == corner)
-            return 1;
-    return 0;
+/* What the spots were offered before and refused, (count, 3) u, v, corner, by a hash table of rows: `slot` (slots), a power of two, -1 for none. */
+typedef struct {
+    const int64_t *refused;
+    int32_t *slot;
+    index_t slots;
+} Refused;
+
+static int32_t *slot_of(const Refused *r, int64_t u, int64_t v, int64_t corner) {
+    uint64_t hash = ((uint64_t)u * 0x9E3779B97F4A7C15u) ^ ((uint64_t)v * 0xC2B2AE3D27D4EB4Fu) ^ ((uint64_t)corner * 0x165667B19E3779F9u);
+    hash ^= hash >> 29;
+    for (;; hash++) {
+        int32_t *slot = r->slot + (hash & (uint64_t)(r->slots - 1));
+        if (*slot < 0)
+            return slot;
+        const int64_t *known = r->refused + 3 * (index_t)*slot;
+        if (known[0] == u && known[1] == v && known[2] == corner)
+            return slot;
+    }
+}
+
+static int open_refused(Refused *r, const int64_t *refused, index_t count) {
+    r->refused = refused;
+    for (r->slots = 16; r->slots < 2 * count;)
+        r->slots *= 2;
+    r->slot = malloc((size_t)r->slots * sizeof *r->slot);
+    if (!r->slot)
+        return 0;
+    memset(r->slot, 0xff, (size_t)r->slots * sizeof *r->slot);
+    for (index_t k = 0; k < count; k++)
+        *slot_of(r, refused[3 * k], refused[3 * k + 1], refused[3 * k + 2]) = (int32_t)k;
+    return 1;
+}
+
+/* Predicted spots sorted into square cells, none of which is smaller than the furthest that a corner may lie from its prediction: a corner's spots
+ * are in its own cell or in one of the eight around. */
+typedef struct {
+    double left, top, size;
+    index_t columns, rows;
+    int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
+} Places;
+
+INLINE index_t cell_at(double at, double low, double size, index_t count) {
+    const double k = (at - low) / size;
+    return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0;
+}
+
+static int open_places(Places *p, const Rim *rim, double near, const double *low, const double *high) {
+    double reach = 0;
+    for (index_t k = 0; k < rim->count; k++)
+        reach = fmax(reach, near * rim->pitch[k]);
+    const double width = fmax(high[0] - low[0], 0), height = fmax(high[1] - low[1], 0), n = (double)rim->count + 1;
+    p->left = low[0];
+    p->top = low[1];
+    p->size = fmax(fmax(reach, sqrt(width * height / n)), fmax(fmax(width, height) / n, 1e-3));
+    p->columns = (index_t)(width / p->size) + 1;
+    p->rows = (index_t)(height / p->size) + 1;
+    const index_t cells = p->columns * p->rows;
+    p->first = calloc((size_t)cells + 2, sizeof *p->first);
+    p->order = malloc(((size_t)rim->count + 1) * sizeof *p->order);
+    if (!p->first || !p->order)
+        return 0;
+    for (int pass = 0; pass < 2; pass++) { /* count, then sort */
+        for (index_t k = 0; k < rim->count; k++) {
+            const index_t row = cell_at(rim->maps[6 * k + 1], p->top, p->size, p->rows);
+            const index_t cell = row * p->columns + cell_at(rim->maps[6 * k], p->left, p->size, p->columns);
+            if (pass)
+                p->order[p->first[cell + 1]++] = (int32_t)k;
+            else
+                p->first[cell + 2]++;
+        }
+        for (index_t k = 2; k < cells + 2 && !pass; k++)
+            p->first[k] += p->first[k - 1];
+    }
+    return 1;
 }
 
 /* Do a corner's axes and colours fit the predicted steps? */
@@ -114,33 +182,45 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
             high[i] = fmax(high[i], maps[6 * k + i] + near * pitch[k]);
         }
     index_t total = 0, edges = 0;
-    for (index_t c = 0; c < all.count; c++) {
+    Refused known = {0};
+    Places places = {0};
+    const int able = !(count > 0 && low[0] <= high[0]) || (open_refused(&known, rules.refused, rules.refusals) && open_places(&places, &rim, near, low, high));
+    for (index_t c = 0; places.order && able && c < all.count; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
         if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c, rules.level))
             continue;
-        for (index_t k = 0; k < count; k++) {
-            const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
-            if (!(square <= reach * reach))
-                continue;
-            const double distance = sqrt(square) / pitch[k];
-            const int64_t *spot = rim.spots + 2 * k;
-            if ((!all.strong[c] && !(distance < rules.near_weak)) || was_refused(rules.refused, rules.refusals, spot, c))
-                continue;
-            if (total < out.room) {
-                const int colour = (spot[0] + spot[1]) & 1 ? (int)-rules.sign : (int)rules.sign;
-                out.offers[3 * total] = spot[0];
-                out.offers[3 * total + 1] = spot[1];
-                out.offers[3 * total + 2] = c;
-                out.gap[total] = distance;
-                out.fits[total] = fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
-                edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level, out.beside + 4 * total);
+        const index_t column = cell_at(x, places.left, places.size, places.columns), row = cell_at(y, places.top, places.size, places.rows);
+        const index_t right = column + 1 < places.columns ? column + 1 : column, down = row + 1 < places.rows ? row + 1 : row;
+        for (index_t line = row > 0 ? row - 1 : 0; line <= down; line++) {
+            const int32_t *from = places.first + line * places.columns + (column > 0 ? column - 1 : 0), *to = places.first + line * places.columns + right + 1;
+            for (index_t i = *from; i < *to; i++) {
+                const index_t k = places.order[i];
+                const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
+                if (!(square <= reach * reach))
+                    continue;
+                const double distance = sqrt(square) / pitch[k];
+                const int64_t *spot = rim.spots + 2 * k;
+                if ((!all.strong[c] && !(distance < rules.near_weak)) || *slot_of(&known, spot[0], spot[1], c) >= 0)
+                    continue;
+                if (total < out.room) {
+                    const int colour = (spot[0] + spot[1]) & 1 ? (int)-rules.sign : (int)rules.sign;
+                    out.offers[3 * total] = spot[0];
+                    out.offers[3 * total + 1] = spot[1];
+                    out.offers[3 * total + 2] = c;
+                    out.gap[total] = distance;
+                    out.fits[total] = fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
+                    edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level, out.beside + 4 * total);
+                }
+                total++;
             }
-            total++;
         }
     }
     *out.edges = edges;
     free(t.row);
-    return total;
+    free(known.slot);
+    free(places.first);
+    free(places.order);
+    return able ? total : NO_MEMORY;
 }
 
 /* Whose edges are seen (count), from the contrast that each third of an edge shows, (edges, 3), and what `rcdn_grid_offers` says: one is enough where

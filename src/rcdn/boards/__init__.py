@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sized as _Sized
+from typing import TypeVar
+
 import numpy as np
 
 from rcdn.boards.fill import fill
@@ -13,27 +17,36 @@ from rcdn.boards.order import ordered, orientation
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
-from rcdn.types import Array, Board, Status
+from rcdn.types import Array, Board, Status, Warnings, allowed
 
-__all__ = ["find_boards", "has_cells"]
+Sized = TypeVar("Sized", bound=_Sized)
+__all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
+PIECES, BOARDS = (50, 150), (25, 100)
+"""how many are looked at: at least, and a megapixel (photographs have up to 22 and 12, 80 and 40 a megapixel)"""
+ROOM = 4096
+"""corners that a board may add to those of its picture without a copy of all"""
 
 
-def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
+def find_boards(
+    grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0, warnings: Warnings | None = None
+) -> list[Board]:
     """Boards among corners, the one with most corners first.
 
     `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells;
-    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives [].
+    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives []. Only the largest of
+    many pieces, and of many boards, are looked at; `warnings` are told.
     """
-    field = as_field(grey, candidates)
+    field, told = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
+    grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", told)
     free, parts = np.ones(len(field.xy), bool), []
     settled: dict[Grid, int] = {}
-    queue = [Grid(at, field.xy) for at in grids]
+    queue = deque(Grid(at, field.xy) for at in grids)
     while queue:
-        grid = queue.pop(0)
+        grid = queue.popleft()
         grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
         rest = prune(grid, field)
         if len(grid) >= CELL:
@@ -45,11 +58,12 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
     usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
-    for grid in merge(field, [g for g in parts if len(g) >= CELL]):
-        if len(grid) * 2 < least or not plain(grid, field.response, usual):
-            continue
+    whole = set(map(id, parts))
+    merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
+    merged = [g for g in merged if plain(g, field.response, usual)]
+    for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", told):
         # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
-        alone = grid in parts
+        alone = id(grid) in whole
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
@@ -57,6 +71,15 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> list[Sized]:
+    """The `most` largest, in their order; of equals the first."""
+    if len(grids) <= most:
+        return grids
+    warnings.add(name, f"of {len(grids):,} {name} only the {most:,} largest were looked at")
+    kept = sorted(range(len(grids)), key=lambda k: (-len(grids[k]), k))[:most]
+    return [grids[k] for k in sorted(kept)]
 
 
 def has_cells(grey: Array, candidates: Candidates) -> bool:
@@ -93,10 +116,14 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
     """The candidates as the recovery sees them, in their order, and after them the weak peaks."""
     found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
     more = 0 if peaks is None else len(peaks.xy)
+    count = len(found) + more
+    room = np.empty((count + ROOM + count // 4, 2))
+    room[: len(found)] = found.xy
+    room[len(found) : count] = peaks.xy if peaks is not None else 0
     longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
         np.ascontiguousarray(grey),
-        found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
+        room[:count],
         longer(seen.axes, np.nan),
         longer(seen.polarity.astype(int), 0),
         longer(seen.contrast, 0),
@@ -105,7 +132,7 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
         longer(candidates.seed, False),
         longer(found.status != Status.SEED, False),
         peaks,
-        np.arange(len(found) + more) >= len(found),
+        np.arange(count) >= len(found),
     )
 
 

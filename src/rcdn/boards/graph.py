@@ -6,11 +6,13 @@ Purely local: no line, no homography, no size; so distorted, bent, cut and sever
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from rcdn.corners.peaks import SAME, Peaks
+from rcdn.geometry.boxes import PointCells
 from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
@@ -27,6 +29,8 @@ TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
 """how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
 LEAST_CONTRAST = 0.3
 """every third of a link shows this share of the weaker corner's contrast"""
+FEW, WIDE = 30_000, 0.2
+"""corners that are looked through one by one, and share of the picture from which on all are"""
 GONE = -1e6
 """where corners are put that turned out to be others"""
 SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
@@ -55,12 +59,32 @@ class Field:
     peaks: Peaks | None = None
     waiting: Array | None = None
 
+    @cached_property
+    def _cells(self) -> PointCells:
+        """Where corners were at first: `look` moves them a little."""
+        return PointCells(self.xy.copy())
+
+    @cached_property
+    def _moved(self) -> Array:
+        """(1,) px: how far a corner has moved from there, at most."""
+        return np.zeros(1)
+
+    def near(self, some: Array, spots: Array, margin: float) -> Array:
+        """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
+        low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
+        if len(self.xy) <= FEW or self._cells.share(low, high) > WIDE:
+            rows = np.empty(len(self.xy), np.int64)
+            return rows[: _boxed(self.xy, some.view(np.uint8), *low.tolist(), *high.tolist(), rows)]
+        rows = self._cells.inside(low - self._moved, high + self._moved)
+        at = self.xy[rows]
+        return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
+
     def look(self, spots: Array, reach: Array) -> None:
         """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
-        row = _inside(self.xy, self.waiting, spots, float(np.max(reach)))
+        row = self.near(self.waiting, spots, float(np.max(reach)))
         row = row[np.unique(within(self.xy[row], spots, reach)[1])]
         if not len(row):
             return
@@ -69,7 +93,8 @@ class Field:
         xy, status, seen = self.peaks.look(row - first)
         known = ~self.waiting
         known[row] = False
-        fresh = _apart(xy, self.xy[_inside(self.xy, known, xy, SAME)])
+        fresh = _apart(xy, self.xy[self.near(known, xy, SAME)])
+        self._moved[0] = max(self._moved[0], np.abs(xy - self.xy[row]).max())
         self.xy[row[~fresh]] = GONE
         row = row[fresh]
         self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
@@ -79,7 +104,7 @@ class Field:
     @property
     def unseen(self) -> int:
         """How many peaks are waiting."""
-        return 0 if self.waiting is None else int(self.waiting.sum())
+        return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
     @property
     def quality(self) -> Array:
@@ -92,13 +117,6 @@ class Field:
         turn = np.where(np.isfinite(turn), turn, np.pi)
         axis = turn.argmin(axis=-1)
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
-
-
-def _inside(xy: Array, some: Array, spots: Array, margin: float) -> Array:
-    """Rows, rising, of those of `xy` (N, 2) that are in `some` (N,) bool and within `margin` px of the box around `spots` (K, 2)."""
-    (left, top), (right, bottom) = (spots.min(axis=0) - margin).tolist(), (spots.max(axis=0) + margin).tolist()
-    rows = np.empty(len(xy), np.int64)
-    return rows[: _boxed(xy, some.view(np.uint8), left, top, right, bottom, rows)]
 
 
 def _apart(xy: Array, known: Array) -> Array:

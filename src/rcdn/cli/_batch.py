@@ -253,7 +253,7 @@ class Work:
 
         found = self._detector.detect(grey)
         height, width = grey.shape
-        result = ImageResult(picture.name, width, height, found.corners, tuple(found.boards))
+        result = ImageResult(picture.name, width, height, found.corners, tuple(found.boards), found.warnings)
         if self.cache is not None and picture.key:
             self.cache.keep(picture.key, result)
         return result

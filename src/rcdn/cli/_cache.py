@@ -183,7 +183,8 @@ def _remove(path: Path) -> None:
 
 def _pack(result: ImageResult) -> dict[str, Any]:
     size = {"width": int(result.width), "height": int(result.height)}
-    return size | {"corners": _plain(result.corners), "boards": [_plain(b) for b in result.boards]}
+    found = {"corners": _plain(result.corners), "boards": [_plain(b) for b in result.boards]}
+    return size | found | {"warnings": list(result.warnings)}
 
 
 def _plain(value: Any) -> dict[str, Any]:
@@ -197,4 +198,5 @@ def _unpack(record: Any, name: str) -> ImageResult:
     from rcdn.types import Board, Corners
 
     boards = [Board(**b | {"image_size": tuple(b["image_size"])}) for b in record["boards"]]
-    return ImageResult(name, record["width"], record["height"], Corners(**record["corners"]), tuple(boards))
+    corners, warnings = Corners(**record["corners"]), tuple(map(str, record["warnings"]))
+    return ImageResult(name, record["width"], record["height"], corners, tuple(boards), warnings)

@@ -17,6 +17,11 @@ def say_error(message: str) -> None:
     typer.secho(f"error: {one_line(message)}", fg="red", err=True)
 
 
+def say_warning(message: str) -> None:
+    """One line `warning: …` on stderr, yellow on a terminal."""
+    typer.secho(f"warning: {one_line(message)}", fg="yellow", err=True)
+
+
 def one_line(text: str) -> str:
     """`text` without what would break a line or the terminal: a file's name may hold anything."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)

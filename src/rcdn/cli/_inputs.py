@@ -14,6 +14,7 @@ from rcdn.cli import _batch, _pool
 from rcdn.cli._cache import Cache, file_digest
 from rcdn.cli._group import say_error
 from rcdn.cli._progress import Bar, progress
+from rcdn.cli._summary import warning_text
 from rcdn.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -141,8 +142,10 @@ class _Run:
                 for outcome in done.outcomes:
                     if isinstance(outcome, _batch.Failure):
                         self._fail(outcome, bar.say)
-                    else:
-                        self._images[done.index].append(outcome)
+                        continue
+                    self._images[done.index].append(outcome)
+                    if outcome.warnings:
+                        bar.warn(warning_text(outcome.path, outcome.warnings))
         if work.cache is not None:
             work.cache.prune()
 

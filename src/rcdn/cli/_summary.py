@@ -39,6 +39,7 @@ class Brief:
     corners: int
     boards: tuple[BriefBoard, ...]
     line: str
+    warnings: tuple[str, ...] = ()
 
 
 def brief(result: ImageResult, lines: bool = False) -> Brief:
@@ -46,7 +47,12 @@ def brief(result: ImageResult, lines: bool = False) -> Brief:
     from rcdn.io import image_line
 
     boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern) for b in result.boards)
-    return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "")
+    return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "", result.warnings)
+
+
+def warning_text(path: str, warnings: Sequence[str]) -> str:
+    """One line for what limits left out of a picture."""
+    return f"{path}: {'; '.join(warnings)}"
 
 
 def size_text(size: Size) -> str:

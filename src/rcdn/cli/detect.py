@@ -229,6 +229,8 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team
                     run.add(outcome)
                     if isinstance(outcome, _batch.Failure):
                         bar.say(outcome.message)
+                    elif outcome.warnings:
+                        bar.warn(_summary.warning_text(outcome.path, outcome.warnings))
                 if done.stop is not None:
                     raise done.stop
     except KeyboardInterrupt as stopped:

@@ -22,7 +22,8 @@ DECIMALS = 4
 
 @dataclass(frozen=True, eq=False)
 class ImageResult:
-    """What was found in one image. `path` as the user gave it; `width`, `height` px; `boards` of this image.
+    """What was found in one image. `path` as the user gave it; `width`, `height` px; `boards` of this image; `warnings`: what limits left out, if
+    anything (`Detection.warnings`).
 
     Raises RcdnError if a board's `image_size` is another one.
     """
@@ -32,9 +33,11 @@ class ImageResult:
     height: int
     corners: Corners
     boards: tuple[Board, ...]
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boards", tuple(self.boards))
+        object.__setattr__(self, "warnings", tuple(self.warnings))
         for board in self.boards:
             if tuple(board.image_size) != (self.width, self.height):
                 raise RcdnError(
@@ -146,13 +149,14 @@ def _image_record(image: ImageResult) -> dict[str, Any]:
         "axes": _optional(corners.axes),
         "sigma": _optional(corners.sigma),
     }
-    return {
+    record = {
         "path": image.path,
         "width": int(image.width),
         "height": int(image.height),
         "corners": {k: v for k, v in found.items() if v is not None},
         "boards": [_board_record(board) for board in image.boards],
     }
+    return record | ({"warnings": list(image.warnings)} if image.warnings else {})
 
 
 def _board_record(board: Board) -> dict[str, Any]:
@@ -193,11 +197,14 @@ def _image(record: Any, where: str) -> ImageResult:
     size = take(record, "width", int, where), take(record, "height", int, where)
     corners = take(record, "corners", dict, where)
     boards = [_board(b, size, f"{where}.boards[{k}]") for k, b in enumerate(take(record, "boards", list, where))]
+    warnings = take(record, "warnings", list, where) if "warnings" in record else []
+    if not all(isinstance(text, str) for text in warnings):
+        raise FormatError(f"{where}: 'warnings' must hold texts")
     where += ".corners"
     axes = numbers(corners, "axes", where) if "axes" in corners else None
     common = _common(corners, where)
     try:
-        return ImageResult(path, *size, Corners(axes=axes, **common), tuple(boards))
+        return ImageResult(path, *size, Corners(axes=axes, **common), tuple(boards), tuple(warnings))
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
 
