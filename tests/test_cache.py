@@ -134,6 +134,7 @@ def test_weights_change_the_fingerprint(tmp_path):
     import json
 
     home = Path(rcdn.__file__).parent / "weights"
+    (tmp_path / "m.npz").write_bytes((home / "rcdn_q.npz").read_bytes())
     facts = json.loads((home / "rcdn_q.json").read_text())
     data = (home / "rcdn_q.onnx").read_bytes()
     config = DetectorConfig(model=str(tmp_path / "m.onnx"))

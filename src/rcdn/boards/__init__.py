@@ -14,6 +14,7 @@ from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
+from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
@@ -67,7 +68,10 @@ def find_boards(
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
-            fill(field, grid, board_sign(field, grid), free)
+            sign = board_sign(field, grid)
+            fill(field, grid, sign, free)
+            if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
+                continue
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))

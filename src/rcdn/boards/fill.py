@@ -44,7 +44,7 @@ BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
 """a labelled corner so many px, but within these squares, from its crossing lies on something else"""
 
 
-class _Spots(NamedTuple):
+class Spots(NamedTuple):
     """Labels `at` (K, 2) with their neighbours' predictions."""
 
     at: Array
@@ -89,8 +89,8 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
     added: list[Label] = []
     for _ in range(ROUNDS):
         spots, guess = grid.beside()
-        some = _with_sense(guess)
-        new = _accepted(field, grid, sign, _Spots(spots[some], guess.take(some)), known, free, plain)
+        some = with_sense(guess)
+        new = _accepted(field, grid, sign, Spots(spots[some], guess.take(some)), known, free, plain)
         if not new:
             break
         known.add(list(new), [strength for _, _, strength in new.values()])
@@ -132,8 +132,8 @@ def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
     labels = grid.labels
     order = np.lexsort((labels[:, 1], labels[:, 0]))
     guess = grid.predictions(labels[order])
-    some = _with_sense(guess)
-    spots = _Spots(labels[order][some], guess.take(some))
+    some = with_sense(guess)
+    spots = Spots(labels[order][some], guess.take(some))
     offset, strength = spots.look(field.grey, sign)
     known = _Seen(spots.at, strength)
     steps = np.stack([spots.guess.du, spots.guess.dv], axis=2)
@@ -151,14 +151,14 @@ def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
     return known
 
 
-def _with_sense(guess: Predictions) -> Array:
+def with_sense(guess: Predictions) -> Array:
     """Numbers of predictions that stand on neighbours enough, with steps that span something."""
     area = np.abs(guess.du[:, 0] * guess.dv[:, 1] - guess.du[:, 1] * guess.dv[:, 0])
     return np.flatnonzero((guess.support >= LEAST_SUPPORT) & (guess.pitch >= LEAST_PITCH) & (area > 1))
 
 
 def _accepted(
-    field: Field, grid: Grid, sign: int, spots: _Spots, known: _Seen, free: Array, plain: float
+    field: Field, grid: Grid, sign: int, spots: Spots, known: _Seen, free: Array, plain: float
 ) -> dict[Label, tuple[Array, int | None, Array]]:
     """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
 
@@ -187,7 +187,7 @@ def _accepted(
     return out
 
 
-def _candidates(field: Field, grid: Grid, spots: _Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
+def _candidates(field: Field, grid: Grid, spots: Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
     """The free candidate on the crossing `xy` of each of `some` (J,) spots, or None."""
     reach = np.maximum(REACH_PX, ANSWERED * spots.guess.pitch[some])
     field.look(xy[some], reach + SLACK)

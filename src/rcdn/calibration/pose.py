@@ -63,7 +63,8 @@ def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Co
         )
     zero = np.zeros(len(board), int)
     places, basis = on_shape(board.points * spacing, board.ij, shape)
-    return Corners3(zero, zero, places, board.xy, basis), np.nan_to_num(sigma_of(board))
+    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a place takes no part
+    return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
 
 
 def _state(camera: Camera, T: Array) -> State:

@@ -35,7 +35,8 @@ class CellNetwork:
     """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8; `pool`: the threads that it runs on.
 
     Hidden layers pass on whole numbers 0..255, one unit of which is a channel's largest value on rendered pictures (`ranges`) ÷ 255; weights
-    have 8 bits, and a scale for each output. Responses differ from the network's own by .005 in the mean where they are over .3.
+    have 8 bits, and a scale for each output. Export makes, tries and stores them (`quantised.py`). Responses differ from the network's own by .005
+    in the mean where they are over .3.
     """
 
     reals: Array

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 
 from rcdn.corners.cells import CellNetwork
 from rcdn.corners.normalise import normaliser
-from rcdn.corners.onnx_file import read_graph
+from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
 from rcdn.errors import ConfigError, RcdnError
@@ -35,7 +35,8 @@ class ResponseModel:
     """A network ready to run.
 
     `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
-    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `pool`: the threads that it runs on.
+    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights, if it has
+    any; `pool`: the threads that it runs on.
     """
 
     data: bytes
@@ -44,6 +45,7 @@ class ResponseModel:
     cell: int
     facts: dict[str, Any]
     device: str = "cpu"
+    quantised: CellNetwork | None = None
     pool: Threads = field(default_factory=Threads, repr=False)
 
     @cached_property
@@ -59,9 +61,9 @@ class ResponseModel:
     @cached_property
     def cells(self) -> CellNetwork | None:
         """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
-        if self.device != "cpu" or self.normalisation != "local":
+        if self.quantised is None or self.device != "cpu" or self.normalisation != "local":
             return None
-        return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"), self.pool)
+        return replace(self.quantised, pool=self.pool)
 
     def cells_of(self, grey: Array) -> Array | None:
         """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
@@ -143,17 +145,32 @@ def device_of(wanted: str) -> str:
     )
 
 
-def load_model(name: str, device: str = "cpu") -> ResponseModel:
+def _weights(name: str, ending: str) -> Any:
+    """A file of the weights `name`, as in `load_model`."""
+    if name.endswith(".onnx"):
+        return Path(name).with_suffix(ending)
+    return files("rcdn") / "weights" / (NAMES.get(name, name) + ending)
+
+
+def _stored(name: str, facts: object) -> CellNetwork:
+    """The 8-bit weights of a network whose .json says `facts` of them."""
+    path = _weights(name, ".npz")
+    try:
+        return read_npz(path.read_bytes(), facts.get("sha256") if isinstance(facts, dict) else None, f"model: {path}")
+    except OSError as error:
+        raise RcdnError(
+            f"model: no 8-bit weights beside {name!r}, of which its .json speaks: {error}; export it again: rcdn export"
+        ) from error
+
+
+def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseModel:
     """Weights by name (`auto`, `paper`, or a file in rcdn/weights without its ending) or by the path of an .onnx file.
 
+    A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it; any other, and all with `stored` False, in ONNX Runtime.
     `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX Runtime has one. Raises RcdnError if there are none, or if the file isn't the one its .json
     speaks of; ConfigError for a device that isn't there.
     """
-    folder = files("rcdn") / "weights"
-    target: Any = Path(name) if name.endswith(".onnx") else folder / (NAMES.get(name, name) + ".onnx")
-    facts_at: Any = (
-        target.with_suffix(".json") if isinstance(target, Path) else folder / (NAMES.get(name, name) + ".json")
-    )
+    target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:
         data, facts = target.read_bytes(), json.loads(facts_at.read_text())
     except OSError as error:
@@ -163,6 +180,7 @@ def load_model(name: str, device: str = "cpu") -> ResponseModel:
     if hashlib.sha256(data).hexdigest() != facts.get("sha256"):
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
+    quantised = _stored(name, facts["quantised"]) if stored and "quantised" in facts else None
     return ResponseModel(
-        data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts, device_of(device)
+        data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts, device_of(device), quantised
     )

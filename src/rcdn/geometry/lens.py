@@ -37,6 +37,7 @@ def unproject(camera: Camera, pixels: Array) -> Array:
     """
     pixels = np.asarray(pixels, float)
     K = camera.K
+    pixels = np.where(np.isfinite(pixels), pixels, np.nan)
     y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
     d = np.stack([(pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y], axis=-1)
     return undistorted(camera, d) if camera.correction is None else corrected_ray(camera, d)

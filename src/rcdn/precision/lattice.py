@@ -82,8 +82,13 @@ class Lattice:
 
 
 def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
-    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map."""
+    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
+
+    Raises LinAlgError for positions that aren't finite, as fits of a board in a line become: LAPACK would print of them.
+    """
     xy = np.ascontiguousarray(xy, float)
+    if not np.isfinite(xy).all():
+        raise np.linalg.LinAlgError("positions are not finite")
     flat, near = _rectifier(ij, xy), neighbours(ij)
     origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
     _lattice(xy, flat, REACH, near, own, FAR, STIFF, origin, terms)

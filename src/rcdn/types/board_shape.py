@@ -23,6 +23,8 @@ class BoardShape:
         if len(found) != 3 or found[2] != 3:
             raise RcdnError(f"BoardShape.offsets must have shape (rows, columns, 3), not {found}")
         freeze(self, "offsets", self.offsets, np.float64, found[1:])
+        if not np.isfinite(self.offsets).all():
+            raise RcdnError("BoardShape.offsets must be finite")
 
     @property
     def size(self) -> tuple[int, int]:
