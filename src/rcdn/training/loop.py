@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import csv
 import dataclasses
+import io
 import json
 import math
 import sys
@@ -20,7 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.utils.tensorboard import SummaryWriter
 
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, OutputError, RcdnError
 from rcdn.io import write_text
 from rcdn.provenance import commit
 from rcdn.training.config import TrainConfig
@@ -115,6 +116,7 @@ def _clear_after(step: int, folder: Path) -> None:
     """Make room for a run that goes on from `step`: what is logged of later steps goes; of step 0, everything."""
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "metrics.csv"
+    (folder / "new.pt").unlink(missing_ok=True)  # of a run that was killed while it wrote
     if step and log.exists():
         head, *rows = log.read_text().splitlines()
         write_text(log, "\n".join([head, *(row for row in rows if int(row.split(",")[0]) <= step)]) + "\n")
@@ -233,20 +235,31 @@ class _Run:
         if self.fabric.is_global_zero:
             row |= validate(self.state["ema"], self.config, self.overfit)
             self._log(row)  # before the checkpoint: a run killed in between logs this step again
-        self.fabric.save(self.folder / "new.pt", self.state)
+        self._save(self.folder / "new.pt")
         if self.fabric.is_global_zero:
             (self.folder / "new.pt").replace(self.folder / "last.pt")
         self.fabric.barrier()
         self.loss_sum, self.positive_sum, self.count, self.clock = 0.0, 0.0, 0, time.perf_counter()
 
+    def _save(self, path: Path) -> None:
+        try:
+            self.fabric.save(path, self.state)
+        except (OSError, RuntimeError) as error:  # torch says of a full disk what it likes
+            path.unlink(missing_ok=True)
+            reason = str(error).strip().splitlines()[0]
+            raise OutputError(
+                f"{path}: can't be written: {reason}; make room, then say the same command again: it goes on from its last checkpoint"
+            ) from error
+
     def _log(self, row: dict[str, Any]) -> None:
-        path = self.folder / "metrics.csv"
-        new = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, row)
-            if new:
-                writer.writeheader()
-            writer.writerow(row)
+        path, line = self.folder / "metrics.csv", io.StringIO()
+        writer = csv.DictWriter(line, row, lineterminator="\n")
+        if not path.exists():
+            writer.writeheader()
+        writer.writerow(row)
+        write_text(
+            path, (path.read_text() if path.exists() else "") + line.getvalue()
+        )  # whole: a row half written is read as a row
         for key, value in row.items():
             self.events.add_scalar(key, value, row["step"])
         self.events.flush()
