@@ -12,7 +12,7 @@ def main() -> None:
         from rcdn.cli import main as run
 
         run()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt:  # as `rcdn.cli` says it, which may not be there yet
         if sys.stderr is not None:
             sys.stderr.write("error: stopped by Ctrl-C\n")
         sys.exit(130)

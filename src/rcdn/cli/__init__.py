@@ -16,7 +16,7 @@ import typer
 
 from rcdn import interrupts
 from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
-from rcdn.cli._group import Group
+from rcdn.cli._group import INTERRUPTED, STOPPED, Group, say_error
 
 app = typer.Typer(
     name="rcdn",
@@ -76,5 +76,8 @@ def main() -> None:
         app(prog_name="rcdn")
     except SystemExit as end:
         code = end.code
+    except KeyboardInterrupt:  # before a verb has begun, or after its end
+        say_error(STOPPED)
+        code = INTERRUPTED
     interrupts.end()
     sys.exit(streams.end(code if isinstance(code, int) else 0))
