@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rcdn.io import write_image
@@ -44,12 +44,15 @@ backgrounds = "none"
 TRAIN = """
 import sys
 from rcdn import interrupts
-interrupts.install()
-from rcdn.training import validate
-crops = validate.validation_set.__wrapped__(2)
-validate.validation_set = lambda: crops
-from rcdn.cli import main
 if __name__ == "__main__":
+    interrupts.install()
+    try:
+        from rcdn.training import validate
+        crops = validate.validation_set.__wrapped__(2)
+        validate.validation_set = lambda: crops
+    except KeyboardInterrupt:
+        sys.exit(130)
+    from rcdn.__main__ import main
     main()
 """
 
@@ -108,7 +111,7 @@ TRAINING = Command(
      "--devices", "1"),
     (),
 )  # fmt: skip
-COMMANDS = {c.name: c for c in (DETECT, CALIBRATE, TRAINING)}
+ALONE = replace(DETECT, name="detect --jobs 1", words=(*DETECT.words[:-1], "1"))
 
 
 def start(command: Command, home: Path) -> subprocess.Popen[str]:
@@ -119,10 +122,10 @@ def start(command: Command, home: Path) -> subprocess.Popen[str]:
     )  # fmt: skip
 
 
-def fresh(command: Command, home: Path) -> None:
-    """Nothing but old outputs, and what the command keeps from run to run."""
+def fresh(command: Command, home: Path, everything: bool = False) -> None:
+    """Nothing but old outputs, and, unless `everything` goes, what the command keeps from run to run."""
     for path in (home / "out").glob("*"):
-        if path.name != command.keeps:
+        if everything or path.name != command.keeps:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
     for name in command.stale:
         (home / "out" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -328,7 +331,7 @@ def compare(command: Command, home: Path, known: Reference, tally: Tally) -> Non
 
 def kill_a_worker(command: Command, home: Path, known: Reference, after: float, tally: Tally) -> None:
     """Kill one of the processes that the command started, as a system without memory does: nothing may be lost."""
-    fresh(command, home)
+    fresh(command, home, everything=True)
     process = start(command, home)
     with _killed_at_last(process):
         end = time.monotonic() + after
