@@ -154,7 +154,8 @@ class Spool:
                 left -= len(line)
                 yield line
         finally:
-            reader.detach()
+            with suppress(ValueError):  # it is closed: the lines have moved
+                reader.detach()
 
     def _move(self, full: int, line: bytes) -> IO[bytes] | None:
         """Copy all, and `line`, to a disk other than `full`; None if there is none that takes it."""
