@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import shutil
 import subprocess
@@ -197,8 +198,8 @@ def test_the_fingerprint_does_not_import_onnx_runtime():
 
 def test_the_version_of_onnx_runtime_changes_the_fingerprint(monkeypatch):
     before = fingerprint(DetectorConfig())
-    real = _cache.metadata.version
-    monkeypatch.setattr(_cache.metadata, "version", lambda name: "0.0" if name == "onnxruntime" else real(name))
+    real = importlib.metadata.version
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.0" if name == "onnxruntime" else real(name))
     assert fingerprint(DetectorConfig()) != before
 
 

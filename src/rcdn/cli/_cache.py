@@ -11,7 +11,7 @@ import sys
 import time
 import zlib
 from dataclasses import dataclass, replace
-from importlib import import_module, machinery, metadata
+from importlib import import_module, machinery
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,8 @@ def default_folder() -> Path:
 
 
 def _versions() -> list[str]:
+    from importlib import metadata
+
     found = [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
     for name in _RUNTIMES:
         with contextlib.suppress(metadata.PackageNotFoundError):
