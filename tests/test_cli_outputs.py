@@ -98,6 +98,13 @@ def test_whatever_one_output_raises_the_others_are_written(run, monkeypatch, nam
     assert sum(Path(p).exists() for p in ("camera.yaml", "c.json", "r.html")) == 2
 
 
+@pytest.mark.parametrize("second", ["-o", "--report"])
+def test_two_outputs_of_one_name_are_wrong_use(run, second):
+    result = calibrate(run, "pinhole", "--json", "c.json", second, "./c.json")
+    assert result.exit_code == 2
+    assert "named for 2 outputs" in result.stderr
+
+
 def test_compare_writes_its_report_without_its_json(run, monkeypatch):
     calibrate(run, "pinhole", "--model", "pinhole", "--json", "c.json")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -94,6 +96,9 @@ class Outputs:
             _batch.check_file("--output", path, paths)
         _batch.check_file("--report", self.report, paths)
         _batch.check_file("--json", self.json, paths)
+        for name, count in Counter(os.path.abspath(p) for p in self.files).items():
+            if count > 1:
+                raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
 
     def without_refused(self, model: str, stereo: bool) -> Outputs:
         """What is left without the camera files whose format can't hold a lens of this `model`, or no pair: they are told now, before the work.

@@ -195,7 +195,7 @@ def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, pa
     """Raise before the work what would spoil it afterwards."""
     _batch.check_file("--json", json, paths)
     _batch.check_file("--vnl", vnl, paths)
-    if json is not None and json == vnl:
+    if json is not None and vnl is not None and json.absolute() == vnl.absolute():
         raise ConfigError(f"--json and --vnl are both {json}; give two names")
     if vnl is not None:
         for path in map(str, paths):  # the rule of mrcal's format, which write_vnl keeps to
