@@ -23,8 +23,8 @@ from rcdn.synthetic import BoardSpec, Scene, render
 
 TILTS = (((0.5, 0), (-3, -2)), ((0, 0.5), (-2, -1)), ((-0.4, 0.3), (-4, -3)), ((0.4, 0.4), (-3, -1)))
 OLD = b"what was here before\n"
-_CLOCK = re.compile(rb" on \d{4}-\d\d-\d\d \d\d:\d\d UTC")
-"""what a report says of its day"""
+_CLOCK = re.compile(rb"Made by rcdn [^<]* UTC")
+"""what a report says of its day and its commit"""
 PATIENCE = 20.0
 """seconds that processes have to end in after the first one; workers of a training take 5 to see it"""
 LIMIT = 300.0
