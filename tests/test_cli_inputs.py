@@ -198,15 +198,16 @@ def test_processes_that_end_at_once_are_one_error(home):
         outcomes(paths, 2, make=stand_in.ends_at_once)
 
 
-def test_no_place_for_overlays_stops_but_keeps_what_is_done(run):
+def test_an_overlay_that_can_not_be_written_does_not_keep_the_others(run):
     for k in range(6):
         picture(Path(f"{k}.png"))
     Path("see/2.png").mkdir(parents=True)
     for jobs in (1, 2):
         result = run("*.png", "-j", jobs, "--overlay", "see", "--json", "out.json")
         assert result.exit_code == 1
-        assert result.stderr.count("error: ") == 1
-        assert [i.path for i in read_detections("out.json")[0]] == ["0.png", "1.png", "2.png"]
+        assert result.stderr == "error: see/2.png: can't be written: it is a folder; give the name of a file in it\n"
+        assert [i.path for i in read_detections("out.json")[0]] == [f"{k}.png" for k in range(6)]
+        assert sorted(p.name for p in Path("see").iterdir()) == [f"{k}.png" for k in range(6)]
 
 
 def test_results_come_in_order_frozen_and_not_far_ahead(home):
@@ -283,7 +284,7 @@ def test_ctrl_c_ends_all_processes_and_writes_what_is_done(home, marks):
     os.killpg(command.pid, signal.SIGINT)
     out, err = command.communicate(timeout=60)
     assert command.returncode == 130
-    assert err == "error: stopped by Ctrl-C after 3 pictures of 6 files; their results are kept\n"
+    assert err == "error: stopped by Ctrl-C after 3 pictures of 6 files; out.json holds what was found in them\n"
     assert "Traceback" not in out
     assert [i.path for i in read_detections("out.json")[0]] == ["0.png", "1.png", "2.png"]
     assert not [p.name for p in home.iterdir() if p.name.endswith(".tmp")]

@@ -456,17 +456,18 @@ def test_devices_are_written_not_replaced():
     assert stat.S_ISCHR(os.stat(os.devnull).st_mode)
 
 
-def full_disk(*_):
+def full_disk(*_, **__):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-@pytest.mark.parametrize("step", ["fsync", "replace"])
+@pytest.mark.parametrize("steps", [("fsync",), ("link", "replace")])
 @pytest.mark.parametrize("old", [None, b"old"])
-def test_no_space_leaves_everything_as_it_was(tmp_path, monkeypatch, step, old):
+def test_no_space_leaves_everything_as_it_was(tmp_path, monkeypatch, steps, old):
     path = tmp_path / "a.json"
     if old is not None:
         path.write_bytes(old)
-    monkeypatch.setattr(os, step, full_disk)
+    for step in steps:
+        monkeypatch.setattr(os, step, full_disk)
     with pytest.raises(OutputError, match="No space left on device; make room") as caught:
         write_bytes(path, b"new")
     assert str(path) in str(caught.value)

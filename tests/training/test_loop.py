@@ -18,8 +18,8 @@ import cv2
 import torch
 from lightning_fabric import Fabric
 
-from rcdn.errors import ConfigError, RcdnError
-from rcdn.training import loop, validate
+from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.training import alone, loop, validate
 from rcdn.training.config import TrainConfig, read_config
 from rcdn.training.loop import DeadNetError, train
 from rcdn.training.samples import PoolConfig
@@ -130,6 +130,35 @@ def test_what_was_logged_after_the_last_checkpoint_is_logged_once(tmp_path, monk
     assert [r["step"] for r in rows(tmp_path / "a")] == ["2", "4"]
     folder = run(A, tmp_path)
     assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
+
+
+@pytest.mark.skipif(alone.fcntl is None, reason="no locks of POSIX")
+def test_two_processes_do_not_train_in_one_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(alone, "WAITS", 1)
+    folder = tmp_path / "runs" / "tiny"
+    there = pytest.raises(ConfigError, match="another process trains there")
+    with alone.alone(folder), there, alone.alone(folder):
+        pass
+    with alone.alone(folder):
+        pass
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_last_checkpoint(tmp_path, monkeypatch):
+    saves = []
+
+    def save(self, path, state):
+        saves.append(path)
+        if len(saves) == 2:
+            path.write_bytes(b"half")
+            raise RuntimeError("[enforce fail at inline_container.cc:659] . unexpected pos 64 vs 0")
+        original(self, path, state)
+
+    original = Fabric.save
+    monkeypatch.setattr(Fabric, "save", save)
+    with pytest.raises(OutputError, match=r"new.pt: can't be written: .*; make room"):
+        run(A, tmp_path)
+    assert torch.load(tmp_path / "a" / "last.pt", weights_only=True)["step"] == 2
+    assert not (tmp_path / "a" / "new.pt").exists()
 
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")  # torch's loader forks; Python 3.12 warns

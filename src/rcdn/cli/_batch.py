@@ -58,13 +58,13 @@ class Failure:
 class Done:
     """What became of one picture: its detections (as `Work.pack` packs them), or a failure, or both if only the drawing failed.
 
-    `stop`: there is no place to write to, so that going on would be of no use.
+    `unwritten`: why its overlay could not be written.
     """
 
     index: int
     name: str
     outcomes: tuple[Any, ...]
-    stop: OutputError | None = None
+    unwritten: OutputError | None = None
 
 
 def explain(error: Exception, name: str) -> str:
@@ -236,17 +236,17 @@ class Work:
         if picture.error:
             return Done(picture.index, picture.name, (Failure(picture.name, picture.error),))
         outcomes: list[Any] = []
-        stop = None
+        unwritten = None
         try:
             result = picture.known or self._detect(picture, picture.grey)
             outcomes.append(result if self.pack is None else self.pack(result))
             if picture.overlay is not None and picture.grey is not None:
                 _draw(picture.overlay, picture.grey, result)
         except OutputError as error:
-            stop = error
+            unwritten = error  # the detections are there all the same
         except Exception as error:  # one bad picture must not take the others with it
             outcomes.append(Failure(picture.name, explain(error, picture.name)))
-        return Done(picture.index, picture.name, tuple(outcomes), stop)
+        return Done(picture.index, picture.name, tuple(outcomes), unwritten)
 
     def _detect(self, picture: Picture, grey: Any) -> ImageResult:
         from rcdn.io import ImageResult

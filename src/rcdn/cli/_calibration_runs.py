@@ -92,15 +92,12 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     done = advised(done)
     views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
     _say(done, _camera_text.camera_lines(done), views)
-    kept = outputs.kept(done)
-    for path in outputs.cameras if kept else ():
-        _camera_files.write_one(path, done.camera, outputs.format)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_report(outputs.report, done, _pictures(done))
-    outputs.say(outputs.cameras if kept else None)
-    run.failed = run.failed or bool(outputs.cameras and not kept)
+    run.failed |= not outputs.write(
+        outputs.kept(done),
+        lambda path: _camera_files.write_one(path, done.camera, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_report(path, done, _pictures(done)),
+    )
     return done.verdict
 
 
@@ -124,15 +121,12 @@ def two_cameras(
     )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(done, _camera_text.stereo_lines(done), out)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
-    written = None
-    if outputs.kept(done.left, done.right):
-        written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
-    outputs.say(written)
-    run.failed = run.failed or len(written or ()) < len(outputs.cameras)
+    run.failed |= not outputs.write(
+        outputs.kept(done.left, done.right),
+        lambda path: _camera_files.write_pair(path, done, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_stereo_report(path, done, _pictures(done.left), _pictures(done.right)),
+    )
     return done.verdict
 
 

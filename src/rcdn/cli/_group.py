@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from rcdn.errors import ConfigError, RcdnError
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
+STOPPED = "stopped by Ctrl-C"
 
 
 def say_error(message: str) -> None:
@@ -40,5 +41,5 @@ class Group(TyperGroup):
             say_error(str(error))
             raise typer.Exit(FAILED) from None
         except KeyboardInterrupt:
-            say_error("stopped by Ctrl-C")
+            say_error(STOPPED)
             raise typer.Exit(INTERRUPTED) from None

@@ -219,13 +219,20 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
     if cache is not None and content:
         key = cache.key(content, "candidates", file_digest(choice.__file__))
         known = cache.get(key)
-        if isinstance(known, dict) and isinstance(known.get("frames"), list):
-            return int(known["count"]), [int(k) for k in known["frames"]]
+        if isinstance(known, dict) and _are_frames(known.get("frames"), known.get("count")):
+            return known["count"], known["frames"]
     glances = [choice.glance(grey) for _, grey in frames(path)]
     numbers = choice.candidates(glances)
     if cache is not None and key:
         cache.put(key, {"count": len(glances), "frames": numbers})
     return len(glances), numbers
+
+
+def _are_frames(numbers: Any, count: Any) -> bool:
+    """True if `numbers` rise, and are of frames of a video that has `count`."""
+    if type(count) is not int or not isinstance(numbers, list) or not all(type(k) is int for k in numbers):
+        return False
+    return all(a < b for a, b in zip([-1, *numbers], [*numbers, count], strict=True))
 
 
 def _with_pixels(path: Path, pictures: Sequence[_batch.Picture]) -> Iterator[_batch.Picture]:

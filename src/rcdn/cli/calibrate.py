@@ -83,6 +83,7 @@ def calibrate(
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
     outputs.check(inputs if pairs is None else [*inputs, pairs])
+    outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)

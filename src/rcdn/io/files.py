@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import glob
 import os
-import secrets
-import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 from rcdn.errors import OutputError
+from rcdn.io import whole
 
 PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pbm", ".jp2"})
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
@@ -126,8 +124,8 @@ def check_writable(path: str | Path) -> None:
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write `data` to `path`, whole or not at all; missing folders are made.
 
-    A temporary file in the same folder is written, flushed to the disk and renamed: a reader sees the old file or the
-    new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
+    A file without a name (or a temporary one) in the same folder is written, flushed to the disk and then named: a reader sees the old
+    file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
     Raises OutputError with the reason and a fix; then no temporary file stays and an old file is unchanged.
     """
     write_chunks(path, (data,))
@@ -143,7 +141,7 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
         check_writable(path)
         target = Path(os.path.realpath(path))
         target.parent.mkdir(parents=True, exist_ok=True)
-        _replace(target, chunks)
+        whole.replace(target, chunks)
     except OSError as error:
         raise output_error(path, error) from error
 
@@ -156,22 +154,6 @@ def write_text(path: str | Path, text: str) -> None:
 def is_special(path: str | Path) -> bool:
     """A device or a pipe (/dev/stdout): there's nothing to replace, and renaming over it would destroy it."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
-
-
-def _replace(target: Path, chunks: Iterable[bytes]) -> None:
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with open(temporary, "xb") as file:
-            file.writelines(chunks)
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
-    except BaseException:  # an interrupt, too, must not leave a temporary file
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:

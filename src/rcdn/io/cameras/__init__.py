@@ -24,6 +24,7 @@ __all__ = [
     "Rectification",
     "StereoCameras",
     "camera_format",
+    "check_lens",
     "lens_fit",
     "read_camera",
     "read_cameras",
@@ -83,6 +84,18 @@ def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None =
     return fit
 
 
+def check_lens(path: str | Path, camera: Camera, format: CameraFormat | None = None, stereo: bool = False) -> None:
+    """Raise FormatError if the format of `camera_format(path, format)` can't hold a camera with such a lens, or (`stereo`) no pair."""
+    kind = _FORMATS[camera_format(path, format)]
+    if stereo and kind.stereo_texts is None:
+        raise _no_pair(kind)
+    kind.text(camera)
+
+
+def _no_pair(kind: Format) -> FormatError:
+    return FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
+
+
 def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
     """What a file in the format of `camera_format(path, format)` holds of a camera with a `correction`: the best fit of the format's lens
     models (mrcal: of its splined stereographic one) over the frame, and how far it is off; None if it holds the camera as it is.
@@ -136,7 +149,7 @@ def write_stereo(
     """
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
-        raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
+        raise _no_pair(kind)
     found = StereoCameras.of(pair)
     left, right = (_side(path, kind, side, format) for side in (("left", found.left), ("right", found.right)))
     fits = [left[1], right[1]]
