@@ -9,12 +9,14 @@ a line of it.
 from __future__ import annotations
 
 import os
+import sys
 from typing import Annotated
 
 import typer
 
 from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
 from rcdn.cli._group import Group
+from rcdn.cli._stderr import READERS, for_ours_alone
 
 app = typer.Typer(
     name="rcdn",
@@ -65,4 +67,6 @@ def main() -> None:
     # before numpy comes, here and in the processes to be started: its BLAS would put threads to matrices of a few rows, which
     # doubles the time; work is shared out by pictures instead
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if READERS.intersection(sys.argv[1:2]):
+        for_ours_alone()
     app(prog_name="rcdn")

@@ -80,6 +80,7 @@ class Outputs:
     report: Path | None
     json: Path | None
     force: bool = False
+    pictures: Sequence[Path] = ()
 
     def check(self, inputs: Sequence[str | Path]) -> None:
         """Raise before the work what would spoil it afterwards."""

@@ -98,7 +98,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
-        write_report(outputs.report, done, _pictures(done))
+        write_report(outputs.report, done, _pictures(done, got, outputs))
     outputs.say(outputs.cameras if kept else None)
     run.failed = run.failed or bool(outputs.cameras and not kept)
     return done.verdict
@@ -127,7 +127,8 @@ def two_cameras(
     if outputs.json is not None:
         write_calibration(outputs.json, done)
     if outputs.report is not None:
-        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
+        sides = _pictures(done.left, left, outputs), _pictures(done.right, right, outputs)
+        write_stereo_report(outputs.report, done, *sides)
     written = None
     if outputs.kept(done.left, done.right):
         written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
@@ -171,10 +172,13 @@ def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
     return first
 
 
-def _pictures(calibration: Calibration) -> Pictures:
+def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
     from rcdn.cli._pictures import Pictures
 
-    return Pictures(v.name for v in calibration.views)
+    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
+    if pictures.left_out:
+        typer.echo(f"note: --report: {pictures.left_out}", err=True)
+    return pictures
 
 
 def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:

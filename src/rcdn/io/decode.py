@@ -12,8 +12,8 @@ import numpy as np
 
 from rcdn.errors import ImageError
 from rcdn.io import headers, jpeg, tiff
-from rcdn.io.limits import OPENCV, check_size
 from rcdn.io.quiet import quiet_opencv
+from rcdn.limits import OPENCV, check_size
 from rcdn.types import Array
 
 # One or three channels (no alpha), every depth, and pixels as stored: not turned by an EXIF orientation.

@@ -12,10 +12,10 @@ import numpy as np
 
 from rcdn.errors import ImageError, OutputError
 from rcdn.io.decode import decode
-from rcdn.io.files import is_video, write_bytes
+from rcdn.io.files import is_special, is_video, write_bytes
 from rcdn.io.headers import known
-from rcdn.io.limits import check_size, most_bytes, too_many_bytes
 from rcdn.io.quiet import quiet_opencv
+from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
 
 _STRETCH = (0.1, 99.9)
@@ -36,6 +36,13 @@ def read_image(path: str | Path) -> Array:
     is read to its end.
     """
     return as_grey(decode(_read_bytes(path), path), str(path))
+
+
+def read_named_image(path: str | Path) -> Array:
+    """`read_image` for a name that stands in a file: files only. A pipe or a device there could block or never end, and is refused."""
+    if is_special(path):
+        raise ImageError(f"{path}: a pipe or a device, not a file; check the name")
+    return read_image(path)
 
 
 def as_grey(image: Any, name: str = "image") -> Array:
