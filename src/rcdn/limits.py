@@ -42,7 +42,7 @@ def check_size(name: str, width: int, height: int) -> None:
     limit = max_megapixels()
     if width * height > limit * 1e6:
         raise ImageError(
-            f"{name}: {width} × {height} px are {width * height / 1e6:.0f} megapixels, more than {limit:g}; "
+            f"{name}: {width} × {height} px are {width * height / 1e6:.3g} megapixels, more than {limit:g}; "
             f"if that is right, allow it with --max-megapixels or {VARIABLE}"
         )
 
