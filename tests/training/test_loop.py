@@ -380,3 +380,38 @@ def test_a_recipe_gives_what_the_file_does_not_say(tmp_path):
     (tmp_path / "net.toml").write_text("recipe = 3\n")
     with pytest.raises(ConfigError, match="recipe must be the name of a file"):
         read_config(tmp_path / "net.toml")
+
+
+@pytest.mark.parametrize("key", ["name", "teacher"])
+@pytest.mark.parametrize("bad", ["../a", "..", ".", "/tmp/a", "a/b", "a\\b", "c:a", "a\nb", "a\0b", "a" * 200])
+def test_a_name_stays_in_the_folder_of_runs(key, bad):
+    with pytest.raises(ConfigError, match=rf"config: {key} must be the bare name of a folder"):
+        dataclasses.replace(A, **{key: bad})
+
+
+def test_an_empty_name():
+    with pytest.raises(ConfigError, match="config: name must be the bare name"):
+        dataclasses.replace(A, name="")
+
+
+class _Runs:
+    """What a pickle does on being read."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return (Path.touch, (self.file,))
+
+
+def test_a_checkpoint_may_hold_no_code(tmp_path):
+    folder = run(dataclasses.replace(A, steps=2), tmp_path)
+    ran = tmp_path / "ran"
+    state = torch.load(folder / "last.pt", weights_only=True)
+    torch.save(state | {"schedule": _Runs(ran)}, folder / "last.pt")
+    with pytest.raises(RcdnError, match=r"last\.pt is no checkpoint of `rcdn train` that fits: .*--fresh"):
+        run(dataclasses.replace(A, steps=2), tmp_path)
+    assert not ran.exists()
+    (folder / "last.pt").write_bytes(b"no checkpoint at all")
+    with pytest.raises(RcdnError, match="is no checkpoint"):
+        run(dataclasses.replace(A, steps=2), tmp_path)

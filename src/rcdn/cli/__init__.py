@@ -17,6 +17,7 @@ import typer
 from rcdn import interrupts
 from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
 from rcdn.cli._group import INTERRUPTED, STOPPED, Group, say_error
+from rcdn.cli._stderr import READERS, for_ours_alone
 
 app = typer.Typer(
     name="rcdn",
@@ -70,6 +71,8 @@ def main() -> None:
     # before numpy comes, here and in the processes to be started: its BLAS would put threads to matrices of a few rows, which
     # doubles the time; work is shared out by pictures instead
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if READERS.intersection(sys.argv[1:2]):
+        for_ours_alone()
     streams = Streams()
     code: object = 0
     try:

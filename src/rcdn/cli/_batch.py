@@ -91,12 +91,13 @@ def read_ahead(
 def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> Iterator[Picture]:
     """The pictures of the file `path`. Raises nothing, whatever a decoder does: the other files go on."""
     from rcdn.io import frames, is_video
+    from rcdn.io.files import is_special
 
     try:
         content = content_of(path, cache)
         if not is_video(path):
             picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
-            if not decode or picture.known is not None:
+            if picture.known is not None or not (decode or is_special(path)):  # a pipe can be read here only, and once
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):
@@ -111,11 +112,11 @@ def frame_name(path: Path, number: int) -> str:
 
 
 def content_of(path: Path, cache: Cache | None) -> str:
-    """Checksum of the file; "" if nobody needs it, or it can't be read: the reader says why."""
+    """Checksum of the file; "" if nobody needs it, or it is a pipe, or can't be read: the reader says why."""
     from rcdn.cli._cache import file_digest
 
     try:
-        return file_digest(path) if cache is not None else ""
+        return file_digest(path) if cache is not None and path.is_file() else ""  # a pipe would be empty afterwards
     except OSError:
         return ""
 

@@ -52,7 +52,7 @@ def _versions() -> list[str]:
     from importlib import metadata
 
     found = [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
-    for name in _RUNTIMES:
+    for name in ("simplejpeg", *_RUNTIMES):
         with contextlib.suppress(metadata.PackageNotFoundError):
             found.append(f"{name} {metadata.version(name)}")
     return found

@@ -83,6 +83,7 @@ class Outputs:
     report: Path | None
     json: Path | None
     force: bool = False
+    pictures: Sequence[Path] = ()
     refused: bool = False
 
     def check(self, inputs: Sequence[str | Path]) -> None:

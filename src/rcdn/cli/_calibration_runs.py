@@ -96,7 +96,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
         outputs.kept(done),
         lambda path: _camera_files.write_one(path, done.camera, outputs.format),
         lambda path: write_calibration(path, done),
-        lambda path: write_report(path, done, _pictures(done)),
+        lambda path: write_report(path, done, _pictures(done, got, outputs)),
     )
     return done.verdict
 
@@ -125,7 +125,9 @@ def two_cameras(
         outputs.kept(done.left, done.right),
         lambda path: _camera_files.write_pair(path, done, outputs.format),
         lambda path: write_calibration(path, done),
-        lambda path: write_stereo_report(path, done, _pictures(done.left), _pictures(done.right)),
+        lambda path: write_stereo_report(
+            path, done, _pictures(done.left, left, outputs), _pictures(done.right, right, outputs)
+        ),
     )
     return done.verdict
 
@@ -165,10 +167,13 @@ def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
     return first
 
 
-def _pictures(calibration: Calibration) -> Pictures:
+def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
     from rcdn.cli._pictures import Pictures
 
-    return Pictures(v.name for v in calibration.views)
+    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
+    if pictures.left_out:
+        typer.echo(f"note: --report: {pictures.left_out}", err=True)
+    return pictures
 
 
 def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:

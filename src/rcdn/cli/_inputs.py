@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -34,7 +34,7 @@ class Gathered:
 
     `images`: of photographs also those without a board, of videos only the frames that were chosen. `failures`: what could not be
     read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of its frames in
-    `images`. `reused`: how many pictures the cache knew.
+    `images`. `reused`: how many pictures the cache knew. `saved`: for each picture that only a saved file names, that file's folder.
     """
 
     images: tuple[ImageResult, ...]
@@ -42,6 +42,7 @@ class Gathered:
     notes: tuple[str, ...]
     frames: Numbers
     reused: int
+    saved: Mapping[str, Path] = field(default_factory=dict)
 
 
 def gather(
@@ -192,7 +193,24 @@ class _Run:
         for index in range(len(self.paths)):
             for image in self._images[index]:
                 seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections: once
-        return Gathered(tuple(seen.values()), tuple(self.failures), tuple(self._notes), tuple(kept), self._reused)
+        return Gathered(
+            tuple(seen.values()),
+            tuple(self.failures),
+            tuple(self._notes),
+            tuple(kept),
+            self._reused,
+            self._saved_only(),
+        )
+
+    def _saved_only(self) -> dict[str, Path]:
+        read = {os.path.abspath(image.path) for index in self.shot for image in self._images[index]}
+        return {
+            image.path: path.parent
+            for index, path in enumerate(self.paths)
+            if index not in self.shot
+            for image in self._images[index]
+            if os.path.abspath(image.path) not in read
+        }
 
     def _keep_views(self, index: int, video: _Video) -> tuple[int, ...]:
         from rcdn.calibration.frames import choose_views

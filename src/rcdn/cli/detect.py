@@ -16,7 +16,7 @@ import typer
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
-from rcdn.cli._options import GridSize, Jobs, Pattern, PatternName, parse_size
+from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
 from rcdn.cli._outputs import Outputs
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
@@ -91,6 +91,7 @@ def detect(
     ] = Preset.auto,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
+    max_megapixels: MaxMegapixels = None,
     threads: Annotated[
         int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
     ] = 0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
@@ -51,8 +52,7 @@ class ResponseModel:
     @cached_property
     def session(self) -> Any:
         """The ONNX Runtime session: one thread each, since tiles run side by side and must not depend on the thread count."""
-        import onnxruntime as ort
-
+        ort = _onnxruntime()
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
@@ -128,13 +128,25 @@ def _batches(height: int, width: int, tile: int, most: int) -> list[list[tuple[i
     return [spots[k : k + most] for spots in alike.values() for k in range(0, len(spots), most)]
 
 
+def _onnxruntime() -> Any:
+    """ONNX Runtime, kept to itself: on being imported it would write an identifier of this machine below the user's cache folder, and queue what
+    it observes for its makers. A program that has imported it already keeps its own settings."""
+    first = "onnxruntime" not in sys.modules
+    os.environ.setdefault(
+        "ORT_DISABLE_TELEMETRY", "1"
+    )  # of releases that have the 1DS telemetry: read on the import only
+    import onnxruntime
+
+    if first:
+        onnxruntime.disable_telemetry_events()  # that of Windows
+    return onnxruntime
+
+
 def device_of(wanted: str) -> str:
     """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can. Raises ConfigError if it can't do what is wanted."""
     if wanted == "cpu":
         return wanted
-    import onnxruntime as ort
-
-    has = ort.get_available_providers()
+    has = _onnxruntime().get_available_providers()
     if PROVIDERS["cuda"] in has:
         return "cuda"
     if wanted == "auto":

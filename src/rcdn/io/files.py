@@ -38,10 +38,10 @@ def is_video(path: str | Path) -> bool:
 def expand(paths: Iterable[str | Path]) -> tuple[list[Path], Errors]:
     """The pictures and videos that `paths` stand for, and (path, message) for each that stands for nothing.
 
-    A file is kept whatever its ending: the user named it. A folder gives its pictures and videos by their endings,
-    recursively and sorted; hidden files and folders are passed over and links to folders aren't followed. A path that
-    doesn't exist and holds one of `*?[` is a pattern (`**` goes into folders), its matches taken as if named one by
-    one, as a shell would. Duplicates go; the order of `paths` stays. Never raises on account of a path.
+    A file is kept whatever its ending, and so is a pipe: the user named it. A folder gives its pictures and videos by their
+    endings, recursively and sorted; hidden files and folders are passed over and links to folders aren't followed. A path that
+    doesn't exist and holds one of `*?[` is a pattern (`**` goes into folders). Folders and patterns give files only: a pipe or a device
+    there, which could block or never end, is an error. Duplicates go; the order of `paths` stays. Never raises on account of a path.
     """
     found: dict[str, Path] = {}
     errors: Errors = []
@@ -79,6 +79,8 @@ def _expand_pattern(pattern: str) -> tuple[list[Path], Errors]:
             files, errors = files + inside, errors + trouble
         else:
             files.append(Path(match))
+    files, special = _files_only(files)
+    errors += special
     if not files and not errors:
         errors = [(pattern, f"{pattern}: no picture matches this pattern; check it")]
     return files, errors
@@ -97,7 +99,20 @@ def _pictures_in(folder: str) -> tuple[list[Path], Errors]:
         folders[:] = [f for f in folders if not f.startswith(".")]
         endings = PICTURE_ENDINGS | VIDEO_ENDINGS
         files += [Path(root, n) for n in names if not n.startswith(".") and Path(n).suffix.lower() in endings]
-    return sorted(files), sorted(errors)
+    files, special = _files_only(sorted(files))
+    return files, sorted(errors) + special
+
+
+def _files_only(paths: list[Path]) -> tuple[list[Path], Errors]:
+    """Without pipes and devices, and these as errors. (What isn't there at all, a broken link, stays: its reader says why.)"""
+    files: list[Path] = []
+    errors: Errors = []
+    for path in paths:
+        if is_special(path):
+            errors.append((str(path), f"{path}: a pipe or a device, not a file; it is read only if it is named itself"))
+        else:
+            files.append(path)
+    return files, errors
 
 
 def check_writable(path: str | Path) -> None:

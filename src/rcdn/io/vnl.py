@@ -12,7 +12,7 @@ from rcdn.errors import FormatError, ImageError
 from rcdn.io.fields import read_text
 from rcdn.io.files import write_chunks
 from rcdn.io.formats import DECIMALS, ImageResult, rounded
-from rcdn.io.images import read_image
+from rcdn.io.images import read_named_image
 from rcdn.types import Array, Board, Corners, Orientation, Status, usual_size
 
 DECIDED = 3.0
@@ -171,7 +171,7 @@ def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
     reason = ""
     for place in (Path(name), Path(path).parent / name):
         try:
-            height, width = read_image(place).shape
+            height, width = read_named_image(place).shape
             return width, height
         except ImageError as error:
             reason = reason or str(error)

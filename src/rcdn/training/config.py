@@ -13,12 +13,15 @@ from rcdn.training.loss import LOSSES
 from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
 
+LONGEST = 120
+"""letters of a run's name"""
+
 
 @dataclass(frozen=True)
 class TrainConfig:
     """One training run.
 
-    `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
+    `name`: of the run's folder; `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
     `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
     `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
@@ -51,6 +54,16 @@ class TrainConfig:
     pool: PoolConfig = field(default_factory=PoolConfig)
 
     def __post_init__(self) -> None:
+        for key, name in (("name", self.name), ("teacher", self.teacher or "none")):
+            if (
+                name in ("", ".", "..")
+                or not name.isprintable()
+                or any(c in name for c in "/\\:")
+                or len(name) > LONGEST
+            ):
+                raise ConfigError(
+                    f"config: {key} must be the bare name of a folder in the runs' folder, without / and \\, not {name!r}"
+                )
         for key, known in _CHOICES.items():
             if getattr(self, key) not in known:
                 raise ConfigError(f"config: {key} must be one of {sorted(known)}, not {getattr(self, key)!r}")

@@ -9,6 +9,7 @@ import dataclasses
 import io
 import json
 import math
+import pickle
 import sys
 import time
 from functools import partial
@@ -90,7 +91,7 @@ def _learn(
     state: dict[str, Any] = {"model": model, "optimiser": optimiser, "schedule": schedule, "ema": average}
     state |= {"step": 0, "seconds": 0.0}
     if resume and (folder / "last.pt").exists():
-        fabric.load(folder / "last.pt", state)
+        _restore(fabric, folder / "last.pt", state)
     fabric.barrier()
     if fabric.is_global_zero:
         _clear_after(state["step"], folder)
@@ -100,6 +101,17 @@ def _learn(
         run.go(loader)
     finally:
         run.close()
+
+
+def _restore(fabric: Fabric, path: Path, state: dict[str, Any]) -> None:
+    """Fill `state` from a checkpoint: numbers and tensors only, since pickles may hold code that runs on being read."""
+    try:
+        fabric.load(path, state, weights_only=True)
+    except (EOFError, KeyError, TypeError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise RcdnError(
+            f"{path} is no checkpoint of `rcdn train` that fits: {reason}; begin anew with --fresh"
+        ) from error
 
 
 def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:

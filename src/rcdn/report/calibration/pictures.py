@@ -16,7 +16,7 @@ from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, 
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 Pictures = Callable[[str], Array | None]
-"""The photograph (H, W) of a view's name, or None."""
+"""The photograph (H, W) of a view's name, or None. An attribute `left_out` of it is a sentence for the page, on what it doesn't give."""
 
 WIDTHS = (960, 760, 560, 480, 400, 320, 240, 180, 128)
 """px that thumbnails may be wide; the widest that fits is taken"""
