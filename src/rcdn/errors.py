@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 LONGEST = 60
 """letters of a value that a message shows"""
@@ -46,3 +48,10 @@ class DependencyError(RcdnError, ImportError):
 
 class CalibrationError(RcdnError):
     """Boards that don't settle a camera, a pose or a pair of cameras; the message says what pictures to take."""
+
+
+def present(value: T | None, what: str) -> T:
+    """`value`, which is there. Raises RcdnError, naming `what`, if it is None: a guard that holds under `python -O`, too."""
+    if value is None:
+        raise RcdnError(f"{what} is missing")
+    return value
