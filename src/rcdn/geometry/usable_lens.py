@@ -21,6 +21,17 @@ def lens_trouble(camera: Camera) -> str:
 
     Its numbers must be finite and within `rcdn.types.ranges`, and some of its frame's pixels must have a viewing ray.
     """
+    if trouble := number_trouble(camera):
+        return trouble
+    x, y = (np.linspace(0, side - 1, ALONG) for side in camera.image_size)
+    with np.errstate(all="ignore"):
+        rays = unproject(camera, np.stack(np.meshgrid(x, y), axis=-1))
+    seen = np.isfinite(rays).all(axis=-1).any()
+    return "" if seen else "distortion: no pixel of the picture has a viewing ray under this lens"
+
+
+def number_trouble(camera: Camera) -> str:
+    """`lens_trouble` of the numbers alone."""
     K = camera.K
     f, shift = K[[0, 1], [0, 1]], K[[0, 0, 1], [1, 2, 2]]
     if not ((f >= FOCAL[0]) & (f <= FOCAL[1])).all():
@@ -34,9 +45,4 @@ def lens_trouble(camera: Camera) -> str:
             return f"correction: its control points must be finite and within ±{DISPLACED:g} focal lengths"
         if not ((found.extent >= EXTENT[0]) & (found.extent <= EXTENT[1])).all():
             return f"correction: its extent must be {EXTENT[0]:g} to {EXTENT[1]:g}, not {found.extent.tolist()}"
-    x, y = (np.linspace(0, side - 1, ALONG) for side in camera.image_size)
-    with np.errstate(all="ignore"):
-        rays = unproject(camera, np.stack(np.meshgrid(x, y), axis=-1))
-    if not np.isfinite(rays).all(axis=-1).any():
-        return "distortion: no pixel of the picture has a viewing ray under this lens"
     return ""

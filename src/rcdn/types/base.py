@@ -57,6 +57,8 @@ def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
         if raw.size > MOST:
             raise RcdnError(f"{called} holds {raw.size} numbers, more than {MOST}; leave some out")
         kept = raw.dtype.kind in "buif" or raw.size == 0
+        if not kept and raw.dtype.kind != "O":
+            raise TypeError(f"not {raw.dtype}")
         if kept and (raw.dtype == dtype or dtype.kind == "f"):
             return np.array(raw, dtype=dtype)
         if dtype.kind == "f":

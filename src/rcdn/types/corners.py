@@ -45,6 +45,12 @@ class Status(IntEnum):
     """Refined, and found because its board predicted it."""
 
 
+def _freeze_status(owner: Any) -> None:
+    freeze(owner, "status", owner.status, np.uint8, ())
+    if len(owner.status) and owner.status.max() > max(Status):
+        raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {max(Status):d}")
+
+
 @dataclass(frozen=True, eq=False)
 class Corners:
     """X-corners of one image, sorted by response (falling), then x, then y.
@@ -62,7 +68,7 @@ class Corners:
     def __post_init__(self) -> None:
         freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.axes is not None:
             freeze(self, "axes", self.axes, np.float64, (2,))
         if self.sigma is not None:
@@ -112,7 +118,7 @@ class Board:
         freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.sigma is not None:
             freeze(self, "sigma", self.sigma, np.float64, ())
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import Any
 
-from rcdn.errors import RcdnError, shown
+from rcdn.errors import ConfigError, RcdnError, shown
 
 POSITION = 1e7
 """px: positions lie within ±POSITION"""
@@ -27,21 +28,35 @@ LARGEST = 1e100
 
 def whole_size(value: Any, what: str) -> tuple[int, int]:
     """(width, height) of a picture as two integers. Raises RcdnError, which opens with `what`, unless each is a whole number from 1 to SIDE."""
-    try:
-        width, height = value
-        size = int(width), int(height)
-    except (TypeError, ValueError, OverflowError):
-        size = 0, 0
-    if min(size) < 1 or max(size) > SIDE or size != (width, height):
+    size = _two(value)
+    if size is None or min(size) < 1 or max(size) > SIDE:
         raise RcdnError(f"{what} must be (width, height), whole numbers from 1 to {SIDE} px, not {shown(value)}")
     return size
+
+
+def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
+    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, which opens with `what`, unless each is at least `least`."""
+    size = _two(value)
+    if size is None or min(size) < least or size[0] * size[1] > BOX:
+        raise ConfigError(f"{what} counts inner corners (columns, rows), at least {least} each, not {shown(value)}")
+    return size
+
+
+def _two(value: Any) -> tuple[int, int] | None:
+    """Two whole numbers, or None."""
+    try:
+        a, b = value
+        pair = int(a), int(b)
+        return pair if pair == (a, b) else None
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def is_spacing(value: Any) -> bool:
     """Can `value` be the side of a square, m?"""
     try:
-        return SPACING[0] <= float(value) <= SPACING[1]
-    except (TypeError, ValueError, OverflowError):
+        return isinstance(value, Real) and SPACING[0] <= float(value) <= SPACING[1]
+    except OverflowError:
         return False
 
 
