@@ -195,8 +195,8 @@ def work(monkeypatch):
         return call
 
     for kernel in ("_nearest", "_within"):
-        monkeypatch.setattr(near, kernel, counted("near", getattr(near, kernel), lambda v: len(v[0]) + len(v[2])))
-    monkeypatch.setattr(polygon, "_depth", counted("polygon", polygon._depth, lambda v: v[1] * v[3]))
+        monkeypatch.setattr(near, kernel, counted("near", getattr(near, kernel), lambda v: len(v[0]) + len(v[1])))
+    monkeypatch.setattr(polygon, "_depth", counted("polygon", polygon._depth, lambda v: len(v[0]) * len(v[1])))
     return counts
 
 
@@ -249,7 +249,7 @@ def test_joining_parts_grows_with_their_number(monkeypatch):
         return join(*given)
 
     def counted_predict(*given):
-        predicted[0] += given[4]
+        predicted[0] += len(given[2])
         return predict(*given)
 
     monkeypatch.setattr(module, "_motion", counted)

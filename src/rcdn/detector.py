@@ -14,7 +14,7 @@ from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, candidates_at, find_maxima
 from rcdn.corners.response import load_model
 from rcdn.corners.six_sector import six_candidates
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, shown
 from rcdn.io import as_grey
 from rcdn.precision import sharpen
 from rcdn.pyramid import (
@@ -31,6 +31,7 @@ from rcdn.pyramid import (
     whole_views,
 )
 from rcdn.types import Array, Board, Corners, Warnings, allowed
+from rcdn.types.ranges import grid_size
 
 FITTED, PER_BOARD = (2500, 10_000), 60
 """corners of boards that are fitted once more: at least, and a megapixel (photographs have 2,000 a megapixel at most); and how many corners' time
@@ -59,7 +60,9 @@ class Detector:
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
-        self.config = config or DetectorConfig()
+        self.config = DetectorConfig() if config is None else config
+        if not isinstance(self.config, DetectorConfig):
+            raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
         deltille = self.config.pattern == "deltille" and self.config.model == "auto"
         self._model = load_model("rcdn_deltille" if deltille else self.config.model, self.config.device)
 
@@ -211,11 +214,7 @@ def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[
     `pattern_size`: inner corners (columns, rows). The corners are sub-pixel already. (False, None) where no complete board of that size
     is in the picture. Raises ConfigError for a size under 3×3 and ImageError for an unusable image.
     """
-    cols, rows = (int(v) for v in pattern_size)
-    if min(cols, rows) < 3:
-        raise ConfigError(
-            f"pattern_size counts inner corners (columns, rows), at least 3 each, not {tuple(pattern_size)}"
-        )
+    cols, rows = grid_size(pattern_size, "pattern_size", 3)
     for board in _shared_detector().boards(image):
         grid = board.grid_of((cols, rows)) if board.complete else None
         if grid is not None:

@@ -149,7 +149,7 @@ def test_flat_pictures_have_no_response(auto):
 
 
 def test_cells_of_another_shape_are_refused(auto):
-    with pytest.raises(ValueError, match="cells must be of shape"):
+    with pytest.raises(RcdnError, match="cells must have shape"):
         auto(crop(8), 1, cells=np.ones((5, 5), bool))
 
 

@@ -306,13 +306,13 @@ def test_configurations_in_the_repository():
         ("loss = 'l2'", "loss must be one of"),
         ("optimiser = 'lion'", "optimiser must be one of"),
         ("normalisation = 'none'", "normalisation must be one of"),
-        ("steps = 0", "steps must be at least 1"),
+        ("steps = 0", r"steps must be in \[1, "),
         ("rate = 0", "rate must be above 0"),
         ("ema = 1.0", "ema below 1"),
         ("side = 200", "side must be .* at most pool.size = 112"),
         ("side = 18", "side must be 18 plus"),
         ("architecture = 'Q'\nside = 110", "45 plus a multiple of 4"),
-        ("steps = ", "can't be read"),
+        ("steps = ", "is not TOML"),
     ],
 )
 def test_wrong_configurations(tmp_path, text, message):
@@ -323,7 +323,7 @@ def test_wrong_configurations(tmp_path, text, message):
 
 
 def test_a_configuration_that_is_not_there(tmp_path):
-    with pytest.raises(ConfigError, match=r"none\.toml can't be read"):
+    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
         read_config(tmp_path / "none.toml")
 
 
@@ -375,7 +375,7 @@ def test_a_recipe_gives_what_the_file_does_not_say(tmp_path):
     config = read_config(tmp_path / "net.toml")
     assert (config.name, config.architecture, config.rate, config.steps, config.pool.count) == ("net", "A", 0.5, 3, 9)
     (tmp_path / "net.toml").write_text('recipe = "gone.toml"\n')
-    with pytest.raises(ConfigError, match=r"gone\.toml can't be read"):
+    with pytest.raises(ConfigError, match=r"gone\.toml: no such file"):
         read_config(tmp_path / "net.toml")
     (tmp_path / "net.toml").write_text("recipe = 3\n")
     with pytest.raises(ConfigError, match="recipe must be the name of a file"):

@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from rcdn.corners.onnx_file import Graph
+from rcdn.corners.sieve import CELL
 from rcdn.corners.threads import Threads
+from rcdn.errors import RcdnError
 from rcdn.native import bind, constants
 from rcdn.types import Array
 
@@ -22,6 +24,8 @@ BAND = 16
 
 LEVELS, WEIGHT_LEVELS = np.iinfo(np.uint8).max, np.iinfo(np.int8).max
 """largest input and weight in whole numbers"""
+LARGEST, LEAST = 1e6, 1e-30
+"""of a weight, and of the largest weight of an output: one that has none is divided by it"""
 GROUP = constants("network")["GROUP"]
 """inputs that the kernel multiplies together"""
 BEST = constants("network")["BEST"]
@@ -56,12 +60,16 @@ class CellNetwork:
         if ranges is None or not CellNetwork.fits(graph):
             return None
         tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
+        if [len(values) for values in ranges] != [shape[0] for shape in SHAPES[:-1]]:
+            raise RcdnError("model: 'ranges' must hold a number for each output of each hidden layer")
+        if not all((np.abs(tensor) <= LARGEST).all() for pair in tensors for tensor in pair):
+            raise RcdnError(f"model: its weights must be finite and within ±{LARGEST:g}")
         unit = [np.array(values) / LEVELS for values in ranges]
         weight, bias = tensors[0]
         reals, whole = [weight.transpose(2, 3, 1, 0) / unit[0], bias / unit[0]], []
         for k, (weight, bias) in enumerate(tensors[1:]):
             weight = weight * unit[k][:, None, None]
-            scale = np.abs(weight).max(axis=(1, 2, 3)) / WEIGHT_LEVELS
+            scale = np.maximum(np.abs(weight).max(axis=(1, 2, 3)), LEAST) / WEIGHT_LEVELS
             levels = np.rint(weight / scale[:, None, None, None]).astype(np.int8)
             after = unit[k + 1] if k + 1 < len(unit) else 1.0
             reals += [scale / after, bias / after]
@@ -81,6 +89,8 @@ class CellNetwork:
         height = len(cells)
         out = np.zeros(grey.shape, np.float32)
         grey, mask = np.ascontiguousarray(grey), np.ascontiguousarray(cells).view(np.uint8)
+        if mask.shape != (wanted := tuple(-(-n // CELL) for n in grey.shape)):
+            raise RcdnError(f"cells must have shape {wanted} for a picture of shape {grey.shape}, not {mask.shape}")
         count = max(1, min(threads or os.cpu_count() or 1, height // BAND))
         edges = np.linspace(0, height, count + 1).astype(int).tolist()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import sys
 from dataclasses import dataclass, field, replace
@@ -16,16 +15,19 @@ import cv2
 import numpy as np
 
 from rcdn.corners.cells import CellNetwork
+from rcdn.corners.model_facts import read_facts
 from rcdn.corners.normalise import normaliser
 from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, shown
 from rcdn.types import Array
 
 TILE = 512
 """px of output a tile: memory stays bounded, and the tiles, not the threads, decide what is computed together"""
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
+HIGHEST = 1e6
+"""of a response; a network's are about 1"""
 BATCH = 16
 """tiles that a GPU computes together"""
 NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
@@ -37,7 +39,7 @@ class ResponseModel:
 
     `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
     `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights, if it has
-    any; `pool`: the threads that it runs on.
+    any; `pool`: the threads that it runs on; `name`: what errors call it.
     """
 
     data: bytes
@@ -48,6 +50,7 @@ class ResponseModel:
     device: str = "cpu"
     quantised: CellNetwork | None = None
     pool: Threads = field(default_factory=Threads, repr=False)
+    name: str = "the network"
 
     @cached_property
     def session(self) -> Any:
@@ -56,7 +59,14 @@ class ResponseModel:
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]])
+        again = self.device != "cpu"  # on the CPU after a GPU that fails; after the CPU ONNX Runtime only prints
+        try:
+            return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
+        except Exception as error:  # of a dozen kinds that ONNX Runtime names nowhere
+            raise self._bad(f"ONNX Runtime can't load it ({one_line(error)})") from error
+
+    def _bad(self, message: str) -> RcdnError:
+        return RcdnError(f"model: {self.name}: {message}; export it again with `rcdn export`")
 
     @cached_property
     def cells(self) -> CellNetwork | None:
@@ -98,7 +108,7 @@ class ResponseModel:
             return np.ascontiguousarray(seen[reach : seen.shape[0] - reach, reach : seen.shape[1] - reach])
 
         def run(spots: list[tuple[int, int]]) -> None:
-            result = session.run(None, {"image": np.stack([part(spot) for spot in spots])[:, None]})[0]
+            result = self._answer(session, np.stack([part(spot) for spot in spots])[:, None])
             for (y, x), found in zip(spots, result[:, 0], strict=True):
                 h, w = min(tile, height - y), min(tile, width - x)
                 out[y : y + h, x : x + w] = found[:h, :w]
@@ -108,6 +118,22 @@ class ResponseModel:
         count = min(threads or os.cpu_count() or 1, len(together)) if self.device == "cpu" else 1
         self.pool(run, together, count)
         return out
+
+    def _answer(self, session: Any, tiles: Array) -> Array:
+        """The network's responses (N, 1, H, W) to `tiles` (N, 1, H + context, W + context)."""
+        wanted = (len(tiles), 1, *(n - sum(self.margins) for n in tiles.shape[2:]))
+        try:
+            result = session.run(None, {"image": tiles})[0]
+        except Exception as error:  # as in `session`
+            raise self._bad(f"ONNX Runtime can't run it ({one_line(error)})") from error
+        if not isinstance(result, np.ndarray) or result.dtype != np.float32 or result.shape != wanted:
+            got = f"{result.dtype} {result.shape}" if isinstance(result, np.ndarray) else type(result).__name__
+            raise self._bad(
+                f"its response must be float32 {wanted}, not {got}: do 'margins' and 'cell' fit the network?"
+            )
+        if not (float(result.min()) >= -HIGHEST and float(result.max()) <= HIGHEST):
+            raise self._bad("its responses are not finite: are its weights?")
+        return result
 
     def _padded(self, grey: Array, reach: int) -> Array:
         """The picture with all the context that its border tiles need, by reflection."""
@@ -140,6 +166,11 @@ def _onnxruntime() -> Any:
     if first:
         onnxruntime.disable_telemetry_events()  # that of Windows
     return onnxruntime
+
+
+def one_line(error: Exception) -> str:
+    """What ONNX Runtime says, shortened."""
+    return " ".join(str(error).split())[:200]
 
 
 def device_of(wanted: str) -> str:
@@ -184,15 +215,23 @@ def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseM
     """
     target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:
-        data, facts = target.read_bytes(), json.loads(facts_at.read_text())
-    except OSError as error:
+        data, text = target.read_bytes(), facts_at.read_text(encoding="utf-8-sig", errors="replace")
+    except (OSError, ValueError) as error:
         raise RcdnError(
-            f"model: no weights {name!r}: {error}; give 'auto', 'paper' or an .onnx file with its .json beside it"
+            f"model: no weights {shown(name)}: {error}; give 'auto', 'paper' or an .onnx file with its .json beside it"
         ) from error
+    facts = read_facts(text, f"model: {facts_at}")
     if hashlib.sha256(data).hexdigest() != facts.get("sha256"):
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
     quantised = _stored(name, facts["quantised"]) if stored and "quantised" in facts else None
     return ResponseModel(
-        data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts, device_of(device), quantised
+        data,
+        facts["normalisation"],
+        (before, after),
+        facts["cell"],
+        facts,
+        device_of(device),
+        quantised,
+        name=str(target),
     )

@@ -162,8 +162,8 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """`write_bytes` of `text` in UTF-8, line ends as they are."""
-    write_bytes(path, text.encode("utf-8"))
+    """`write_bytes` of `text` in UTF-8, line ends as they are; of a file's name that isn't text the bytes as \\udc80 to \\udcff."""
+    write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def is_special(path: str | Path) -> bool:

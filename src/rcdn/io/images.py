@@ -17,9 +17,11 @@ from rcdn.io.headers import known
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
+from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
 _STRETCH_SAMPLES = 1 << 22
+MOST_PIXELS = 1 << 31
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
 _HEAD = 32  # bytes that say which format it is
 _PIECE = 1 << 24  # bytes that are read at once
@@ -169,6 +171,8 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} is a path; read it first, with rcdn.read_image")
     if not isinstance(image, np.ndarray):
         raise ImageError(f"{name} must be a numpy array, not {type(image).__name__}; convert it, e.g. with np.asarray")
+    if np.ma.is_masked(image):
+        raise ImageError(f"{name} has masked pixels; fill them first, e.g. with image.filled(0)")
     if image.ndim == 3 and image.shape[2] == 1:
         image = image[:, :, 0]
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
@@ -176,7 +180,11 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} has shape {image.shape}; it must be {wanted}")
     if image.size == 0:
         raise ImageError(f"{name} is empty: its shape is {image.shape}; it needs at least one pixel")
-    return image[:, :, :3] if image.ndim == 3 else image
+    if max(image.shape[:2]) > SIDE or image.size > MOST_PIXELS:
+        raise ImageError(
+            f"{name} has shape {image.shape}: its sides can be {SIDE} px at most, and {MOST_PIXELS} pixels in all"
+        )
+    return np.asarray(image[:, :, :3] if image.ndim == 3 else image)
 
 
 def _plain_dtype(image: Array, name: str) -> Array:
@@ -184,6 +192,7 @@ def _plain_dtype(image: Array, name: str) -> Array:
     kind = image.dtype.kind
     if kind not in "buif":
         raise ImageError(f"{name} has dtype {image.dtype}; it must be uint8, uint16, another integer, float or bool")
+    image = np.require(image, requirements="A")
     if kind == "b":
         return image.astype(np.uint8) * np.uint8(255)
     if kind == "f":

@@ -31,7 +31,7 @@ from rcdn.training.alone import alone
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import machine
-from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, without_norms
+from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, read_report, without_norms
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
 
@@ -126,7 +126,7 @@ def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
     """Raise ConfigError rather than go on with other settings than those that a run was begun with."""
     if not resume or not (folder / "last.pt").exists():
         return
-    before: dict[str, Any] = json.loads((folder / "run.json").read_text())["config"]
+    before: dict[str, Any] = read_report(folder)["config"]
     now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # changes nothing that is learnt
     changed = [key for key in now if before.get(key, now[key]) != now[key]]
     if changed:

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from rcdn.children import end_with_parent
 from rcdn.corners.normalise import normalise
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, shown
 from rcdn.io import write_bytes, write_text
 from rcdn.synthetic import PRESETS, random_crop
 from rcdn.training.loss import Targets
@@ -29,6 +29,7 @@ from rcdn.types import Array
 
 CHUNK = 1000
 MOST_LABELS = 512
+LIMITS = {"count": (1, 10**8), "size": (1, 10_000), "seed": (0, 10**9)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,9 +47,10 @@ class PoolConfig:
 
     def __post_init__(self) -> None:
         if self.ranges not in PRESETS:
-            raise ConfigError(f"config: pool.ranges must be one of {sorted(PRESETS)}, not {self.ranges!r}")
-        if min(self.count, self.size) < 1 or self.seed < 0:
-            raise ConfigError("config: pool.count and pool.size must be at least 1, and pool.seed at least 0")
+            raise ConfigError(f"config: pool.ranges must be one of {sorted(PRESETS)}, not {shown(self.ranges)}")
+        for key, (least, most) in LIMITS.items():
+            if not least <= getattr(self, key) <= most:
+                raise ConfigError(f"config: pool.{key} must be in [{least}, {most}], not {shown(getattr(self, key))}")
 
 
 class Pool:

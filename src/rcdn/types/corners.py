@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, shown
 from rcdn.types.base import Array, freeze
+from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
 
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
 Pattern = Literal["checker", "deltille"]
@@ -44,6 +45,12 @@ class Status(IntEnum):
     """Refined, and found because its board predicted it."""
 
 
+def _freeze_status(owner: Any) -> None:
+    freeze(owner, "status", owner.status, np.uint8, ())
+    if len(owner.status) and owner.status.max() > max(Status):
+        raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {max(Status):d}")
+
+
 @dataclass(frozen=True, eq=False)
 class Corners:
     """X-corners of one image, sorted by response (falling), then x, then y.
@@ -59,9 +66,9 @@ class Corners:
     sigma: Array | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.axes is not None:
             freeze(self, "axes", self.axes, np.float64, (2,))
         if self.sigma is not None:
@@ -105,16 +112,26 @@ class Board:
     pattern: Pattern = "checker"
 
     def __post_init__(self) -> None:
-        freeze(self, "xy", self.xy, np.float64, (2,))
-        freeze(self, "ij", self.ij, np.int64, (2,))
+        for name, known in (("orientation", get_args(Orientation)), ("pattern", get_args(Pattern))):
+            if getattr(self, name) not in known:
+                raise RcdnError(f"Board.{name} must be one of {', '.join(known)}, not {shown(getattr(self, name))}")
+        freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
+        freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.sigma is not None:
             freeze(self, "sigma", self.sigma, np.float64, ())
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
+        if self.sigma is not None and len(self.sigma) != len(self.xy):
+            raise RcdnError(f"Board.sigma has {len(self.sigma)} rows, but xy has {len(self.xy)}")
         if len(np.unique(self.ij @ (1, 1 << 20))) != len(self.ij):
             raise RcdnError("Board.ij must not hold a label twice")
+        object.__setattr__(self, "image_size", whole_size(self.image_size, "Board.image_size"))
+        if self.size[0] * self.size[1] > BOX:
+            raise RcdnError(
+                f"Board.ij spans {self.size[0]}×{self.size[1]} labels, more than {BOX}; are they column and row?"
+            )
 
     def __len__(self) -> int:
         return len(self.xy)

@@ -8,13 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import numpy as np
-
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
 from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import read_text
+from rcdn.io.fields import is_rigid, read_text
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Camera, StereoCalibration
 
@@ -128,7 +126,8 @@ def read_camera(path: str | Path, format: CameraFormat | None = None, name: str 
         return next(iter(cameras.values()))
     if name not in cameras:
         raise FormatError(
-            f"{path}: holds the cameras {', '.join(cameras)}; name one of them" + (f", not {name!r}" if name else "")
+            f"{path}: holds the cameras {', '.join(cameras)}; name one of them"
+            + (f", not {shown(name)}" if name else "")
         )
     return cameras[name]
 
@@ -200,8 +199,7 @@ def read_stereo(left: str | Path, right: str | Path | None = None, format: Camer
         pair = kind.stereo([(data, str(path)) for (_, data), path in zip(found, paths, strict=True)])
     except RcdnError as error:
         raise error if isinstance(error, FormatError) else FormatError(f"{left}: {error}") from error
-    R = pair.T_right_left[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-5) or np.linalg.det(R) < 0:
+    if not is_rigid(pair.T_right_left):
         raise FormatError(f"{left}: the pose of the right camera is no rotation and translation; export it again")
     return pair
 
@@ -210,21 +208,31 @@ def _known(format: str) -> CameraFormat:
     for known in get_args(CameraFormat):
         if format == known:
             return known
-    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {format!r}")
+    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {shown(format)}")
+
+
+MOST = 4_000_000
+"""letters of a camera file that isn't JSON: what is larger is none, and its YAML would take minutes to read"""
 
 
 def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
     """The format of a file, by what is in it, and its data."""
     text = read_text(path)
     if format is not None:
-        return format, _FORMATS[_known(format)].load(str(path), text)
+        return format, _parsed(_known(format), path, text)
     lines = (line.strip() for line in text.splitlines())
     first = next((line for line in lines if line and not line.startswith("#")), "")
     for kind, sign in _SIGNS.items():
         if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
-            return _known(kind), _FORMATS[kind].load(str(path), text)
-    data = yaml_text.load(str(path), text) if text.strip() else None
+            return _known(kind), _parsed(kind, path, text)
+    data = _parsed("opencv", path, text) if text.strip() else None  # YAML, whatever its kind
     return _yaml_kind(data, path), data
+
+
+def _parsed(kind: str, path: str | Path, text: str) -> Any:
+    if len(text) > MOST and kind != "json":
+        raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")
+    return _FORMATS[kind].load(str(path), text)
 
 
 # what the first line that isn't a comment begins with
