@@ -1,0 +1,119 @@
+"""The compiled kernels: calls as the software makes them, with other values in their arrays.
+
+Shapes, sizes and indices stay as they were, for these are the callers' to get right, and are checked elsewhere; pictures, positions and all
+other reals become anything. A kernel may give any answer, but must come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from rcdn import native
+from tests.fuzz.source import ODD_REALS, Source
+from tests.fuzz.target import Target
+
+SAMPLES = 12
+"""calls that are kept of each kernel"""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call of the kernel `name`; arrays as they were before it."""
+
+    name: str
+    kernel: Callable[..., Any]
+    values: tuple[Any, ...]
+
+
+_calls: dict[str, list[Call]] = {}
+_seen: dict[str, int] = {}
+
+
+def record() -> None:
+    """Keep calls of kernels that are bound from now on: to be called before anything of rcdn is imported."""
+    bind = native.bind
+
+    def recorded(name: str, *arguments: Any, **more: Any) -> Callable[..., Any]:
+        kernel = bind(name, *arguments, **more)
+
+        def call(*values: Any) -> Any:
+            count = _seen[name] = _seen.get(name, 0) + 1
+            if count & (count - 1) == 0 and len(_calls.setdefault(name, [])) < SAMPLES:  # the 1st, 2nd, 4th, 8th, … call
+                _calls[name].append(Call(name, kernel, _copied(values)))
+            return kernel(*values)
+
+        return call
+
+    native.bind = recorded
+
+
+def _copied(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(v.copy() if isinstance(v, np.ndarray) else v for v in values)
+
+
+@cache
+def calls() -> tuple[tuple[Call, ...], ...]:
+    """Calls of every kernel, made by finding boards and calibrating."""
+    import rcdn
+    from rcdn.calibration import calibrate
+    from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
+    from tests.fuzz import samples
+
+    squares, dense = samples.picture(), samples.picture(7, 5, 11.0, (120, 100))
+    for grey in (squares, squares.astype(np.float32), dense, samples.picture(3, 3, 8.0, (48, 40)), np.ascontiguousarray(dense[20:, 30:])):
+        rcdn.Detector().detect(grey)
+        rcdn.Detector(rcdn.DetectorConfig.paper()).detect(grey)
+    for method in ("peak", "com", "edge"):
+        rcdn.Detector(rcdn.DetectorConfig(refine=rcdn.config.Refine(method))).detect(squares)
+    rcdn.Detector(rcdn.DetectorConfig(pattern="deltille")).detect(samples.picture(5, 4, 12.0, (110, 90), "deltille"))
+    calibrate(random_boards(CAMERAS["pinhole"], 1, views=5)[0], 0.03, model="splined")
+    return tuple(tuple(kept) for _, kept in sorted(_calls.items()))
+
+
+def _call(source: Source) -> Call:
+    call = source.choice(source.choice(calls()))
+    return Call(call.name, call.kernel, tuple(_changed(source, v) for v in call.values))
+
+
+def _changed(source: Source, value: Any) -> Any:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fu":
+        return value.copy() if isinstance(value, np.ndarray) else value
+    out = value.copy()
+    if not out.size or source.byte() % 3 == 0:
+        return out
+    if out.dtype.kind == "u":
+        return _bytes(source, out)
+    kind = source.byte() % 6
+    with np.errstate(all="ignore"):
+        if kind < 3:
+            for _ in range(1 + source.below(4)):
+                out.flat[source.below(out.size)] = source.real()
+        elif kind == 3:
+            out[...] = source.real()
+        elif kind == 4:
+            out *= source.choice(ODD_REALS)
+        else:
+            odd = source.random().choice(ODD_REALS, out.shape)
+            out[...] = odd
+    return out
+
+
+def _bytes(source: Source, values: np.ndarray) -> np.ndarray:
+    """Grey values become any; marks stay 0 or 1."""
+    most = 2 if values.max(initial=0) <= 1 else 256
+    return source.random().integers(0, most, values.shape).astype(np.uint8)
+
+
+def _use(call: Call) -> None:
+    try:
+        call.kernel(*call.values)
+    except MemoryError:
+        return
+
+
+TARGETS = [Target("kernels", _call, _use, share=4)]
