@@ -15,7 +15,7 @@ from typing import Any
 
 from rcdn.errors import RcdnError
 from tests.fuzz.source import Source
-from tests.fuzz.target import Target, scratch
+from tests.fuzz.target import BrokenPromise, Target, scratch
 
 SLOW = 2.0
 """s of the processor that an input may take"""
@@ -95,12 +95,12 @@ class Guard:
             file.seek(self._read)
             said = file.read(2000).decode(errors="replace")
         self._read = size
-        return Failure("printed", " ".join(said.split()[:1])[:60] + _words(said), said)
+        return Failure("printed", _words(said).strip(), said)
 
 
 def _words(said: str) -> str:
     """What is printed, without its numbers, so that the same message counts as the same."""
-    return " " + "".join(c for c in said if c.isalpha() or c == " ")[:60]
+    return " ".join("".join(c if c.isalpha() else " " for c in said).split()[:8])
 
 
 def _one_line(error: Exception) -> bool:
@@ -108,13 +108,14 @@ def _one_line(error: Exception) -> bool:
 
 
 def failure_of(error: Exception, before: str = "") -> Failure:
-    """Where an exception was raised: the deepest frame of rcdn, and that below it."""
+    """Where an exception was raised: the deepest frame of rcdn; of a BrokenPromise, what was promised."""
+    said = "".join(traceback.format_exception_only(error)).strip()[:600]
+    if isinstance(error, BrokenPromise):
+        return Failure("BrokenPromise", before + _words(str(error)).strip(), said)
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [f for f in frames if "/rcdn/" in f.filename.replace("\\", "/")] or [f for f in frames if "fuzz" in f.filename] or list(frames)
+    ours = [f for f in frames if f"{os.sep}rcdn{os.sep}" in f.filename] or list(frames)
     place = ours[-1]
-    where = f"{before}{'/'.join(Path(place.filename).parts[-3:])}:{place.lineno} {place.name}"
-    text = "".join(traceback.format_exception_only(error))
-    return Failure(type(error).__name__, where, text.strip()[:600])
+    return Failure(type(error).__name__, f"{before}{'/'.join(Path(place.filename).parts[-3:])}:{place.lineno} {place.name}", said)
 
 
 @contextmanager

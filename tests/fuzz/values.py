@@ -34,11 +34,14 @@ def _board(source: Source) -> dict[str, Any]:
     }  # fmt: skip
     for _ in range(source.below(4)):
         _change(source, given)
+    if source.chance(4):
+        n, name = len(given["ij"]), source.choice(("xy", "ij", "response", "status", "sigma"))
+        given[name] = source.choice((None, [], np.zeros((2, 2)), np.zeros(n), np.full((n, 2), np.nan), [[1, 2], [3]], "text", [None] * n))
     return given
 
 
 def _change(source: Source, given: dict[str, Any]) -> None:
-    kind, n = source.byte() % 12, len(given["ij"])
+    kind, n = source.byte() % 11, len(given["ij"])
     if kind == 0:
         keep = source.random().random(n) < source.choice((0.05, 0.1, 0.3, 0.9))
         for name in ("xy", "ij", "response", "status", "sigma"):
@@ -61,11 +64,8 @@ def _change(source: Source, given: dict[str, Any]) -> None:
         given["xy"] = given["xy"] + source.random().normal(0, source.choice((0.1, 3.0, 100.0)), given["xy"].shape)
     elif kind == 9:
         given["xy"] = np.repeat(given["xy"][:1], n, axis=0) if n else given["xy"]
-    elif kind == 10:
-        given["ij"] = given["ij"][:, ::-1]
     else:
-        name = source.choice(("xy", "ij", "response", "status", "sigma"))
-        given[name] = source.choice((None, [], np.zeros((2, 2)), np.zeros(n), np.full((n, 2), np.nan), [[1, 2], [3]], "text", [None] * n))
+        given["ij"] = given["ij"][:, ::-1]
 
 
 def _camera(source: Source) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def _camera(source: Source) -> dict[str, Any]:
         kind = source.byte() % 6
         if kind == 0:
             given["K"].flat[source.below(9)] = source.real()
-        elif kind == 1 and len(given["distortion"]):
+        elif kind == 1 and isinstance(given["distortion"], np.ndarray) and len(given["distortion"]):
             given["distortion"][source.below(len(given["distortion"]))] = source.real()
         elif kind == 2:
             given["model"] = source.choice([*LENS, "other", None])
