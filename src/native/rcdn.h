@@ -15,8 +15,9 @@
 #endif
 
 /* A function compiled for several generations of processors; the loader picks the one that fits. What it calls must be inlined (INLINE),
- * or it is compiled for the oldest of them. ONE_LEVEL, for sanitizers: only for the oldest. */
-#if !defined(ONE_LEVEL) && defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+ * or it is compiled for the oldest of them. */
+#if defined(FAST)
+#elif defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define FAST

@@ -1,7 +1,7 @@
 """The compiled kernels: calls as the software makes them, with other values in their arrays.
 
-Shapes, sizes and indices stay as they were, for these are the callers' to get right, and are checked elsewhere; pictures, positions and all
-other reals become anything. A kernel may give any answer, but must come back.
+Pictures, positions and all other reals become anything; sizes and indices, too, where kernels check them. A kernel may give any answer or
+refuse the call, but must come back.
 """
 
 from __future__ import annotations
@@ -14,9 +14,15 @@ from typing import Any
 import numpy as np
 
 from rcdn import native
-from tests.fuzz.source import ODD_REALS, Source
+from rcdn.types.base import Array
+
+from tests.fuzz.source import ODD_INTEGERS, ODD_REALS, Source
 from tests.fuzz.target import Target
 
+CHECKED = hasattr(native, "constants")
+"""do kernels check their calls?"""
+FRAME = 13
+"""numbers of a window, which one kernel makes for others"""
 SAMPLES = 12
 """calls that are kept of each kernel"""
 
@@ -53,7 +59,13 @@ def record() -> None:
 
 
 def _copied(values: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple(v.copy() if isinstance(v, np.ndarray) else v for v in values)
+    return tuple(_copied_value(v) for v in values)
+
+
+def _copied_value(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return type(value)(*map(_copied_value, value))
+    return value.copy() if isinstance(value, np.ndarray) else value
 
 
 @cache
@@ -81,13 +93,26 @@ def _call(source: Source) -> Call:
 
 
 def _changed(source: Source, value: Any) -> Any:
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fu":
-        return value.copy() if isinstance(value, np.ndarray) else value
+    """Another value of the same kind; of a kernel that checks its calls, whole numbers and sizes may change as well."""
+    if isinstance(value, tuple):
+        return type(value)(*(_changed(source, v) for v in value))
+    if not isinstance(value, np.ndarray):
+        return _number(source, value) if CHECKED and source.chance(24) else value
     out = value.copy()
-    if not out.size or source.byte() % 3 == 0:
+    if not out.size or source.byte() % 3 == 0 or (not CHECKED and out.shape[-1] == FRAME):
         return out
-    if out.dtype.kind == "u":
-        return _bytes(source, out)
+    if CHECKED and source.chance(24):
+        return out[: source.below(len(out))]
+    if out.dtype.kind == "f":
+        return _reals(source, out)
+    return _bytes(source, out) if out.dtype == np.uint8 else _whole(source, out) if CHECKED and source.chance(4) else out
+
+
+def _number(source: Source, value: Any) -> Any:
+    return source.real() if isinstance(value, float) else source.integer() if isinstance(value, int) else value
+
+
+def _reals(source: Source, out: Array) -> Array:
     kind = source.byte() % 6
     with np.errstate(all="ignore"):
         if kind < 3:
@@ -98,12 +123,18 @@ def _changed(source: Source, value: Any) -> Any:
         elif kind == 4:
             out *= source.choice(ODD_REALS)
         else:
-            odd = source.random().choice(ODD_REALS, out.shape)
-            out[...] = odd
+            out[...] = source.random().choice(ODD_REALS, out.shape)
     return out
 
 
-def _bytes(source: Source, values: np.ndarray) -> np.ndarray:
+def _whole(source: Source, out: Array) -> Array:
+    odd = [n for n in (*ODD_INTEGERS, -1, len(out), out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max]
+    for _ in range(1 + source.below(3)):
+        out.flat[source.below(out.size)] = source.choice(odd)
+    return out
+
+
+def _bytes(source: Source, values: Array) -> Array:
     """Grey values become any; marks stay 0 or 1."""
     most = 2 if values.max(initial=0) <= 1 else 256
     return source.random().integers(0, most, values.shape).astype(np.uint8)
@@ -112,7 +143,7 @@ def _bytes(source: Source, values: np.ndarray) -> np.ndarray:
 def _use(call: Call) -> None:
     try:
         call.kernel(*call.values)
-    except MemoryError:
+    except (MemoryError, TypeError, ValueError, OverflowError):  # a wrong call is refused
         return
 
 
