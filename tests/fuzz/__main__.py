@@ -16,17 +16,17 @@ def main() -> int:
         from tests.fuzz.replay import replay
 
         return max([replay(path, args.minimise) for path in args.replay])
-    from tests.fuzz import campaign, engine
+    from tests.fuzz import campaign
     from tests.fuzz.targets import TARGETS
 
     wanted = args.targets.split(",") if args.targets else list(TARGETS)
     if unknown := sorted(set(wanted) - set(TARGETS)):
         print(f"--targets: {', '.join(unknown)} not known; there are: {', '.join(TARGETS)}", file=sys.stderr)
         return 2
-    began, chosen = time.monotonic(), args.engine or engine.usual_engine()
-    shares = {name: TARGETS[name].share for name in wanted}
-    outcomes = campaign.run_campaign(shares, chosen, args.seed, args.seconds, args.inputs, args.workers, print)
-    settings = {"seconds": args.seconds, "inputs": args.inputs, "seed": args.seed, "engine": chosen, "workers": args.workers}
+    began = time.monotonic()
+    targets = [TARGETS[name] for name in wanted]
+    outcomes = campaign.run_campaign(targets, args.engine, args.seed, args.seconds, args.inputs, args.workers, print)
+    settings = {"seconds": args.seconds, "inputs": args.inputs, "seed": args.seed, "engine": args.engine, "workers": args.workers}
     rows = [_whole(outcomes, time.monotonic() - began), *(o.row() for o in outcomes)]
     if args.out:
         from rcdn.evaluation.results import save
@@ -59,7 +59,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--inputs", type=int, default=0, help="of each target at most (0: as many as fit)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--targets", help="names, with commas between them (all)")
-    parser.add_argument("--engine", choices=ENGINES, help="atheris where it is installed, else random")
+    parser.add_argument("--engine", choices=ENGINES, help="of all targets (atheris for those that read text, where it is installed; else random)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes at a time (one a processor)")
     parser.add_argument("--out", type=Path, help="the record to write")
     parser.add_argument("--keep", type=Path, default=Path("runs/fuzz"), help="folder for inputs that failed (runs/fuzz)")

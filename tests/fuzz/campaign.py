@@ -17,16 +17,18 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tests.fuzz.engine import usual_engine
 from tests.fuzz.pulse import Pulse
-from tests.fuzz.target import scratch_of
+from tests.fuzz.target import Target, scratch_of
 from tests.fuzz.worker import Job
 
-HANG = 30.0
+HANG = 60.0
 """s by the clock after which an input hangs"""
 START = 120.0
 """s by the clock that a process may take to begin"""
 DEATHS = 20
 """deaths after which a target is given up"""
+WORKER = ("-m", "tests.fuzz.worker")
 MOST = 2**62
 
 
@@ -59,11 +61,14 @@ class Outcome:
 
 
 def run_campaign(
-    shares: dict[str, float], engine: str, seed: int, seconds: float, inputs: int, workers: int, say: Callable[[str], None]
+    targets: Sequence[Target], engine: str | None, seed: int, seconds: float, inputs: int, workers: int, say: Callable[[str], None]
 ) -> list[Outcome]:
-    """Run every target of `shares` for its share of `workers` × `seconds`, or for so many `inputs` each, whichever ends first."""
-    whole = sum(shares.values())
-    jobs = [Job(name, engine, seed, 0, inputs or MOST, workers * seconds * share / whole, "") for name, share in shares.items()]
+    """Run every target for its share of `workers` × `seconds`, or for so many `inputs` each, whichever ends first.
+
+    `engine`: None for each target's usual one."""
+    each = workers * seconds / sum(t.share for t in targets)
+    jobs = [Job(t.name, engine or usual_engine(t.guided), seed, 0, inputs or MOST, each * t.share, "") for t in targets]
+    jobs.sort(key=lambda job: -job.seconds)
 
     def one(job: Job) -> Outcome:
         outcome = run_job(job)
@@ -99,7 +104,7 @@ def _watched(job: Job) -> str | None:
     pulse = Pulse(folder / "pulse")
     with (folder / "said").open("wb") as said:
         process = subprocess.Popen(
-            [sys.executable, "-m", "tests.fuzz.worker", json.dumps(asdict(job))], stdout=said, stderr=said, stdin=subprocess.DEVNULL
+            [sys.executable, *WORKER, json.dumps(asdict(job))], stdout=said, stderr=said, stdin=subprocess.DEVNULL
         )
     began = time.monotonic()
     try:
@@ -108,7 +113,7 @@ def _watched(job: Job) -> str | None:
             _, since, _ = pulse.read()
             if time.monotonic() - (since or began) > (HANG if since else START):
                 process.send_signal(signal.SIGABRT)  # faulthandler writes down where it is
-                time.sleep(1)
+                time.sleep(0.5)
                 return "hang"
     finally:
         process.kill()

@@ -13,9 +13,9 @@ LONGEST = 512
 ENGINES = ("atheris", "random")
 
 
-def usual_engine() -> str:
-    """Atheris, where it is installed."""
-    return "atheris" if find_spec("atheris") else "random"
+def usual_engine(guided: bool) -> str:
+    """Atheris, where it is installed and the target's decisions are Python's."""
+    return "atheris" if guided and find_spec("atheris") else "random"
 
 
 def chosen_at_random(seed: int, name: str, number: int) -> bytes:

@@ -8,7 +8,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from rcdn.errors import RcdnError
 from tests.fuzz.source import Source
 from tests.fuzz.target import BrokenPromise, Target, scratch
 
-SLOW = 2.0
+SLOW = 5.0
 """s of the processor that an input may take"""
 MEMORY = 6 << 30
 """bytes that a process may map; what asks for more gets a MemoryError"""
@@ -53,10 +53,11 @@ class Guard:
 
     def __init__(self, target: Target, printed: Path | None = None) -> None:
         self.target, self.tally, self._printed = target, Tally(), printed
-        self._read = printed.stat().st_size if printed else 0
+        self._read = 0
 
     def run(self, data: bytes) -> Failure | None:
         """Make an input of `data` and check it."""
+        self._read = self._size()
         began = time.process_time()
         failure = self._outcome(data)
         taken = time.process_time() - began
@@ -88,14 +89,16 @@ class Guard:
         return None
 
     def _output(self) -> Failure | None:
-        """What was printed since the last input."""
-        if self._printed is None or (size := self._printed.stat().st_size) == self._read:
+        """What was printed during this input."""
+        if self._printed is None or self._size() == self._read:
             return None
         with self._printed.open("rb") as file:
             file.seek(self._read)
             said = file.read(2000).decode(errors="replace")
-        self._read = size
-        return Failure("printed", _words(said).strip(), said)
+        return Failure("printed", _words(said), said)
+
+    def _size(self) -> int:
+        return self._printed.stat().st_size if self._printed else 0
 
 
 def _words(said: str) -> str:
@@ -111,7 +114,7 @@ def failure_of(error: Exception, before: str = "") -> Failure:
     """Where an exception was raised: the deepest frame of rcdn; of a BrokenPromise, what was promised."""
     said = "".join(traceback.format_exception_only(error)).strip()[:600]
     if isinstance(error, BrokenPromise):
-        return Failure("BrokenPromise", before + _words(str(error)).strip(), said)
+        return Failure("BrokenPromise", before + _words(str(error)), said)
     frames = traceback.extract_tb(error.__traceback__)
     ours = [f for f in frames if f"{os.sep}rcdn{os.sep}" in f.filename] or list(frames)
     place = ours[-1]
@@ -122,7 +125,7 @@ def failure_of(error: Exception, before: str = "") -> Failure:
 def strict() -> Iterator[Path]:
     """Warnings are errors, and what is printed goes to the file that is given."""
     path = scratch() / "printed"
-    with warnings.catch_warnings(), path.open("wb") as file:
+    with warnings.catch_warnings(), path.open("w", buffering=1) as file, redirect_stdout(file), redirect_stderr(file):
         warnings.simplefilter("error")
         saved = os.dup(1), os.dup(2)
         os.dup2(file.fileno(), 1)

@@ -60,6 +60,6 @@ def _graph(data: Any) -> None:
 
 
 TARGETS = [
-    Target("models", _model, _use, share=2),
-    Target("graphs", lambda source: changed_bytes(source, samples.model()[0]), _graph, ".onnx", share=0.5),
+    Target("models", _model, _use, share=2, tries=20),
+    Target("graphs", lambda source: changed_bytes(source, samples.model()[0]), _graph, ".onnx", share=0.5, guided=True),
 ]

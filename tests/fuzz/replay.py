@@ -9,6 +9,8 @@ import warnings
 from pathlib import Path
 
 from tests.fuzz import kernels
+from tests.fuzz.guard import Guard
+from tests.fuzz.target import Target
 
 
 def replay(path: Path, minimise: bool = False) -> int:
@@ -40,23 +42,29 @@ def replay(path: Path, minimise: bool = False) -> int:
     return 0
 
 
-def smallest(target, data: bytes) -> bytes:
+def smallest(target: Target, data: bytes) -> bytes:
     """Fewer choices, or plainer ones, that fail in the same place. Not for what ends the process."""
-    from tests.fuzz.guard import Guard
-
     guard = Guard(target)
     failure = guard.run(data)
     if failure is None:
         return data
     size = max(1, len(data) // 2)
-    while size:
-        at = 0
-        while at < len(data):
-            for less in (data[:at] + data[at + size :], data[:at] + bytes(len(data[at : at + size])) + data[at + size :]):
-                again = guard.run(less) if less != data else None
-                if again is not None and again.key == failure.key:
-                    data = less
-                    break
-            at += size
-        size //= 2
-    return data.rstrip(b"\0")
+    while True:
+        less = _less(guard, failure.key, data, size)
+        if less == data and size == 1:
+            return data.rstrip(b"\0")
+        data, size = less, max(1, size // 2)
+
+
+def _less(guard: Guard, key: str, data: bytes, size: int) -> bytes:
+    """Pieces of `size` left out, or set to 0, as long as the same failure remains."""
+    at = 0
+    while at < len(data):
+        piece = data[at : at + size]
+        for less in (data[:at] + data[at + size :], data[:at] + bytes(len(piece)) + data[at + size :]):
+            again = guard.run(less) if less != data else None
+            if again is not None and again.key == key:
+                data = less
+                break
+        at += size
+    return data

@@ -174,14 +174,14 @@ def _of(texts: Any, change: Any) -> Any:
 
 
 TARGETS = [
-    Target("detections", _of(samples.detections, changed_json), _read_detections, ".json"),
-    Target("vnl", _of(lambda: (samples.vnl(),), changed_text), _read_vnl, ".vnl"),
-    Target("cameras", _camera_file, _read_camera, ".yaml"),
-    Target("calibrations", _of(samples.calibrations, changed_json), _read_calibration, ".json"),
-    Target("reports", _of(samples.calibrations, changed_json), _report, ".json"),
-    Target("scenes", _of(samples.scenes, changed_json), _scene, ".json"),
-    Target("settings", _of(_configs, changed_json), _detector_config, ".json"),
-    Target("pairs", _of(lambda: (PAIRS,), changed_text), _pairs, ".txt"),
+    Target("detections", _of(samples.detections, changed_json), _read_detections, ".json", guided=True),
+    Target("vnl", _of(lambda: (samples.vnl(),), changed_text), _read_vnl, ".vnl", guided=True),
+    Target("cameras", _camera_file, _read_camera, ".yaml", guided=True, share=2),
+    Target("calibrations", _of(samples.calibrations, changed_json), _read_calibration, ".json", guided=True),
+    Target("reports", _of(samples.calibrations, changed_json), _report, ".json", tries=4),
+    Target("scenes", _of(samples.scenes, changed_json), _scene, ".json", tries=20),
+    Target("settings", _of(_configs, changed_json), _detector_config, ".json", guided=True),
+    Target("pairs", _of(lambda: (PAIRS,), changed_text), _pairs, ".txt", guided=True),
 ]
 if find_spec("torch"):
-    TARGETS.append(Target("recipes", _of(_recipes, changed_text), _train_config, ".toml"))
+    TARGETS.append(Target("recipes", _of(_recipes, changed_text), _train_config, ".toml", guided=True))

@@ -213,8 +213,8 @@ TARGETS = [
     Target("corners", _corners, _use_corners, share=0.25),
     Target("lenses", _camera, _use_camera, share=0.5),
     Target("shapes", _shape, _use_shape, share=0.25),
-    Target("options", _settings, _use_settings),
-    Target("poses", _pose, _use_pose),
+    Target("options", _settings, _use_settings, tries=20),
+    Target("poses", _pose, _use_pose, tries=15),
     Target("sharpening", _board, _sharpen),
-    Target("calibration", _set, _calibrate, share=2),
+    Target("calibration", _set, _calibrate, share=2, tries=10),
 ]
