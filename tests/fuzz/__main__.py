@@ -26,7 +26,13 @@ def main() -> int:
     began = time.monotonic()
     targets = [TARGETS[name] for name in wanted]
     outcomes = campaign.run_campaign(targets, args.engine, args.seed, args.seconds, args.inputs, args.workers, print)
-    settings = {"seconds": args.seconds, "inputs": args.inputs, "seed": args.seed, "engine": args.engine, "workers": args.workers}
+    settings = {
+        "seconds": args.seconds,
+        "inputs": args.inputs,
+        "seed": args.seed,
+        "engine": args.engine,
+        "workers": args.workers,
+    }
     rows = [_whole(outcomes, time.monotonic() - began), *(o.row() for o in outcomes)]
     if args.out:
         from rcdn.evaluation.results import save
@@ -59,10 +65,18 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--inputs", type=int, default=0, help="of each target at most (0: as many as fit)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--targets", help="names, with commas between them (all)")
-    parser.add_argument("--engine", choices=ENGINES, help="of all targets (atheris for those that read text, where it is installed; else random)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes at a time (one a processor)")
+    parser.add_argument(
+        "--engine",
+        choices=ENGINES,
+        help="of all targets (atheris for those that read text, where it is installed; else random)",
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, help="processes at a time (one a processor)"
+    )
     parser.add_argument("--out", type=Path, help="the record to write")
-    parser.add_argument("--keep", type=Path, default=Path("runs/fuzz"), help="folder for inputs that failed (runs/fuzz)")
+    parser.add_argument(
+        "--keep", type=Path, default=Path("runs/fuzz"), help="folder for inputs that failed (runs/fuzz)"
+    )
     parser.add_argument("--replay", type=Path, nargs="+", help="run what was kept again, in this process")
     parser.add_argument("--minimise", action="store_true", help="with --replay: look for fewer choices that fail alike")
     return parser.parse_args()

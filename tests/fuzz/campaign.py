@@ -61,7 +61,13 @@ class Outcome:
 
 
 def run_campaign(
-    targets: Sequence[Target], engine: str | None, seed: int, seconds: float, inputs: int, workers: int, say: Callable[[str], None]
+    targets: Sequence[Target],
+    engine: str | None,
+    seed: int,
+    seconds: float,
+    inputs: int,
+    workers: int,
+    say: Callable[[str], None],
 ) -> list[Outcome]:
     """Run every target for its share of `workers` × `seconds`, or for so many `inputs` each, whichever ends first.
 
@@ -72,7 +78,9 @@ def run_campaign(
 
     def one(job: Job) -> Outcome:
         outcome = run_job(job)
-        say(f"{job.target}: {outcome.inputs} inputs in {outcome.seconds:.0f} s, {sum(outcome.failures.values())} failures")
+        say(
+            f"{job.target}: {outcome.inputs} inputs in {outcome.seconds:.0f} s, {sum(outcome.failures.values())} failures"
+        )
         return outcome
 
     with ThreadPoolExecutor(workers) as pool:  # threads that wait for processes

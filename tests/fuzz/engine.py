@@ -39,7 +39,15 @@ def by_coverage(seed: int, one: Callable[[bytes], Any]) -> None:
     """The same with Atheris: it keeps what reaches new code and changes it further. Doesn't return; `one` must end the process."""
     import atheris
 
-    options = ("-verbosity=0", "-rss_limit_mb=0", "-timeout=100000", "-len_control=20", f"-max_len={LONGEST}", f"-seed={seed % 2**31 or 1}", "-detect_leaks=0")
+    options = (
+        "-verbosity=0",
+        "-rss_limit_mb=0",
+        "-timeout=100000",
+        "-len_control=20",
+        f"-max_len={LONGEST}",
+        f"-seed={seed % 2**31 or 1}",
+        "-detect_leaks=0",
+    )
     signals = ("segv", "bus", "abrt", "ill", "fpe", "int", "term", "xfsz", "usr1", "usr2")
     atheris.Setup([sys.argv[0], *options, *(f"-handle_{s}=0" for s in signals)], one)
     atheris.Fuzz()

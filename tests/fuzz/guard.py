@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import time
 import traceback
@@ -13,10 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rcdn.errors import RcdnError
 from tests.fuzz.source import Source
 from tests.fuzz.target import BrokenPromise, Target, scratch
 
+from rcdn.errors import RcdnError
+
+DECODERS = re.compile(r"(libpng (error|warning)|Corrupt JPEG data|Premature end of JPEG)")
+"""lines of decoders, which only a process as a whole can silence: the commands do"""
 SLOW = 5.0
 """s of the processor that an input may take"""
 MEMORY = 6 << 30
@@ -65,7 +69,9 @@ class Guard:
         tally.inputs += 1
         if taken > tally.slowest:
             tally.slowest, tally.slowest_data = taken, data
-        failure = failure or self._output() or (Failure("slow", self.target.name, f"{taken:.1f} s") if taken > SLOW else None)
+        failure = (
+            failure or self._output() or (Failure("slow", self.target.name, f"{taken:.1f} s") if taken > SLOW else None)
+        )
         if failure:
             tally.failures[failure.key] = tally.failures.get(failure.key, 0) + 1
         return failure
@@ -83,7 +89,11 @@ class Guard:
             self.target.check(given)
         except RcdnError as error:
             self.tally.refused += 1
-            return None if _one_line(error) else Failure("message of several lines", type(error).__name__, str(error)[:300])
+            return (
+                None
+                if _one_line(error)
+                else Failure("message of several lines", type(error).__name__, str(error)[:300])
+            )
         except Exception as error:
             return failure_of(error)
         return None
@@ -95,7 +105,8 @@ class Guard:
         with self._printed.open("rb") as file:
             file.seek(self._read)
             said = file.read(2000).decode(errors="replace")
-        return Failure("printed", _words(said), said)
+        lines = [line for line in said.splitlines() if line and not DECODERS.match(line)]
+        return Failure("printed", _words(lines[0]), said) if lines else None
 
     def _size(self) -> int:
         return self._printed.stat().st_size if self._printed else 0
@@ -118,7 +129,9 @@ def failure_of(error: Exception, before: str = "") -> Failure:
     frames = traceback.extract_tb(error.__traceback__)
     ours = [f for f in frames if f"{os.sep}rcdn{os.sep}" in f.filename] or list(frames)
     place = ours[-1]
-    return Failure(type(error).__name__, f"{before}{'/'.join(Path(place.filename).parts[-3:])}:{place.lineno} {place.name}", said)
+    return Failure(
+        type(error).__name__, f"{before}{'/'.join(Path(place.filename).parts[-3:])}:{place.lineno} {place.name}", said
+    )
 
 
 @contextmanager

@@ -6,18 +6,40 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-
-from rcdn import Detector, DetectorConfig, read_image
-from rcdn.types import Array
 from tests.fuzz import samples
 from tests.fuzz.mutate import changed_bytes
 from tests.fuzz.source import ODD_REALS, Source
 from tests.fuzz.target import Target, as_file, must
 from tests.fuzz.texts import valid_board
 
+from rcdn import Detector, DetectorConfig, read_image
+from rcdn.types import Array
+
 MOST = 128
 """px, the longer side of pictures that boards are looked for in"""
-DTYPES = ("u1", "u1", "u1", "f4", "f4", "u2", "f8", "i1", "i2", "i4", "i8", "u4", "u8", "f2", "?", ">u2", ">f4", "c8", "O", "S1", "m8[s]")
+DTYPES = (
+    "u1",
+    "u1",
+    "u1",
+    "f4",
+    "f4",
+    "u2",
+    "f8",
+    "i1",
+    "i2",
+    "i4",
+    "i8",
+    "u4",
+    "u8",
+    "f2",
+    "?",
+    ">u2",
+    ">f4",
+    "c8",
+    "O",
+    "S1",
+    "m8[s]",
+)
 
 
 @cache
@@ -71,7 +93,14 @@ def _content(source: Source, height: int, width: int) -> Array:
         y, x = np.mgrid[:height, :width]
         return 127.5 + 127.5 * np.sin(x * rng.uniform(0.05, 3)) * np.sin(y * rng.uniform(0.05, 3))
     pattern = "deltille" if kind == 5 else "checker"
-    good = samples.picture(source.between(3, 6), source.between(2, 5), source.choice((7.0, 10.0, 14.0)), (width + 8, height + 8), pattern, source.below(3))
+    good = samples.picture(
+        source.between(3, 6),
+        source.between(2, 5),
+        source.choice((7.0, 10.0, 14.0)),
+        (width + 8, height + 8),
+        pattern,
+        source.below(3),
+    )
     cut = good[source.below(8) :, source.below(8) :][:height, :width].astype(float)
     return np.clip(cut + rng.normal(0, source.choice((0.0, 3.0, 30.0)), cut.shape), 0, 255)
 
@@ -79,7 +108,9 @@ def _content(source: Source, height: int, width: int) -> Array:
 def _typed(source: Source, values: Array) -> Any:
     kind = np.dtype(source.choice(DTYPES))
     if kind.kind == "f":
-        values = values * source.choice((1.0, 1.0, 1 / 255, 1e-3, 1e4, 1e25, 1e-38, -1.0)) + source.choice((0.0, 0.0, -128.0, 1e6))
+        values = values * source.choice((1.0, 1.0, 1 / 255, 1e-3, 1e4, 1e25, 1e-38, -1.0)) + source.choice(
+            (0.0, 0.0, -128.0, 1e6)
+        )
         with np.errstate(all="ignore"):
             values = values.astype(kind)
             for _ in range(source.below(4)):

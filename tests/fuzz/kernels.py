@@ -12,12 +12,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from tests.fuzz.source import ODD_INTEGERS, ODD_REALS, Source
+from tests.fuzz.target import Target
 
 from rcdn import native
 from rcdn.types.base import Array
-
-from tests.fuzz.source import ODD_INTEGERS, ODD_REALS, Source
-from tests.fuzz.target import Target
 
 CHECKED = hasattr(native, "constants")
 """do kernels check their calls?"""
@@ -49,7 +48,9 @@ def record() -> None:
 
         def call(*values: Any) -> Any:
             count = _seen[name] = _seen.get(name, 0) + 1
-            if count & (count - 1) == 0 and len(_calls.setdefault(name, [])) < SAMPLES:  # the 1st, 2nd, 4th, 8th, … call
+            if (
+                count & (count - 1) == 0 and len(_calls.setdefault(name, [])) < SAMPLES
+            ):  # the 1st, 2nd, 4th, 8th, … call
                 _calls[name].append(Call(name, kernel, _copied(values)))
             return kernel(*values)
 
@@ -71,13 +72,20 @@ def _copied_value(value: Any) -> Any:
 @cache
 def calls() -> tuple[tuple[Call, ...], ...]:
     """Calls of every kernel, made by finding boards and calibrating."""
+    from tests.fuzz import samples
+
     import rcdn
     from rcdn.calibration import calibrate
     from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
-    from tests.fuzz import samples
 
     squares, dense = samples.picture(), samples.picture(7, 5, 11.0, (120, 100))
-    for grey in (squares, squares.astype(np.float32), dense, samples.picture(3, 3, 8.0, (48, 40)), np.ascontiguousarray(dense[20:, 30:])):
+    for grey in (
+        squares,
+        squares.astype(np.float32),
+        dense,
+        samples.picture(3, 3, 8.0, (48, 40)),
+        np.ascontiguousarray(dense[20:, 30:]),
+    ):
         rcdn.Detector().detect(grey)
         rcdn.Detector(rcdn.DetectorConfig.paper()).detect(grey)
     for method in ("peak", "com", "edge"):
@@ -105,7 +113,9 @@ def _changed(source: Source, value: Any) -> Any:
         return out[: source.below(len(out))]
     if out.dtype.kind == "f":
         return _reals(source, out)
-    return _bytes(source, out) if out.dtype == np.uint8 else _whole(source, out) if CHECKED and source.chance(4) else out
+    return (
+        _bytes(source, out) if out.dtype == np.uint8 else _whole(source, out) if CHECKED and source.chance(4) else out
+    )
 
 
 def _number(source: Source, value: Any) -> Any:
@@ -128,7 +138,9 @@ def _reals(source: Source, out: Array) -> Array:
 
 
 def _whole(source: Source, out: Array) -> Array:
-    odd = [n for n in (*ODD_INTEGERS, -1, len(out), out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max]
+    odd = [
+        n for n in (*ODD_INTEGERS, -1, len(out), out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max
+    ]
     for _ in range(1 + source.below(3)):
         out.flat[source.below(out.size)] = source.choice(odd)
     return out

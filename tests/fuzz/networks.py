@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from rcdn import Detector, DetectorConfig
-from rcdn.corners.onnx_file import read_graph
 from tests.fuzz import samples
 from tests.fuzz.mutate import changed_bytes, changed_tree
 from tests.fuzz.source import Source
 from tests.fuzz.target import Target, as_file, must
+
+from rcdn import Detector, DetectorConfig
+from rcdn.corners.onnx_file import read_graph
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ def _use(model: Model) -> None:
     path = as_file(model.onnx, ".onnx", "model")
     as_file(model.facts, ".json", "model")
     found = Detector(DetectorConfig(model=str(path), threads=1)).response(samples.picture())
-    must(found.dtype == np.float32 and found.shape == samples.picture().shape, f"a response {found.dtype} {found.shape}")
+    must(
+        found.dtype == np.float32 and found.shape == samples.picture().shape, f"a response {found.dtype} {found.shape}"
+    )
 
 
 def _graph(data: Any) -> None:

@@ -17,9 +17,10 @@ def replay(path: Path, minimise: bool = False) -> int:
     """Run the input of a file that a campaign kept; 1 if it still fails."""
     kernels.record()
     faulthandler.enable()
-    from rcdn.errors import RcdnError
     from tests.fuzz.source import Source
     from tests.fuzz.targets import TARGETS
+
+    from rcdn.errors import RcdnError
 
     kept = json.loads(path.read_text())
     target, data = TARGETS[kept["target"]], bytes.fromhex(kept["data"])

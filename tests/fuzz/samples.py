@@ -9,17 +9,44 @@ from typing import Any
 
 import cv2
 import numpy as np
-
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
-from rcdn.geometry import zero_correction
-from rcdn.io import ImageResult, StereoCameras, write_calibration, write_camera, write_detections, write_stereo, write_vnl
-from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
-from rcdn.types import Array, Board, BoardShape, BoardView, Calibration, Camera, Corners, ModelScore, Pose, Reason, Verdict
 from tests.fuzz.target import scratch
+
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
+from rcdn.geometry import zero_correction
+from rcdn.io import (
+    ImageResult,
+    StereoCameras,
+    write_calibration,
+    write_camera,
+    write_detections,
+    write_stereo,
+    write_vnl,
+)
+from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
+from rcdn.types import (
+    Array,
+    Board,
+    BoardShape,
+    BoardView,
+    Calibration,
+    Camera,
+    Corners,
+    ModelScore,
+    Pose,
+    Reason,
+    Verdict,
+)
 
 
 @cache
-def picture(cols: int = 4, rows: int = 3, pitch: float = 12.0, size: tuple[int, int] = (96, 72), pattern: Any = "checker", seed: int = 1) -> Array:
+def picture(
+    cols: int = 4,
+    rows: int = 3,
+    pitch: float = 12.0,
+    size: tuple[int, int] = (96, 72),
+    pattern: Any = "checker",
+    seed: int = 1,
+) -> Array:
     """A small board in the middle of a frame (height, width) uint8, a little turned and tilted."""
     rng = np.random.default_rng(seed)
     rvec = (*rng.uniform(-0.25, 0.25, 2).tolist(), float(rng.uniform(-0.6, 0.6)))
@@ -29,7 +56,16 @@ def picture(cols: int = 4, rows: int = 3, pitch: float = 12.0, size: tuple[int, 
     spec = BoardSpec(cols, rows, rvec, tuple(tvec.tolist()), pattern=pattern)
     centre = ((size[0] - 1) / 2, (size[1] - 1) / 2)
     return render(
-        Scene(*size, focal, centre, boards=(spec,), sensor=Sensor(noise=1.0), background=Background("plain", seed), seed=seed), samples=2
+        Scene(
+            *size,
+            focal,
+            centre,
+            boards=(spec,),
+            sensor=Sensor(noise=1.0),
+            background=Background("plain", seed),
+            seed=seed,
+        ),
+        samples=2,
     )
 
 
@@ -85,7 +121,14 @@ def corrected() -> Camera:
 def cameras() -> tuple[str, ...]:
     """Camera files in every format, of every lens that it holds, and of a pair."""
     texts = []
-    names = {"opencv": "c.yaml", "ros": "c.yaml", "kalibr": "c.yaml", "colmap": "c.txt", "mrcal": "c.cameramodel", "json": "c.json"}
+    names = {
+        "opencv": "c.yaml",
+        "ros": "c.yaml",
+        "kalibr": "c.yaml",
+        "colmap": "c.txt",
+        "mrcal": "c.cameramodel",
+        "json": "c.json",
+    }
     for kind, name in names.items():
         for camera in (*CAMERAS.values(), Camera(CAMERAS["brown"].K, [-0.1], (640, 480), "division"), corrected()):
             texts += _written(lambda path, camera=camera, kind=kind: write_camera(path, camera, kind), name)
@@ -119,13 +162,17 @@ def calibration() -> Calibration:
         if len(ij) == 12:
             gaps, reason = rng.normal(0, 0.1, xy.shape), "its labels are wrong" if len(views) == 2 else ""
             views.append(
-                BoardView(f"{len(views)}.png", 0, ij, xy, np.full(12, 0.1), Pose(T), gaps, np.full(12, not reason), reason)
+                BoardView(
+                    f"{len(views)}.png", 0, ij, xy, np.full(12, 0.1), Pose(T), gaps, np.full(12, not reason), reason
+                )
             )
     cov = np.diag(np.full(len(camera.parameters) + 6, 1e-4) ** 2)
     verdict = Verdict("fair", (Reason("views", "fair", "used views", 2, 10, "", "Only 2 views.", "Take more."),))
     shape = BoardShape(np.zeros((3, 4, 3)))
     scores = (ModelScore("brown", 0.14, 0.15),)
-    return Calibration(camera, SPACING, tuple(views), cov, 0.1, scores, (4, 3), "unique", shape, ("Take more.",), verdict)
+    return Calibration(
+        camera, SPACING, tuple(views), cov, 0.1, scores, (4, 3), "unique", shape, ("Take more.",), verdict
+    )
 
 
 @cache
@@ -161,8 +208,10 @@ def pictures() -> tuple[tuple[str, bytes], ...]:
     small = grey[:9, :7].copy()
     out = []
     for ending, images in {
-        ".png": (grey, colour, deep, small, np.dstack([colour, grey])), ".jpg": (grey, colour, small), ".tiff": (grey, colour, deep, small, grey.astype(np.float32)),
-        ".bmp": (grey, colour), ".pgm": (grey, deep), ".ppm": (colour,), ".pbm": (grey,), ".webp": (colour, small), ".jp2": (grey,), ".hdr": (colour.astype(np.float32),),
+        ".png": (grey, colour, deep, small, np.dstack([colour, grey])), ".jpg": (grey, colour, small),
+        ".tiff": (grey, colour, deep, small, grey.astype(np.float32)),
+        ".bmp": (grey, colour), ".pgm": (grey, deep), ".ppm": (colour,), ".pbm": (grey,), ".webp": (colour, small),
+        ".jp2": (grey,), ".hdr": (colour.astype(np.float32),),
         ".pfm": (grey.astype(np.float32),), ".gif": (colour,), ".ras": (grey,), ".exr": (), ".avif": (grey,),
     }.items():  # fmt: skip
         for image in images:

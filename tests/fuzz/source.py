@@ -16,7 +16,26 @@ ODD_REALS = (
     math.inf, -math.inf, math.nan, 2.0**31, -(2.0**31), 2.0**53, 2.0**63, -(2.0**63), 255.0, 256.0, 32767.5,
 )  # fmt: skip
 """values at which arithmetic, casts and comparisons go wrong"""
-ODD_INTEGERS = (0, 1, -1, 2, 3, 7, 255, 256, 65535, 2**31 - 1, 2**31, -(2**31), 2**32, 2**53 + 1, 2**63 - 1, -(2**63), 10**25, 10**400)
+ODD_INTEGERS = (
+    0,
+    1,
+    -1,
+    2,
+    3,
+    7,
+    255,
+    256,
+    65535,
+    2**31 - 1,
+    2**31,
+    -(2**31),
+    2**32,
+    2**53 + 1,
+    2**63 - 1,
+    -(2**63),
+    10**25,
+    10**400,
+)
 
 
 class Source:
@@ -75,5 +94,23 @@ class Source:
             return self.real()
         if kind < 6:
             return self.integer()
-        plain = (None, True, False, "", [], {}, "nan", "x" * 300, "\0", "\ud800", [[]], [None], [[1, 2], [3]], {"a": {}}, "1e999", "-5", [0] * 9)
+        plain = (
+            None,
+            True,
+            False,
+            "",
+            [],
+            {},
+            "nan",
+            "x" * 300,
+            "\0",
+            "\ud800",
+            [[]],
+            [None],
+            [[1, 2], [3]],
+            {"a": {}},
+            "1e999",
+            "-5",
+            [0] * 9,
+        )
         return self.choice(plain)

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
 from tests.fuzz import campaign
 from tests.fuzz.engine import chosen_at_random
 from tests.fuzz.guard import Guard, strict
@@ -45,7 +44,20 @@ def test_former_failures(path):
 
 def test_a_campaign_over_the_kernels(tmp_path):
     out = tmp_path / "record.json"
-    words = ["--targets", "kernels", "--inputs", "300", "--seconds", "120", "--workers", "1", "--out", str(out), "--keep", str(tmp_path)]
+    words = [
+        "--targets",
+        "kernels",
+        "--inputs",
+        "300",
+        "--seconds",
+        "120",
+        "--workers",
+        "1",
+        "--out",
+        str(out),
+        "--keep",
+        str(tmp_path),
+    ]
     done = subprocess.run([sys.executable, "-m", "tests.fuzz", *words], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     whole, row = json.loads(out.read_text())["rows"]
@@ -105,7 +117,9 @@ def test_a_failure_becomes_small():
 JOB = Job("detections", "random", 1, 0, 3, 60.0, "")
 
 
-@pytest.mark.parametrize(("code", "what"), [("import os; os.abort()", "crash (exit -6)"), ("import time; time.sleep(60)", "hang")])
+@pytest.mark.parametrize(
+    ("code", "what"), [("import os; os.abort()", "crash (exit -6)"), ("import time; time.sleep(60)", "hang")]
+)
 def test_deaths_and_hangs_are_survived(monkeypatch, code, what):
     """A worker that dies or stands still at each input; inputs go on after it."""
     monkeypatch.setattr(campaign, "WORKER", ["-c", BROKEN.replace("CODE", code)])

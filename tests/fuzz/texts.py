@@ -9,6 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.fuzz import samples
+from tests.fuzz.mutate import changed_json, changed_text
+from tests.fuzz.source import Source
+from tests.fuzz.target import Target, as_file, must, scratch
 
 from rcdn import DetectorConfig
 from rcdn.errors import FormatError, RcdnError
@@ -24,12 +28,8 @@ from rcdn.io import (
     write_detections,
     write_vnl,
 )
-from rcdn.synthetic import render, scene_from_json, truth
+from rcdn.synthetic import render, truth
 from rcdn.types import Board, Camera
-from tests.fuzz import samples
-from tests.fuzz.mutate import changed_json, changed_text
-from tests.fuzz.source import Source
-from tests.fuzz.target import Target, as_file, must, scratch
 
 FORMATS = ("opencv", "ros", "kalibr", "colmap", "mrcal", "json")
 
@@ -91,6 +91,11 @@ def valid_camera(camera: Camera) -> None:
     """Its numbers are finite, and points go through it and back without a word, as NaN where it can't see."""
     must(np.isfinite(camera.parameters).all(), "a camera's number isn't finite")
     must(min(camera.image_size) > 0, f"a camera of {camera.image_size} px")
+    see(camera)
+
+
+def see(camera: Camera) -> None:
+    """Rays of pixels, and pixels of points."""
     width, height = camera.image_size
     rays = unproject(camera, np.array([[0.0, 0.0], [width / 2, height / 2], [width - 1, height - 1]]))
     project(camera, np.concatenate([rays, [[0.1, 0.2, 1.0], [0.0, 0.0, -1.0], [3.0, 1.0, 0.5]]]))
@@ -157,7 +162,11 @@ PAIRS = 'left, right\nl1.png r/1.png\n# no\n"l2.png"; "r/2.png"\n'
 
 def _camera_file(source: Source) -> bytes:
     good = source.choice(samples.cameras())
-    return changed_json(source, good) if good.startswith("{") and _is_json(good) else changed_text(source, good, samples.cameras())
+    return (
+        changed_json(source, good)
+        if good.startswith("{") and _is_json(good)
+        else changed_text(source, good, samples.cameras())
+    )
 
 
 @cache

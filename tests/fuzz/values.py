@@ -7,6 +7,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from tests.fuzz import samples
+from tests.fuzz.source import ODD_REALS, Source
+from tests.fuzz.target import Target, must
+from tests.fuzz.texts import see, valid_camera
 
 import rcdn
 from rcdn import DetectorConfig
@@ -15,10 +19,6 @@ from rcdn.errors import RcdnError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING
 from rcdn.precision import sharpen
 from rcdn.types import LENS, Array, Board, BoardShape, Camera, Corners
-from tests.fuzz import samples
-from tests.fuzz.source import ODD_REALS, Source
-from tests.fuzz.target import Target, must
-from tests.fuzz.texts import valid_camera
 
 ORIENTATIONS = ("unique", "ambiguous_180", "ambiguous_90", "ambiguous_120")
 INTEGERS = (0, 1, -1, 2, 7, 1000, 2**20, 2**31, -(2**31), 2**62, -(2**62))
@@ -36,7 +36,9 @@ def _board(source: Source) -> dict[str, Any]:
         _change(source, given)
     if source.chance(4):
         n, name = len(given["ij"]), source.choice(("xy", "ij", "response", "status", "sigma"))
-        given[name] = source.choice((None, [], np.zeros((2, 2)), np.zeros(n), np.full((n, 2), np.nan), [[1, 2], [3]], "text", [None] * n))
+        given[name] = source.choice(
+            (None, [], np.zeros((2, 2)), np.zeros(n), np.full((n, 2), np.nan), [[1, 2], [3]], "text", [None] * n)
+        )
     return given
 
 
@@ -51,13 +53,17 @@ def _change(source: Source, given: dict[str, Any]) -> None:
     elif kind == 2 and n:
         given["ij"][source.below(n), source.below(2)] = source.choice(INTEGERS)
     elif kind == 3:
-        given["xy"] = given["xy"] * source.choice((0.0, 1e-3, 1e-12, 1e6, 1e12, 1e150, -1.0)) + source.choice((0.0, 1e3, -1e9))
+        given["xy"] = given["xy"] * source.choice((0.0, 1e-3, 1e-12, 1e6, 1e12, 1e150, -1.0)) + source.choice(
+            (0.0, 1e3, -1e9)
+        )
     elif kind == 4:
         given["xy"] = given["xy"] * [source.choice((0.0, 1.0, 1e-9)), 1.0]
     elif kind == 5:
         given["ij"] = given["ij"] * source.choice(INTEGERS)
     elif kind == 6:
-        given["image_size"] = source.choice(((0, 0), (-1, 5), (1, 1), (2**31, 2**31), (640, 480), (10**400, 3), (3.5, 2.5), (640,)))
+        given["image_size"] = source.choice(
+            ((0, 0), (-1, 5), (1, 1), (2**31, 2**31), (640, 480), (10**400, 3), (3.5, 2.5), (640,))
+        )
     elif kind == 7 and given["sigma"] is not None and len(given["sigma"]):
         given["sigma"][source.below(len(given["sigma"])) :] = source.real()
     elif kind == 8:
@@ -72,7 +78,11 @@ def _camera(source: Source) -> dict[str, Any]:
     """Arguments of a Camera."""
     good = source.choice([*CAMERAS.values(), samples.corrected()])
     given: dict[str, Any] = {
-        "K": good.K.copy(), "distortion": good.distortion.copy(), "image_size": good.image_size, "model": good.model, "correction": good.correction
+        "K": good.K.copy(),
+        "distortion": good.distortion.copy(),
+        "image_size": good.image_size,
+        "model": good.model,
+        "correction": good.correction,
     }
     for _ in range(source.below(3)):
         kind = source.byte() % 6
@@ -85,7 +95,9 @@ def _camera(source: Source) -> dict[str, Any]:
         elif kind == 3:
             given["image_size"] = source.choice(((0, 0), (-1, 5), (1, 1), (2**31, 2**31), (4, 3), (3.5, 2.5)))
         elif kind == 4:
-            given["distortion"] = source.choice(([], [0.0], [np.nan] * 4, [1e308] * 5, [0.1] * 8, "text", None, [[0.1]]))
+            given["distortion"] = source.choice(
+                ([], [0.0], [np.nan] * 4, [1e308] * 5, [0.1] * 8, "text", None, [[0.1]])
+            )
         else:
             given["K"] = given["K"] * source.choice((0.0, 1e-300, 1e300, -1.0))
     return given
@@ -106,7 +118,8 @@ def _use_board(given: dict[str, Any]) -> None:
 
 
 def _use_camera(given: dict[str, Any]) -> None:
-    valid_camera(Camera(**given))
+    """Rays and pixels of any camera come without a word; NaN where there are none."""
+    see(Camera(**given))
 
 
 def _pose(source: Source) -> tuple[dict[str, Any], dict[str, Any], float]:
@@ -161,7 +174,8 @@ def _settings(source: Source) -> tuple[type, dict[str, Any]]:
     kinds: dict[type, tuple[str, ...]] = {
         Adaptive: ("level",), Fixed: ("value",), Std: ("factor",), MaxFraction: ("fraction",), Nms: ("box", "overlap", "peaks"),
         Cluster: ("k", "drop", "least", "seed"), Refine: ("method", "half"), Sharpen: ("geometry",),
-        DetectorConfig: ("border", "seed", "weak", "min_corners", "threads", "model", "nms", "cluster", "refine", "sharpen", "pyramid", "pattern", "recovery"),
+        DetectorConfig: ("border", "seed", "weak", "min_corners", "threads", "model", "nms", "cluster", "refine", "sharpen",
+                         "pyramid", "pattern", "recovery"),
     }  # fmt: skip
     kind = source.choice(tuple(kinds))
     names = kinds[kind]
@@ -183,9 +197,24 @@ def _use_settings(given: tuple[type, dict[str, Any]]) -> None:
 def _corners(source: Source) -> dict[str, Any]:
     n = source.below(6)
     rng = source.random()
-    given: dict[str, Any] = {"xy": rng.uniform(0, 100, (n, 2)), "response": rng.random(n), "status": np.zeros(n), "axes": rng.random((n, 2)), "sigma": None}
+    given: dict[str, Any] = {
+        "xy": rng.uniform(0, 100, (n, 2)),
+        "response": rng.random(n),
+        "status": np.zeros(n),
+        "axes": rng.random((n, 2)),
+        "sigma": None,
+    }
     for _ in range(source.below(3)):
-        odd = (source.real(), None, [], np.zeros((n, 3)), np.full(n, source.choice(ODD_REALS)), [source.integer()] * n, "text", [[1], [2, 3]])
+        odd = (
+            source.real(),
+            None,
+            [],
+            np.zeros((n, 3)),
+            np.full(n, source.choice(ODD_REALS)),
+            [source.integer()] * n,
+            "text",
+            [[1], [2, 3]],
+        )
         given[source.choice(tuple(given))] = source.choice(odd)
     return given
 
@@ -196,14 +225,23 @@ def _use_corners(given: dict[str, Any]) -> None:
 
 
 def _shape(source: Source) -> Any:
-    odd = (np.zeros((3, 4, 3)), np.zeros((3, 4, 3)) + source.real(), np.zeros((0, 4, 3)), np.zeros((3, 4)), None, "text", [[[1, 2, 3]]], [[[None] * 3]])
+    odd = (
+        np.zeros((3, 4, 3)),
+        np.zeros((3, 4, 3)) + source.real(),
+        np.zeros((0, 4, 3)),
+        np.zeros((3, 4)),
+        None,
+        "text",
+        [[[1, 2, 3]]],
+        [[[None] * 3]],
+    )
     return source.choice(odd), source.random().integers(-3, 6, (4, 2))
 
 
 def _use_shape(given: Any) -> None:
     shape = BoardShape(given[0])
     _ = shape.size
-    if np.isfinite(shape.offsets).all() and shape.offsets.size:
+    if shape.offsets.size and np.abs(shape.offsets).max() < 1e100:
         _ = shape.bend, shape.print_error, shape.stretch
     shape.at(given[1])
 

@@ -28,13 +28,18 @@ def main() -> int:
     }
     said = BUILD / "said.txt"
     with said.open("wb") as file:
-        code = subprocess.run([sys.executable, "-m", "tests.sanitized.battery", str(built)], env=environment, cwd=ROOT, stderr=file).returncode
+        code = subprocess.run(
+            [sys.executable, "-m", "tests.sanitized.battery", str(built)], env=environment, cwd=ROOT, stderr=file
+        ).returncode
     text = said.read_text(errors="replace")
     found = {line for line in text.splitlines() if "runtime error: " in line or "ERROR: AddressSanitizer" in line}
     places = {line.split(" runtime error")[0] for line in found}
     if found or code:
         print(text[-20_000:])
-    print(f"{len(places)} findings in {time.monotonic() - began:.0f} s" + (f"; the battery ended with {code}" if code else ""))
+    print(
+        f"{len(places)} findings in {time.monotonic() - began:.0f} s"
+        + (f"; the battery ended with {code}" if code else "")
+    )
     return int(bool(found) or code != 0)
 
 

@@ -19,7 +19,8 @@ def use(path: Path) -> None:
     import rcdn
 
     spec = spec_from_file_location("rcdn._native", path)
-    assert spec and spec.loader
+    assert spec is not None
+    assert spec.loader is not None
     sys.modules["rcdn._native"] = module = module_from_spec(spec)
     spec.loader.exec_module(module)
     rcdn._native = module  # type: ignore[attr-defined]
@@ -28,7 +29,6 @@ def use(path: Path) -> None:
 def pictures() -> Iterator[Any]:
     """Pictures (H, W) of every small shape: noise, one value, squares, boards and their parts; both types."""
     import numpy as np
-
     from tests.fuzz import samples
 
     rng = np.random.default_rng(SEED)

@@ -15,7 +15,8 @@ BUILD = ROOT / "build" / "sanitized"
 COMPILER = os.environ.get("CC", "gcc")
 SANITIZERS = "address,undefined,float-cast-overflow,bounds-strict"
 FLAGS = (
-    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DFAST=", "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math",
+    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DFAST=",
+    "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math",
     "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-fvisibility=hidden", "-Wno-psabi", "-Wno-unknown-pragmas",
 )  # fmt: skip
 """undefined behaviour is told and goes on, so that one run tells all; a bad address ends it"""
@@ -26,7 +27,9 @@ def runtime() -> list[Path] | None:
     found = []
     for name in ("libasan.so", "libubsan.so", "libstdc++.so.6"):
         try:
-            said = subprocess.run([COMPILER, f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout
+            said = subprocess.run(
+                [COMPILER, f"-print-file-name={name}"], capture_output=True, text=True, check=True
+            ).stdout
         except (OSError, subprocess.CalledProcessError):
             return None
         path = Path(said.strip())
@@ -43,7 +46,9 @@ def library() -> Path:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = list(pool.map(lambda source: _compiled(source, headers), sorted(SOURCES.glob("*.c"))))
     out = BUILD / "_native.abi3.so"
-    subprocess.run([COMPILER, "-shared", f"-fsanitize={SANITIZERS}", *map(str, objects), "-o", str(out), "-lm"], check=True)
+    subprocess.run(
+        [COMPILER, "-shared", f"-fsanitize={SANITIZERS}", *map(str, objects), "-o", str(out), "-lm"], check=True
+    )
     return out
 
 
@@ -55,6 +60,8 @@ def _compiled(source: Path, headers: bytes) -> Path:
         for old in BUILD.glob(f"{source.stem}-*.o"):
             old.unlink()
         new = out.with_suffix(".new")
-        subprocess.run([COMPILER, *FLAGS, f"-I{sysconfig.get_paths()['include']}", "-c", str(source), "-o", str(new)], check=True)
+        subprocess.run(
+            [COMPILER, *FLAGS, f"-I{sysconfig.get_paths()['include']}", "-c", str(source), "-o", str(new)], check=True
+        )
         new.replace(out)
     return out
