@@ -107,9 +107,9 @@ def _changed(source: Source, value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return _number(source, value) if CHECKED and source.chance(24) else value
     out = value.copy()
-    if not out.size or source.byte() % 3 == 0 or (not CHECKED and out.shape[-1] == FRAME):
+    if not out.size or source.byte() % 3 == 0 or (not CHECKED and out.shape[-1:] == (FRAME,)):
         return out
-    if CHECKED and source.chance(24):
+    if CHECKED and out.ndim and source.chance(24):
         return out[: source.below(len(out))]
     if out.dtype.kind == "f":
         return _reals(source, out)
@@ -139,7 +139,7 @@ def _reals(source: Source, out: Array) -> Array:
 
 def _whole(source: Source, out: Array) -> Array:
     odd = [
-        n for n in (*ODD_INTEGERS, -1, len(out), out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max
+        n for n in (*ODD_INTEGERS, *out.shape, out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max
     ]
     for _ in range(1 + source.below(3)):
         out.flat[source.below(out.size)] = source.choice(odd)
