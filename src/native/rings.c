@@ -271,7 +271,6 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
         }
         for (int i = 0; i < 2; i++)
             found[i] -= PI * floor(found[i] / PI);
-            found[i] = found[i] < PI ? found[i] : 0; /* what lies less than rounding below 0 became π */
         const int swapped = found[0] > found[1];
         own[0] = found[swapped];
         own[1] = found[!swapped];

@@ -138,9 +138,7 @@ def _reals(source: Source, out: Array) -> Array:
 
 
 def _whole(source: Source, out: Array) -> Array:
-    odd = [
-        n for n in (*ODD_INTEGERS, *out.shape, out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max
-    ]
+    odd = [n for n in (*ODD_INTEGERS, *out.shape, out.size) if np.iinfo(out.dtype).min <= n <= np.iinfo(out.dtype).max]
     for _ in range(1 + source.below(3)):
         out.flat[source.below(out.size)] = source.choice(odd)
     return out

@@ -58,7 +58,6 @@ def _maxima(histogram: Array) -> tuple[Array, Array]:
     curve = before - 2 * histogram + after
     shift = np.divide(before - after, 2 * curve, out=np.zeros_like(curve), where=peak & (curve < 0))
     angle = (np.arange(BINS) + 0.5 + shift) * (np.pi / BINS) % np.pi
-    angle[angle >= np.pi] = 0.0  # what lies less than rounding below 0
     strongest = np.argsort(-np.where(peak, histogram, -1), axis=1, kind="stable")[:, :MOST]
     rows = np.arange(len(histogram))[:, None]
     return np.where(peak[rows, strongest], angle[rows, strongest], np.nan), peak.sum(axis=1)
