@@ -55,12 +55,12 @@ FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, sta
 enum { ROWS = 8, STEPS = 35, WIDE = 48, TAPS = 15, PADDED = WIDE + 2 * TAPS };
 CONSTANTS(edges, ROWS, STEPS, TAPS)
 
-/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. */
+/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. Of other x it is any number. */
 INLINE float logarithm(float x) {
-    int32_t bits;
+    uint32_t bits;
     memcpy(&bits, &x, sizeof bits);
-    const int32_t exponent = (bits - 0x3f3504f3) >> 23;
-    bits -= exponent * (1 << 23);
+    const int32_t exponent = (int32_t)(bits - 0x3f3504f3) >> 23;
+    bits -= (uint32_t)exponent << 23;
     float m;
     memcpy(&m, &bits, sizeof m);
     const float s = (m - 1) / (m + 1), q = s * s;

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rcdn.errors import RcdnError
 from rcdn.corners.cells import SHAPES, CellNetwork
 from rcdn.corners.onnx_file import read_graph
 from rcdn.corners.response import PROVIDERS, ResponseModel, load_model

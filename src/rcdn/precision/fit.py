@@ -157,7 +157,8 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
-    odd = np.maximum(1 - done.kept / (median(done.kept) or 1.0), 0)  # of a board outside the picture no pixel is kept
+    usual = median(done.kept)
+    odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
     extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise))
     cov = cov + extra[:, None, None] * np.eye(2)
     jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
