@@ -107,7 +107,9 @@ def test_levels_below_nothing_are_nothing():
     spot = np.array([[29.5, 29.5]]), np.array([[16.0, 0]]), np.array([[0, 16.0]]), np.ones(1)
     (offset, strength), (expected, usual) = crossings(grey, *spot), crossings(np.maximum(grey, 0), *spot)
     np.testing.assert_allclose(offset, expected, atol=1e-6)
-    np.testing.assert_allclose(strength, usual, rtol=0.1)  # between pixels, the undershoot takes a little of the bright side
+    np.testing.assert_allclose(
+        strength, usual, rtol=0.1
+    )  # between pixels, the undershoot takes a little of the bright side
 
 
 def test_places_far_away_are_as_good_as_near_ones():
