@@ -9,7 +9,7 @@ FLAGS = [
     "-O3", "-std=c11", "-ffp-contract=off", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math",
     "-Wall", "-Wno-unknown-pragmas", "-Wno-psabi",
 ]  # fmt: skip
-"""every operation rounds by itself, in the order written: the same bits on every processor (docs/decisions/0020-the-same-bits-on-every-processor.md)"""
+"""every operation rounds by itself, in the order written: the same bits on every processor (docs/decisions/0020)"""
 
 native = Extension(
     "rcdn._native",
