@@ -127,7 +127,7 @@ def test_small_matrices(shape):
 def test_affine_maps_are_least_squares(size):
     """Of a single row of points, too: the smallest map of many."""
     rng = np.random.default_rng(1)
-    ij = np.argwhere(np.ones(size)) + np.array([3, 4])
+    ij = np.array([3, 4]) + np.argwhere(np.ones(size))
     xy = ij @ rng.normal(size=(2, 2)) + 40 + rng.normal(size=(len(ij), 2))
     design = np.column_stack([ij - ij.mean(axis=0), np.ones(len(ij))])
     expected = np.linalg.lstsq(design, xy, rcond=None)[0].T

@@ -61,8 +61,9 @@ INLINE void line(const Window *w, float blur, float *shape, double *out) {
     const float sharp = 1 / blur, count = w->count > 1 ? (float)w->count : 1;
     float sum = 0, level = 0, across = 0, square = 0, left = 0;
     INDEPENDENT
-    for (index_t i = 0; i < w->padded; i++) {
+    for (index_t i = 0; i < w->padded; i++)
         shape[i] = erf_near(sharp * w->u[i] * w->iu[i]) * erf_near(sharp * w->v[i] * w->iv[i]);
+    for (index_t i = 0; i < w->padded; i++) {
         sum += w->mask[i] * shape[i];
         level += w->value[i];
     }

@@ -5,12 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rcdn.errors import RcdnError
 from rcdn.corners.cells import SHAPES, CellNetwork
 from rcdn.corners.onnx_file import read_graph
 from rcdn.corners.response import PROVIDERS, ResponseModel, load_model
 from rcdn.corners.sieve import CELL, every_cell
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, RcdnError
 from rcdn.synthetic import PRESETS, random_crop
 
 

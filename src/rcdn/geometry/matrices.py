@@ -32,10 +32,14 @@ def _cross(a: Array, b: Array) -> Array:
 def affine(src: Array, dst: Array) -> Array:
     """The affine map (2, 3) that takes `src` (N, 2) to `dst` (N, 2) best, by least squares: `dst` = map[:, :2] · `src` + map[:, 2].
 
-    Raises LinAlgError where all of `src` are one point. Points on one line are told nothing about the direction across, and the map is flat there.
+    Raises LinAlgError where all of `src` are one point or points are not finite.
+    Points on one line are told nothing about the direction across, and the map is flat there.
     """
     middle, to = src.mean(axis=0), dst.mean(axis=0)
     off = (src - middle).T
     normal = product(off, off.T)
     slopes = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
-    return np.column_stack([slopes, to - (slopes * middle).sum(axis=1)])
+    out = np.column_stack([slopes, to - (slopes * middle).sum(axis=1)])
+    if not np.isfinite(out).all():
+        raise np.linalg.LinAlgError("affine map: points are not finite")
+    return out
