@@ -53,7 +53,11 @@ class StandIn:
         keep = np.setdiff1d(np.arange(len(ij)), 1 + np.arange(missing))  # the first and the last row stay
         boards = [make_board(ij[keep], image.shape[::-1])] if len(ij) and cols < SLOW else []
         xy = np.concatenate([np.array([[50.0, 60.0]]), *(b.xy for b in boards)])
-        return Found(Corners(xy, np.ones(len(xy)), np.zeros(len(xy)), sigma=np.full(len(xy), 1 / 3)), boards, LIMIT * (missing == LIMITED))
+        return Found(
+            Corners(xy, np.ones(len(xy)), np.zeros(len(xy)), sigma=np.full(len(xy), 1 / 3)),
+            boards,
+            LIMIT * (missing == LIMITED),
+        )
 
 
 def mark(what: str) -> bool:

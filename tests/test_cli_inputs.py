@@ -17,7 +17,19 @@ import pytest
 from typer.testing import CliRunner
 
 import detector_stand_in as stand_in
-from detector_stand_in import BROKEN, KILL, KILL_ONCE, LIMIT, LIMITED, MARKS, SLOW, BrightSquare, StandIn, picture, video
+from detector_stand_in import (
+    BROKEN,
+    KILL,
+    KILL_ONCE,
+    LIMIT,
+    LIMITED,
+    MARKS,
+    SLOW,
+    BrightSquare,
+    StandIn,
+    picture,
+    video,
+)
 from rcdn.cli import _batch, _inputs, _pool, app
 from rcdn.cli import detect as verb
 from rcdn.cli._cache import Cache
