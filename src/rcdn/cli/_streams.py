@@ -39,6 +39,7 @@ class Streams:
     """Both streams, quiet from now on; `end` once all is said."""
 
     def __init__(self) -> None:
+        self._below = sys.stdout, sys.stderr  # a stream that nobody holds closes what is below it
         self._out = _Quiet(_raw(sys.stdout))
         sys.stdout = _text(sys.stdout, self._out)
         sys.stderr = _text(sys.stderr, _Quiet(_raw(sys.stderr)))
