@@ -119,7 +119,7 @@ def test_boards_have_their_own_colours_and_captions_do_not_cover_each_other():
         make_board(keep=[]),
         make_board(step=0.5),
         make_board(start=(-500.0, 5000.0)),
-        make_board(start=(1e9, -1e9)),
+        make_board(start=(9e6, -9e6)),
     ],
 )
 def test_odd_boards_are_drawn_without_trouble(board):
