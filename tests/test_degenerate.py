@@ -94,7 +94,12 @@ def quiet(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("kind", [*PLACES, *PARTS, *SIGMAS])
+def test_no_board_is_infinitely_far(boards):
+    with pytest.raises(RcdnError, match=r"Board\.xy"):
+        next(degenerate(boards[:1], "infinite"))
+
+
+@pytest.mark.parametrize("kind", [*(k for k in PLACES if k != "infinite"), *PARTS, *SIGMAS])
 def test_a_pose_or_a_clear_error(boards, quiet, kind):
     for board in degenerate(boards[:1], kind):
         for camera in (CAMERA, CAMERAS["fisheye"]):
@@ -103,7 +108,7 @@ def test_a_pose_or_a_clear_error(boards, quiet, kind):
                 assert np.isfinite(found.T_cam_board).all()
 
 
-@pytest.mark.parametrize("kind", [*PLACES, *PARTS, *SIGMAS])
+@pytest.mark.parametrize("kind", [*(k for k in PLACES if k != "infinite"), *PARTS, *SIGMAS])
 def test_the_last_fit_leaves_such_boards_alone(boards, quiet, kind):
     noise = np.random.default_rng(0).integers(0, 256, (480, 640)).astype(np.uint8)
     for board in degenerate(boards[:1], kind):

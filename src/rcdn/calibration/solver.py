@@ -149,7 +149,7 @@ def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Arr
     """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
     and `gaps` (M, 2)."""
     Q, _ = np.linalg.qr(by_pose.reshape(-1, 6))
-    J, e = shared.reshape(len(Q), -1), gaps.ravel()
+    J, e = shared.reshape(len(Q), shared.shape[-1]), gaps.ravel()
     return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)
 
 
