@@ -56,8 +56,8 @@ class Detector:
 
     `config`: see `DetectorConfig`; default: the preset `auto`. Images: (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
     (docs/conventions.md). Bad input raises RcdnError; a picture without a board gives [] and no error. A detector may be used for
-    any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with a cell
-    network on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
+    any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
+    preset `auto` and boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
