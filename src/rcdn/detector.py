@@ -64,8 +64,7 @@ class Detector:
         self.config = DetectorConfig() if config is None else config
         if not isinstance(self.config, DetectorConfig):
             raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
-        deltille = self.config.pattern == "deltille" and self.config.model == "auto"
-        self._model = load_model("rcdn_deltille" if deltille else self.config.model, self.config.device)
+        self._model = load_model(self.config.weights, self.config.device)
 
     def response(self, image: Any) -> Array:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
