@@ -25,7 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 import fault_runs
-from fault_runs import ALONE, CALIBRATE, DETECT, TRAINING, Command, Reference, Tally
+from fault_commands import ALONE, CALIBRATE, DETECT, TRAINING, Command, fresh, make_home
+from fault_runs import Reference, Tally
 
 from rcdn.io import write_text
 from rcdn.provenance import provenance
@@ -50,7 +51,7 @@ def main() -> int:
     counts: dict[str, Tally] = {}
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="rcdn-faults-") as folder, ThreadPoolExecutor(given.jobs) as pool:
-        homes = [fault_runs.make_home(Path(folder) / f"{k}") for k in range(given.jobs)]
+        homes = [make_home(Path(folder) / f"{k}") for k in range(given.jobs)]
         known = {command: fault_runs.reference(command, homes[0]) for command in SHARES}
         free = queue.SimpleQueue[Path]()
         for home in homes:
@@ -81,7 +82,7 @@ def _parts(given: Any, known: dict[Command, Reference]) -> Iterator[tuple[Any, .
 def _in_a_home(free: queue.SimpleQueue[Path], work: Callable[..., Tally], name: str, *rest: Any) -> tuple[str, Tally]:
     home = free.get()
     try:
-        fault_runs.fresh(rest[0], home, everything=True)
+        fresh(rest[0], home, everything=True)
         return name, work(home, *rest)
     finally:
         free.put(home)
@@ -112,7 +113,7 @@ def kills(
     tally, rng = Tally(), np.random.default_rng(seed)
     for tries in range(3 * count):
         if tries % CHAIN == 0:
-            fault_runs.fresh(command, home)
+            fresh(command, home)
         fault_runs.disturb(command, home, known, kind, float(rng.uniform(0.0, known.seconds)), tally)
         if (tries + 1) % CHAIN == 0 or tally.kills == count:
             fault_runs.again(command, home, known, tally)

@@ -90,7 +90,15 @@ def test_another_configuration_is_refused_and_all_that_differs_is_named(what, tm
 
 def test_the_configuration_covers_renderer_detector_and_libraries():
     facts = cache.configuration()
-    for part in ("synthetic", "corners", "config.py", "io", "native.py", "evaluation/paper/sets.py", "evaluation/paper/score.py"):
+    for part in (
+        "synthetic",
+        "corners",
+        "config.py",
+        "io",
+        "native.py",
+        "evaluation/paper/sets.py",
+        "evaluation/paper/score.py",
+    ):
         assert len(facts[f"source of {part}"]) == 64
     assert {"version of onnxruntime", "version of numpy", "version of simplejpeg", "machine"} <= facts.keys()
 
