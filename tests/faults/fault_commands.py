@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -105,6 +106,12 @@ TRAINING = Command(
     (),
 )  # fmt: skip
 ALONE = replace(DETECT, name="detect --jobs 1", words=(*DETECT.words[:-1], "1"))
+
+
+def heed_ctrl_c() -> None:
+    """Have processes that this one starts heed Ctrl-C, also if it runs in the background of a shell, where it and all of them would ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def start(command: Command, home: Path) -> subprocess.Popen[str]:

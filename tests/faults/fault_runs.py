@@ -148,7 +148,7 @@ def _judge_end(what: str, kind: signal.Signals, code: int, err: str, tally: Tall
 
 
 def again(command: Command, home: Path, known: Reference, tally: Tally) -> None:
-    """Say the command again, undisturbed: now all must be as if nothing had happened."""
+    """Run the command again, undisturbed: now all must be as if nothing had happened."""
     process = start(command, home)
     code, err = ended(process)
     tally.orphans += len(outlived(process.pid))

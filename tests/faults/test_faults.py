@@ -10,7 +10,7 @@ import sys
 import fault_runs
 import numpy as np
 import pytest
-from fault_commands import CALIBRATE, DETECT, TRAINING, fresh, make_home
+from fault_commands import CALIBRATE, DETECT, TRAINING, fresh, heed_ctrl_c, make_home
 from fault_runs import Tally
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs the processes of Linux")
@@ -18,6 +18,7 @@ pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs t
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
+    heed_ctrl_c()
     return make_home(tmp_path_factory.mktemp("home"))
 
 
