@@ -169,7 +169,9 @@ def test_a_cell_network_whose_8_bit_weights_fail_is_not_written(cell_run, tmp_pa
 def test_names_and_folders_that_are_refused(run_folder, tmp_path):
     with pytest.raises(ConfigError, match=r"must end in \.onnx"):
         export(run_folder, tmp_path / "net.json")
-    (run_folder / "run.json").write_text('{"config": {"architecture": "F"}}')
+    report = json.loads((run_folder / "run.json").read_text())
+    report["config"]["architecture"] = "F"
+    (run_folder / "run.json").write_text(json.dumps(report))
     with pytest.raises(RcdnError, match=r"last\.pt holds no weights .* that fit"):
         load_run(run_folder)
     for text in ("{", '{"metrics": 1}'):
