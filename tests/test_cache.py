@@ -188,6 +188,16 @@ def test_weights_change_the_fingerprint(tmp_path):
     assert written(data + b"\0") != first
 
 
+def test_the_weights_that_run_are_in_the_fingerprint(monkeypatch):
+    from rcdn.corners import response
+
+    asked, load = [], response.load_model
+    monkeypatch.setattr(response, "load_model", lambda name: asked.append(name) or load(name))
+    for pattern in ("checker", "deltille"):
+        fingerprint(DetectorConfig(pattern=pattern))
+    assert asked == ["auto", "rcdn_deltille"]
+
+
 def test_another_library_of_kernels_changes_the_fingerprint(package):
     before = fingerprint(DetectorConfig(), package)
     (library,) = package.glob("_native.*")

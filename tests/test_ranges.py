@@ -154,7 +154,7 @@ def test_pictures_of_any_layout(dtype):
     [
         (np.ma.array(GREY, mask=GREY > 100), "masked"),
         (np.broadcast_to(np.uint8(0), (10**6, 10**7)), "sides"),
-        (np.broadcast_to(np.float64(0), (10**6, 10**6)), "pixels"),
+        (np.broadcast_to(np.float64(0), (10**6, 10**6)), "values"),
         (np.zeros((9, 9), [("grey", "u1")]), "dtype"),
         (GREY.astype(object), "dtype"),
         (np.array(3), "shape"),

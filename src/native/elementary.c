@@ -1,4 +1,4 @@
-/* Elementary functions of arrays: see rcdn.elementary. */
+/* Elementary functions of arrays: see rcdn.geometry.elementary. */
 #include "elementary.h"
 #include "kernel.h"
 

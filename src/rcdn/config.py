@@ -228,6 +228,11 @@ class DetectorConfig:
         _bounded(self, "min_corners", 1, MANY, whole=True)
         _bounded(self, "threads", 0, THREADS, whole=True)
 
+    @property
+    def weights(self) -> str:
+        """The weights that `model` stands for: `auto` has a network of its own for deltilles."""
+        return "rcdn_deltille" if self.pattern == "deltille" and self.model == "auto" else self.model
+
     @classmethod
     def auto(cls, **changes: Any) -> DetectorConfig:
         """The best that rcdn can do (the default)."""

@@ -56,16 +56,15 @@ class Detector:
 
     `config`: see `DetectorConfig`; default: the preset `auto`. Images: (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
     (docs/conventions.md). Bad input raises RcdnError; a picture without a board gives [] and no error. A detector may be used for
-    any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with a cell
-    network on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
+    any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
+    preset `auto` and boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self.config = DetectorConfig() if config is None else config
         if not isinstance(self.config, DetectorConfig):
             raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
-        deltille = self.config.pattern == "deltille" and self.config.model == "auto"
-        self._model = load_model("rcdn_deltille" if deltille else self.config.model, self.config.device)
+        self._model = load_model(self.config.weights, self.config.device)
 
     def response(self, image: Any) -> Array:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""

@@ -7,14 +7,14 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 LONGEST = 60
-"""letters of a value that a message shows"""
+"""characters of a value that a message shows"""
 
 
 def shown(value: Any) -> str:
     """A value as messages show it: on one line, and cut where it is long, whatever it is."""
     try:
         if isinstance(value, int) and abs(value) >= 10**LONGEST:
-            return "a number of more than 60 digits"
+            return f"a number of more than {LONGEST} digits"
         text = repr(value[: 2 * LONGEST] if isinstance(value, (str, bytes, list, tuple)) else value)
     except (ValueError, RecursionError):  # an integer too long to be written, or what holds one
         return f"a {type(value).__name__} that is too long to be shown"

@@ -1,7 +1,7 @@
 """Many faults, for the record: `python tests/faults/campaign.py --kills 100 --out benchmarks/results/faults.json`.
 
 Of each kind of signal as many kills as are asked for, at seeded moments of `rcdn detect`, `calibrate` and `train`; after a few of them the same
-command is said again, and must leave what an undisturbed run leaves. Exit code 1 if anything was wrong.
+command is run again, and must leave what an undisturbed run leaves. Exit code 1 if anything was wrong.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 import fault_runs
-from fault_runs import ALONE, CALIBRATE, DETECT, TRAINING, Command, Reference, Tally
+from fault_commands import ALONE, CALIBRATE, DETECT, TRAINING, Command, fresh, heed_ctrl_c, make_home
+from fault_runs import Reference, Tally
 
 from rcdn.io import write_text
 from rcdn.provenance import provenance
@@ -34,7 +35,7 @@ KINDS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 SHARES = {DETECT: 0.3, ALONE: 0.4, CALIBRATE: 0.2, TRAINING: 0.1}
 """of the kills; a training takes longest"""
 CHAIN = 6
-"""kills in a row before the command is said again"""
+"""kills in a row before the command is run again"""
 
 
 def main() -> int:
@@ -47,10 +48,11 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="commands at once, each in a folder of its own")
     parser.add_argument("--out", type=Path, default=None, metavar="FILE.json", help="written anew after each part")
     given = parser.parse_args()
+    heed_ctrl_c()
     counts: dict[str, Tally] = {}
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="rcdn-faults-") as folder, ThreadPoolExecutor(given.jobs) as pool:
-        homes = [fault_runs.make_home(Path(folder) / f"{k}") for k in range(given.jobs)]
+        homes = [make_home(Path(folder) / f"{k}") for k in range(given.jobs)]
         known = {command: fault_runs.reference(command, homes[0]) for command in SHARES}
         free = queue.SimpleQueue[Path]()
         for home in homes:
@@ -81,7 +83,7 @@ def _parts(given: Any, known: dict[Command, Reference]) -> Iterator[tuple[Any, .
 def _in_a_home(free: queue.SimpleQueue[Path], work: Callable[..., Tally], name: str, *rest: Any) -> tuple[str, Tally]:
     home = free.get()
     try:
-        fault_runs.fresh(rest[0], home, everything=True)
+        fresh(rest[0], home, everything=True)
         return name, work(home, *rest)
     finally:
         free.put(home)
@@ -112,7 +114,7 @@ def kills(
     tally, rng = Tally(), np.random.default_rng(seed)
     for tries in range(3 * count):
         if tries % CHAIN == 0:
-            fault_runs.fresh(command, home)
+            fresh(command, home)
         fault_runs.disturb(command, home, known, kind, float(rng.uniform(0.0, known.seconds)), tally)
         if (tries + 1) % CHAIN == 0 or tally.kills == count:
             fault_runs.again(command, home, known, tally)

@@ -10,14 +10,16 @@ import sys
 import fault_runs
 import numpy as np
 import pytest
-from fault_runs import CALIBRATE, DETECT, TRAINING, Tally
+from fault_commands import CALIBRATE, DETECT, TRAINING, fresh, heed_ctrl_c, make_home
+from fault_runs import Tally
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs the processes of Linux")
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
-    return fault_runs.make_home(tmp_path_factory.mktemp("home"))
+    heed_ctrl_c()
+    return make_home(tmp_path_factory.mktemp("home"))
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,7 @@ def known(home):
 def test_killed_runs_leave_whole_files_and_go_on(home, known, command):
     """One of each signal, then the same command again."""
     reference, tally, rng = known(command), Tally(), np.random.default_rng(1)
-    fault_runs.fresh(command, home)
+    fresh(command, home)
     for kind in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
         fault_runs.disturb(command, home, reference, kind, float(rng.uniform(0.4, 0.9) * reference.seconds), tally)
     fault_runs.again(command, home, reference, tally)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fault_runs import OLD, make_home
+from fault_commands import OLD, make_home
 
 HERE = Path(__file__).parent
 

@@ -1,4 +1,4 @@
-"""8-bit weights are let out only if they answer as the network does."""
+"""8-bit weights are exported only if they answer as the network does."""
 
 import json
 import shutil

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from rcdn.boards.fill import fill
-from rcdn.boards.graph import Field, cells, label, links
+from rcdn.boards.graph import Field, Label, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
@@ -43,21 +43,8 @@ def find_boards(
     field, told = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", told)
-    free, parts = np.ones(len(field.xy), bool), []
-    settled: dict[Grid, int] = {}
-    queue = deque(Grid(at, field.xy) for at in grids)
-    while queue:
-        grid = queue.popleft()
-        grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
-        rest = prune(grid, field)
-        if len(grid) >= CELL:
-            more, as_it_was = _complete(field, grid, free, pruned=not rest)
-            rest += more
-            parts.append(grid)
-            if as_it_was:
-                settled[grid] = field.unseen
-        queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
-    boards = []
+    free, boards = np.ones(len(field.xy), bool), []
+    parts, settled = _parts(field, grids, free)
     usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     whole = set(map(id, parts))
     merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
@@ -75,6 +62,28 @@ def find_boards(
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _parts(field: Field, grids: list[dict[Label, int]], free: Array) -> tuple[list[Grid], dict[Grid, int]]:
+    """The grids, each pruned and completed, and what fell off them; and how many peaks were waiting when a grid was left as it was.
+
+    `free` (N,) bool: corners that are in no grid, updated in place.
+    """
+    parts: list[Grid] = []
+    settled: dict[Grid, int] = {}
+    queue = deque(Grid(at, field.xy) for at in grids)
+    while queue:
+        grid = queue.popleft()
+        grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
+        rest = prune(grid, field)
+        if len(grid) >= CELL:
+            more, as_it_was = _complete(field, grid, free, pruned=not rest)
+            rest += more
+            parts.append(grid)
+            if as_it_was:
+                settled[grid] = field.unseen
+        queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
+    return parts, settled
 
 
 def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> list[Sized]:

@@ -66,7 +66,7 @@ def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
     from rcdn.corners.response import load_model
 
     package = package or Path(__file__).parents[1]
-    model = load_model(config.model)
+    model = load_model(config.weights)
     parts = [FORM, replace(config, threads=0).to_json(), platform.machine()]
     parts += _versions()
     digest = hashlib.sha256("\n".join(parts).encode())

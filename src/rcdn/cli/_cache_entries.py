@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from rcdn.io import ImageResult
-from rcdn.types import Board, Corners, Orientation, Pattern, Status
-
-MOST = 1 << 20
-"""pixels of a side and labels of a board are fewer"""
+from rcdn.types import Board, Corners
 
 
 def packed(result: ImageResult) -> dict[str, Any]:
@@ -28,44 +25,14 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def unpacked(record: Any, name: str) -> ImageResult:
-    """The result that was packed. Raises one of many errors if `record` has another form, or values that no detection has."""
-    width, height = _whole(record["width"]), _whole(record["height"])
-    _check_points(record["corners"])
-    boards = []
-    for board in record["boards"]:
-        _check_board(board, (width, height))
-        boards.append(Board(**board | {"image_size": (width, height)}))
+    """The result that was packed. Raises one of many errors if `record` has another form, or values that no detection has: the types check
+    their ranges, and here is what holds of detections besides."""
+    corners, boards = Corners(**record["corners"]), tuple(Board(**board) for board in record["boards"])
+    if not all(np.isfinite(xy).all() for xy in (corners.xy, *(board.xy for board in boards))):
+        raise ValueError("no positions")
+    if not all((board.ij >= 0).all() for board in boards):
+        raise ValueError("no labels")
     warnings = record["warnings"]
     if not isinstance(warnings, list) or not all(isinstance(text, str) for text in warnings):
         raise ValueError("no warnings")
-    return ImageResult(name, width, height, Corners(**record["corners"]), tuple(boards), tuple(warnings))
-
-
-def _check_board(board: dict[str, Any], size: tuple[int, int]) -> None:
-    _check_points(board)
-    labels = np.asarray(board["ij"])
-    if tuple(map(_whole, board["image_size"])) != size:
-        raise ValueError("a board of another picture")
-    if labels.size and (labels.dtype.kind != "i" or not ((labels >= 0) & (labels < MOST)).all()):
-        raise ValueError("no labels")
-    if board["orientation"] not in get_args(Orientation) or board["pattern"] not in get_args(Pattern):
-        raise ValueError("no kind of a board")
-
-
-def _check_points(points: dict[str, Any]) -> None:
-    """Raise ValueError unless positions are finite, statuses known, and all is numbers; how many, the types check themselves."""
-    xy, status = np.asarray(points["xy"]), np.asarray(points["status"])
-    if xy.dtype.kind not in "if" or not np.isfinite(xy).all() or (np.abs(xy) > MOST).any():
-        raise ValueError("no positions")
-    if len(status) and (status.dtype.kind != "i" or not np.isin(status, list(Status)).all()):
-        raise ValueError("no statuses")
-    for key in ("response", "axes", "sigma"):
-        value = points.get(key)
-        if value is not None and np.asarray(value).dtype.kind not in "if":
-            raise ValueError(f"no numbers: {key}")
-
-
-def _whole(value: Any) -> int:
-    if type(value) is not int or not 0 < value < MOST:
-        raise ValueError("not the size of a picture")
-    return value
+    return ImageResult(name, record["width"], record["height"], corners, boards, tuple(warnings))

@@ -69,7 +69,7 @@ def _raw(stream: TextIO | None) -> Any:
 
 
 def _text(stream: Any, quiet: _Quiet) -> Any:
-    """`stream` anew, over `quiet`; letters that its encoding lacks are written as escapes, not refused."""
+    """`stream` anew, over `quiet`; characters that its encoding lacks are written as escapes, not refused."""
     if quiet._raw is None:
         return stream
     stream.flush()

@@ -45,7 +45,7 @@ def export(
     typer.echo(f"wrote {target} and {target.with_suffix('.json').name}")
     typer.echo(f"network {facts['architecture']}, {facts['parameters']:,} parameters, {metrics['step']:,} steps")
     typer.echo(f"F1 {metrics['f1']} on the validation set")
-    typer.echo(f"largest difference between torch and ONNX Runtime: {gap:.1e} (at most {PARITY:.0e} is let out)")
+    typer.echo(f"largest difference between torch and ONNX Runtime: {gap:.1e} (at most {PARITY:.0e} is accepted)")
     if "quantised" in facts:
         _echo_quantised(facts["quantised"])
 
@@ -56,5 +56,5 @@ def _echo_quantised(figures: dict[str, Any]) -> None:
 
     for name, most in BOUNDS.items():
         typer.echo(
-            f"8 bits on {figures['pictures']} pictures: {name} {figures[name]:.4f} (at most {most:g} is let out)"
+            f"8 bits on {figures['pictures']} pictures: {name} {figures[name]:.4f} (at most {most:g} is accepted)"
         )

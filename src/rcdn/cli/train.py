@@ -45,7 +45,7 @@ def train(
     """Train networks and keep the weights, log and TensorBoard events of each in RUNS/NAME.
 
     NAME is the configuration's, or the name of its file; a network that grows from another one (`teacher`) comes after it.
-    A run that was stopped goes on where it was: say the same command again. Relative folders in the configuration start at the
+    A run that was stopped goes on where it was: run the same command again. Relative folders in the configuration start at the
     current directory. Needs: pip install 'rcdn[train]'.
     """
     chosen = [_settings(path, backgrounds, steps, seed) for path in config]

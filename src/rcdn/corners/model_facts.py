@@ -14,6 +14,8 @@ CELLS = (1, 2, 4, 8, 16, 32, 64)
 """px: tiles are multiples of them"""
 SCALE = (1e-12, 1e12)
 """of the largest value of a channel"""
+FIX = "export the network again: rcdn export"
+"""what errors of a network's files say to do"""
 
 
 def read_facts(text: str, where: str) -> dict[str, Any]:
@@ -42,9 +44,6 @@ def read_facts(text: str, where: str) -> dict[str, Any]:
         "'ranges' must be lists of positive numbers",
     )
     return facts
-
-
-FIX = "export the network again: rcdn export"
 
 
 def _require(ok: bool, where: str, message: str) -> None:

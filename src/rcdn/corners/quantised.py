@@ -10,6 +10,7 @@ from math import prod
 import numpy as np
 
 from rcdn.corners.cells import SHAPES, CellNetwork
+from rcdn.corners.model_facts import FIX
 from rcdn.errors import RcdnError
 
 FORMS = {
@@ -42,6 +43,3 @@ def read_npz(data: bytes, sha256: object, name: str) -> CellNetwork:
     if not np.isfinite(arrays["reals"]).all():
         raise RcdnError(f"{name}: 'reals' must be finite; {FIX}")
     return CellNetwork(arrays["reals"], arrays["whole"])
-
-
-FIX = "export the network again: rcdn export"

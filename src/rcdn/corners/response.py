@@ -63,7 +63,7 @@ class ResponseModel:
         try:
             return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
         except Exception as error:  # of a dozen kinds that ONNX Runtime names nowhere
-            raise self._bad(f"ONNX Runtime can't load it ({one_line(error)})") from error
+            raise self._bad(f"ONNX Runtime can't load it ({_shortened(error)})") from error
 
     def _bad(self, message: str) -> RcdnError:
         return RcdnError(f"model: {self.name}: {message}; export it again with `rcdn export`")
@@ -125,7 +125,7 @@ class ResponseModel:
         try:
             result = session.run(None, {"image": tiles})[0]
         except Exception as error:  # as in `session`
-            raise self._bad(f"ONNX Runtime can't run it ({one_line(error)})") from error
+            raise self._bad(f"ONNX Runtime can't run it ({_shortened(error)})") from error
         if not isinstance(result, np.ndarray) or result.dtype != np.float32 or result.shape != wanted:
             got = f"{result.dtype} {result.shape}" if isinstance(result, np.ndarray) else type(result).__name__
             raise self._bad(
@@ -158,17 +158,15 @@ def _onnxruntime() -> Any:
     """ONNX Runtime, kept to itself: on being imported it would write an identifier of this machine below the user's cache folder, and queue what
     it observes for its makers. A program that has imported it already keeps its own settings."""
     first = "onnxruntime" not in sys.modules
-    os.environ.setdefault(
-        "ORT_DISABLE_TELEMETRY", "1"
-    )  # of releases that have the 1DS telemetry: read on the import only
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read on being imported only, by releases that send telemetry
     import onnxruntime
 
     if first:
-        onnxruntime.disable_telemetry_events()  # that of Windows
+        onnxruntime.disable_telemetry_events()  # on Windows
     return onnxruntime
 
 
-def one_line(error: Exception) -> str:
+def _shortened(error: Exception) -> str:
     """What ONNX Runtime says, shortened."""
     return " ".join(str(error).split())[:200]
 

@@ -21,7 +21,7 @@ from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
 _STRETCH_SAMPLES = 1 << 22
-MOST_PIXELS = 1 << 31
+MOST_VALUES = 1 << 31  # of an array, all channels counted
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
 _HEAD = 32  # bytes that say which format it is
 _PIECE = 1 << 24  # bytes that are read at once
@@ -180,9 +180,9 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} has shape {image.shape}; it must be {wanted}")
     if image.size == 0:
         raise ImageError(f"{name} is empty: its shape is {image.shape}; it needs at least one pixel")
-    if max(image.shape[:2]) > SIDE or image.size > MOST_PIXELS:
+    if max(image.shape[:2]) > SIDE or image.size > MOST_VALUES:
         raise ImageError(
-            f"{name} has shape {image.shape}: its sides can be {SIDE} px at most, and {MOST_PIXELS} pixels in all"
+            f"{name} has shape {image.shape}: its sides can be {SIDE} px at most, and it can hold {MOST_VALUES} values"
         )
     return np.asarray(image[:, :, :3] if image.ndim == 3 else image)
 

@@ -15,7 +15,7 @@ from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
 
 LONGEST = 120
-"""letters of a run's name"""
+"""characters of a run's name"""
 
 
 @dataclass(frozen=True)

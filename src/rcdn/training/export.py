@@ -31,7 +31,7 @@ from rcdn.types import Array
 
 OPSET = 17
 PARITY = 1e-4
-"""largest difference between torch and ONNX Runtime with which weights are let out"""
+"""largest difference between torch and ONNX Runtime with which weights are exported"""
 
 
 def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:

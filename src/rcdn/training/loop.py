@@ -277,7 +277,7 @@ class _Run:
             path.unlink(missing_ok=True)
             reason = str(error).strip().splitlines()[0]
             raise OutputError(
-                f"{path}: can't be written: {reason}; make room, then say the same command again: it goes on from its last checkpoint"
+                f"{path}: can't be written: {reason}; make room, then run the same command again: it goes on from its last checkpoint"
             ) from error
 
     def _log(self, row: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""A cell network in whole numbers, tried against itself in floating point before it is let out. Needs no torch."""
+"""A cell network in whole numbers, tried against itself in floating point before it is exported. Needs no torch."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PICTURES = 100
 PLAIN = 0.3
 """responses above this count for the mean difference"""
 BOUNDS = {"mean difference": 0.007, "largest difference": 0.06, "loss of F1": 0.005}
-"""with which 8-bit weights are let out; of the shipped ones .0047, .033 and .0013"""
+"""with which 8-bit weights are exported; of the shipped ones .0047, .033 and .0013"""
 
 
 def quantised(model: ResponseModel) -> tuple[bytes, dict[str, Any]] | None:

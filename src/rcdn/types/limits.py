@@ -1,4 +1,4 @@
-"""Limits that keep the time for a picture in proportion to its size, and what to tell where they bite."""
+"""Limits that keep the time for a picture in proportion to its size, and the warnings where they leave something out."""
 
 from __future__ import annotations
 

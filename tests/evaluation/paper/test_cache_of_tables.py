@@ -1,6 +1,8 @@
 """The cache of Tables 2 and 3: what is known isn't computed again, and nothing is mixed."""
 
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,9 +90,27 @@ def test_another_configuration_is_refused_and_all_that_differs_is_named(what, tm
 
 def test_the_configuration_covers_renderer_detector_and_libraries():
     facts = cache.configuration()
-    for part in ("synthetic", "corners", "config.py", "evaluation/paper/sets.py", "evaluation/paper/score.py"):
+    for part in (
+        "synthetic",
+        "corners",
+        "config.py",
+        "io",
+        "native.py",
+        "evaluation/paper/sets.py",
+        "evaluation/paper/score.py",
+    ):
         assert len(facts[f"source of {part}"]) == 64
-    assert {"version of onnxruntime", "version of numpy", "machine"} <= facts.keys()
+    assert {"version of onnxruntime", "version of numpy", "version of simplejpeg", "machine"} <= facts.keys()
+
+
+def test_other_compiled_kernels_are_another_configuration(tmp_path, monkeypatch):
+    native = import_module("rcdn._native")
+    library, before = Path(native.__file__), cache.configuration()
+    other = tmp_path / library.name
+    other.write_bytes(library.read_bytes() + b"\0")
+    monkeypatch.setattr(native, "__file__", str(other))
+    after = cache.configuration()
+    assert {key for key in before if before[key] != after[key]} == {"compiled kernels"}
 
 
 def test_a_source_that_changes_has_another_checksum(tmp_path):

@@ -7,6 +7,7 @@ import hashlib
 import json
 import platform
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,11 @@ from rcdn.types import Array
 FORM = 1
 """Raised when the files change their form."""
 SOURCES = (
-    "config.py", "corners", "geometry", "io/images.py", "synthetic", "evaluation/sweep/pictures.py",
-    "evaluation/paper/score.py", "evaluation/paper/sets.py", "metrics.py",
+    "config.py", "corners", "geometry", "io", "limits.py", "native.py", "synthetic", "types",
+    "evaluation/sweep/pictures.py", "evaluation/paper/score.py", "evaluation/paper/sets.py", "metrics.py",
 )  # fmt: skip
 """Parts of the package that decide what a picture shows, and what is found in it."""
-LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "onnxruntime")
+LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "simplejpeg", "onnxruntime")
 FACTS = "settings.json"
 
 
@@ -34,6 +35,7 @@ def configuration() -> dict[str, Any]:
     package = Path(__file__).parents[2]
     facts: dict[str, Any] = {"form": FORM, "machine": platform.machine()}
     facts |= {f"version of {name}": version(name) for name in LIBRARIES}
+    facts["compiled kernels"] = digest(Path(str(import_module("rcdn._native").__file__)))
     return facts | {f"source of {part}": digest(package / part) for part in SOURCES}
 
 

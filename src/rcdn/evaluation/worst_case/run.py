@@ -127,7 +127,7 @@ def _answer(time_taken: float, found: Any) -> Answer:
     sizes = [len(board) for board in found.boards]
     return {
         "ms a megapixel": time_taken, "boards": len(sizes), "largest": max(sizes, default=0), "corners": len(found.corners),
-        "warnings": len(getattr(found,"warnings",())), "ended": "done",
+        "warnings": len(found.warnings), "ended": "done",
     }  # fmt: skip
 
 

@@ -212,7 +212,7 @@ def _known(format: str) -> CameraFormat:
 
 
 MOST = 4_000_000
-"""letters of a camera file that isn't JSON: what is larger is none, and its YAML would take minutes to read"""
+"""characters of a camera file that isn't JSON: what is larger is none, and its YAML would take minutes to read"""
 
 
 def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
