@@ -9,6 +9,7 @@ from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelS
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 from rcdn.types.correction import LensCorrection
+from rcdn.types.target import Charuco, PuzzleBoard, Target
 
 __all__ = [
     "LENS",
@@ -20,6 +21,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "CameraModel",
+    "Charuco",
     "Corners",
     "LensCorrection",
     "Level",
@@ -28,9 +30,11 @@ __all__ = [
     "Pattern",
     "Pose",
     "PoseEstimate",
+    "PuzzleBoard",
     "Reason",
     "Status",
     "StereoCalibration",
+    "Target",
     "Verdict",
     "plane_points",
     "usual_size",

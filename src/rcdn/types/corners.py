@@ -12,6 +12,7 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.types.base import Array, freeze
+from rcdn.types.target import Target
 
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
 Pattern = Literal["checker", "deltille"]
@@ -92,7 +93,8 @@ class Board:
     (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
     `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
     `response` (M,), `status` (M,) as in `Corners`. `pattern`: of a `deltille`, i and j run along two edges of a triangle, 60° apart, and
-    nothing says where the board ends: it is never `complete`.
+    nothing says where the board ends: it is never `complete`. `target`, `ids` (M,): the coded target that was read, and the corners' numbers as
+    that target's own tools count them; `ij` is then the place on the target. Both None of a plain board.
     """
 
     xy: Array
@@ -103,6 +105,8 @@ class Board:
     orientation: Orientation
     sigma: Array | None = field(default=None)
     pattern: Pattern = "checker"
+    target: Target | None = None
+    ids: Array | None = None
 
     def __post_init__(self) -> None:
         freeze(self, "xy", self.xy, np.float64, (2,))
@@ -111,6 +115,10 @@ class Board:
         freeze(self, "status", self.status, np.uint8, ())
         if self.sigma is not None:
             freeze(self, "sigma", self.sigma, np.float64, ())
+        if self.ids is not None:
+            freeze(self, "ids", self.ids, np.int64, ())
+        if (self.ids is None) != (self.target is None) or (self.ids is not None and len(self.ids) != len(self.xy)):
+            raise RcdnError("Board.ids must have one row a corner, and come with a target")
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
         if len(np.unique(self.ij @ (1, 1 << 20))) != len(self.ij):
