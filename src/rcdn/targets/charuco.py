@@ -14,7 +14,7 @@ import numpy as np
 
 from rcdn.targets.families import Family, families
 from rcdn.targets.layout import index_of, place_of
-from rcdn.targets.marker import Appearance, appearance, evidence, modules
+from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
 from rcdn.types import Array, Charuco
 
 ACCEPT = 46.0
@@ -25,6 +25,7 @@ COVERED = 0.2
 """probability that a square doesn't show its marker: a hand, glare, a torn print"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
+FRAME = Frame()
 MOST_COLUMNS = 64
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
@@ -62,10 +63,10 @@ def read_charuco(squares: Array, marked: Array, inner: Array) -> Reading | None:
     """
     scored: list[_Scores] = []
     for side in SIDES:
-        look = appearance(np.nanmean(squares[marked & inner], axis=0), side)
+        look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            ratios[marked] = evidence(modules(squares[marked], look, side))
+            ratios[marked] = evidence(modules(squares[marked], look, side, FRAME), FRAME.border)
             scored += [_Scores.of(ratios, marked, look, f, turns) for f in families(side) for turns in range(4)]
     return _best(sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), inner)
 
@@ -115,13 +116,7 @@ class _Scores:
     def of(cls, ratios: Array, marked: Array, look: Appearance, family: Family, turns: int) -> _Scores:
         turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
         row, column = np.nonzero(np.rot90(marked, turns))
-        ratio = turned[row, column]
-        frame = np.ones(ratio.shape[1:], bool)
-        frame[1:-1, 1:-1] = False
-        inside = ratio[:, ~frame]
-        black = _gain(-inside).sum(axis=1) + np.minimum(_gain(-ratio[:, frame]).sum(axis=1), 0)  # the frame is black, or it is no marker
-        shown = black[:, None] + (inside / np.log(2)) @ family.bits.reshape(len(family), -1).T.astype(float)
-        gain = np.log2(COVERED + (1 - COVERED) * np.exp2(np.minimum(shown, 500)))
+        gain = gains(turned[row, column], family.bits, FRAME.border)
         height, width = marked.shape if turns % 2 == 0 else marked.shape[::-1]
         return cls(gain, row, column, (height, width), look, family, turns)
 
@@ -177,6 +172,15 @@ class _Scores:
         first = marker[k] - index_of(self.column[square[k]], self.row[square[k]], columns, odd.astype(bool))
         zero = np.zeros_like(k)
         return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
+
+
+def gains(ratios: Array, bits: Array, border: int) -> Array:
+    """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m)."""
+    inside = inner_modules(ratios.shape[-1], border)
+    own, frame = ratios[:, inside], ratios[:, ~inside]
+    black = _gain(-own).sum(axis=1) + np.minimum(_gain(-frame).sum(axis=1), 0)  # the frame is black, or it is no marker
+    shown = black[:, None] + (own / np.log(2)) @ bits.reshape(len(bits), -1).T.astype(float)
+    return np.asarray(np.log2(COVERED + (1 - COVERED) * np.exp2(np.minimum(shown, 500))))
 
 
 def _gain(ratio: Array) -> Array:

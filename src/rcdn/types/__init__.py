@@ -9,11 +9,12 @@ from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelS
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 from rcdn.types.correction import LensCorrection
-from rcdn.types.target import Charuco, PuzzleBoard, Target
+from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
     "LENS",
     "LEVELS",
+    "AprilGrid",
     "Array",
     "Board",
     "BoardShape",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
+import numpy as np
+
 from rcdn.errors import RcdnError
 from rcdn.types.base import Array
 
@@ -50,8 +52,35 @@ class PuzzleBoard:
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
 
-Target = Charuco | PuzzleBoard
-_KINDS: dict[str, type[Charuco | PuzzleBoard]] = {t.kind: t for t in (Charuco, PuzzleBoard)}
+@dataclass(frozen=True)
+class AprilGrid:
+    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags over their
+    side; `border`: width of a tag's black border, bits; `first_id`: the tag at the bottom left.
+
+    Corners are numbered as Kalibr numbers them: row by row upwards from the bottom left, 2 · columns a row. A corner's `ij` counts from the bottom
+    right, i to the left and j upwards, so that it is right-handed like every label; it lies at `plane(ij)`.
+    """
+
+    columns: int
+    rows: int | None
+    family: str
+    gap: float
+    border: int = 2
+    first_id: int = 0
+    kind: ClassVar[str] = "aprilgrid"
+
+    def ids(self, ij: Array) -> Array:
+        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
+
+    def plane(self, ij: Array) -> Array:
+        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
+        ij = np.asarray(ij)
+        return np.asarray(ij // 2 * (1 + self.gap) + ij % 2)
+
+
+Target = Charuco | PuzzleBoard | AprilGrid
+_KINDS: dict[str, type[Target]] = {t.kind: t for t in (Charuco, PuzzleBoard, AprilGrid)}
 
 
 def target_record(target: Target) -> dict[str, Any]:
