@@ -9,10 +9,10 @@ import numpy as np
 from rcdn.targets.charuco import ACCEPT, MARGIN, gains
 from rcdn.targets.families import families
 from rcdn.targets.marker import Frame, appearance, evidence, modules
-from rcdn.targets.rectify import rectified
+from rcdn.targets.rectify import aspect_of, rectified
 from rcdn.types import AprilGrid, Array
 
-SAMPLES = 40
+SAMPLES = 32
 FRAMES = (Frame(2, filling=True), Frame(1, filling=True))
 NAMES = {"DICT_APRILTAG_16h5": "tag16h5", "DICT_APRILTAG_25h9": "tag25h9", "DICT_APRILTAG_36h10": "tag36h10", "DICT_APRILTAG_36h11": "tag36h11"}
 MOST_COLUMNS = 64
@@ -40,7 +40,7 @@ def read_aprilgrid(grey: Array, grid: Array, gap: float, goes_on: Array) -> Grid
     found: list[tuple[float, AprilGrid, int, int, int]] = []
     for frame in FRAMES:
         for side in (4, 5, 6):
-            look = appearance(lifted[seen].mean(axis=0), side, frame)
+            look = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
             if look is None:
                 continue
             ratios = np.zeros((*seen.shape, side + 2 * frame.border, side + 2 * frame.border))

@@ -7,7 +7,7 @@ probability of at most 2^−T (Markov), and any of M layouts with at most M · 2
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +19,9 @@ from rcdn.types import Array, Charuco
 
 ACCEPT = 46.0
 """bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁶ layouts (4 turns, 10 families, 2 parities, 62 widths, 2 000 places, 4 rims)"""
-MARGIN = 20.0
+MARGIN = 14.0
 """bits by which it must exceed the next layout"""
-COVERED = 0.2
+COVERED = 0.05
 """probability that a square doesn't show its marker: a hand, glare, a torn print"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
@@ -57,18 +57,25 @@ class _Layout:
     highest: int
 
 
-def read_charuco(squares: Array, marked: Array, inner: Array) -> Reading | None:
+def read_charuco(squares: Array, marked: Array, inner: Array, aspect: float) -> Reading | None:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found. None if no layout is certain.
+    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px. None if no layout is certain.
     """
     scored: list[_Scores] = []
     for side in SIDES:
-        look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME)
+        look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            ratios[marked] = evidence(modules(squares[marked], look, side, FRAME), FRAME.border)
+            ratios[marked] = evidence(modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border)
             scored += [_Scores.of(ratios, marked, look, f, turns) for f in families(side) for turns in range(4)]
     return _best(sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), inner)
+
+
+def _open_sides(marked: Array) -> Array:
+    """(R, C, 4): whether a square is the last one on the left, right, upper, lower side."""
+    rows, columns = np.indices(marked.shape)
+    last = marked.shape[0] - 1, marked.shape[1] - 1
+    return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
 def _best(scored: list[_Scores], inner: Array) -> Reading | None:
@@ -78,16 +85,26 @@ def _best(scored: list[_Scores], inner: Array) -> Reading | None:
         for scores in scored:
             if layouts and scores.hope < layouts[0].bits - MARGIN:
                 break  # nothing that is left comes near the best
-            layouts = sorted([*layouts, *scores.layouts(any_first)], key=lambda x: -x.bits)
+            layouts = sorted([*layouts, *filter(_possible(inner), scores.layouts(any_first))], key=lambda x: -x.bits)
         if layouts and layouts[0].bits > ACCEPT:
             margin = layouts[0].bits - layouts[1].bits if len(layouts) > 1 else layouts[0].bits
             return _reading(layouts[0], inner, margin) if margin > MARGIN else None
     return None
 
 
+def _rows(layout: _Layout, inner: Array) -> int | None:
+    """How many rows the board has; None if there may be more, unseen."""
+    whole = layout.last_row and inner[1:-1, 1:-1].all()
+    return layout.place[1] + inner.shape[layout.turns % 2] if whole else None
+
+
+def _possible(inner: Array) -> Callable[[_Layout], bool]:
+    """Whether a layout is one that is printed: a white first square goes with an even number of rows."""
+    return lambda layout: layout.odd or (_rows(layout, inner) or 0) % 2 == 0
+
+
 def _reading(top: _Layout, inner: Array, margin: float) -> Reading:
-    whole = top.last_row and inner[1:-1, 1:-1].all()  # else there may be more rows, unseen
-    rows = top.place[1] + inner.shape[top.turns % 2] if whole else None
+    rows = _rows(top, inner)
     target = Charuco(
         top.columns,
         rows,
@@ -140,7 +157,7 @@ class _Scores:
         gain = np.where(exists, self.gain[np.arange(len(self.row)), np.clip(marker, 0, len(self.family) - 1)], 0.0)
         body, foot = (gain * ~last).sum(axis=1), (gain * last).sum(axis=1)
         bits = np.where((on_board & ~exists & ~last).any(axis=1), -np.inf, body + np.maximum(foot, 0))
-        for k in np.argsort(-bits)[:2]:
+        for k in np.argsort(-bits)[:3]:
             used = exists[k] & (~last[k] | (foot[k] > 0))
             if np.isfinite(bits[k]) and used.any():
                 place = (int(u[k, 0]), int(v[k, 0]))

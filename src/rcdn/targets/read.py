@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.targets.charuco import read_charuco
 from rcdn.targets.puzzle import read_puzzle
-from rcdn.targets.rectify import grid_with_ring, rectified, whole_squares
+from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares
 from rcdn.types import Array, Board, Charuco, PuzzleBoard
 
 SAMPLES = 32
@@ -32,7 +32,7 @@ def identified(grey: Array, board: Board) -> Board:
     if marked is not None:
         squares = rectified(grey, grid, SAMPLES)
         lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
-        reading = read_charuco(lifted, marked, inner)
+        reading = read_charuco(lifted, marked, inner, aspect_of(grid))
         if reading is not None:
             column, row = reading.place
             return _placed(board, reading.target, reading.turns, (column, row))

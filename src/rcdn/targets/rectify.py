@@ -57,6 +57,12 @@ def _linear(count: int, samples: int) -> Array:
     return np.maximum(1 - np.abs(at[:, None] - np.arange(count + 1)), 0)
 
 
+def aspect_of(grid: Array) -> float:
+    """Usual width over height of the squares of a grid, px."""
+    width, height = (np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (1, 0))
+    return float(np.nanmedian(width) / np.nanmedian(height))
+
+
 def _area(grid: Array) -> float:
     """Usual area of a square, px²."""
     right, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
