@@ -15,7 +15,8 @@ import pytest
 from rcdn.errors import DependencyError
 from rcdn.types import Board, Corners
 
-BROKEN, STOP, KILL, KILL_ONCE, SLOW = 255, 254, 253, 252, 251
+BROKEN, STOP, KILL, KILL_ONCE, SLOW, LIMITED = 255, 254, 253, 252, 251, 40
+LIMIT = ("too many", "far too many")
 MARKS = "RCDN_TEST_MARKS"
 """names the folder where a detector leaves a file for each thing that happened"""
 
@@ -24,13 +25,14 @@ MARKS = "RCDN_TEST_MARKS"
 class Found:
     corners: Corners
     boards: list[Board]
+    warnings: tuple[str, ...] = ()
 
 
 class StandIn:
     """Finds what the picture's first pixels say: columns, rows, and how many corners are missing.
 
     0 columns: no board. BROKEN: an unexpected error. STOP: the user presses Ctrl-C. KILL: this process is killed; KILL_ONCE: only the
-    first that sees the picture; SLOW: it takes a minute.
+    first that sees the picture; SLOW: it takes a minute. LIMITED corners missing: it warns.
     """
 
     def __init__(self, config) -> None:
@@ -51,7 +53,11 @@ class StandIn:
         keep = np.setdiff1d(np.arange(len(ij)), 1 + np.arange(missing))  # the first and the last row stay
         boards = [make_board(ij[keep], image.shape[::-1])] if len(ij) and cols < SLOW else []
         xy = np.concatenate([np.array([[50.0, 60.0]]), *(b.xy for b in boards)])
-        return Found(Corners(xy, np.ones(len(xy)), np.zeros(len(xy)), sigma=np.full(len(xy), 1 / 3)), boards)
+        return Found(
+            Corners(xy, np.ones(len(xy)), np.zeros(len(xy)), sigma=np.full(len(xy), 1 / 3)),
+            boards,
+            LIMIT * (missing == LIMITED),
+        )
 
 
 def mark(what: str) -> bool:

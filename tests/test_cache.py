@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import shutil
+import subprocess
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -66,6 +69,12 @@ def test_no_corners_and_no_sigma_come_back_as_that(cache):
     assert_equal(cache.result("00", "a"), empty)
 
 
+def test_warnings_come_back(cache):
+    told = ImageResult("a", 5, 4, Corners(np.zeros((0, 2)), [], []), (), ("one", "two"))
+    cache.keep("00", told)
+    assert cache.result("00", "a").warnings == ("one", "two")
+
+
 @pytest.mark.parametrize(
     "damage",
     [
@@ -85,6 +94,42 @@ def test_damaged_entries_are_not_there_and_are_written_again(cache, damage):
     assert cache.result(key, "a.png") is None
     cache.keep(key, result())
     assert_equal(cache.result(key, "a.png"), result())
+
+
+def test_entries_that_changed_places_are_not_believed(cache):
+    keys = [cache.key("one"), cache.key("two")]
+    for seed, key in enumerate(keys):
+        cache.keep(key, result(seed=seed))
+    one, two = (next(p for p in entries(cache) if p.stem == key) for key in keys)
+    content = one.read_bytes()
+    one.write_bytes(two.read_bytes())
+    two.write_bytes(content)
+    assert [cache.result(key, "a.png") for key in keys] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [
+        (("corners", "status", 0), 999_999), (("corners", "status", 0), 7), (("corners", "status", 0), 1.5),
+        (("boards", 0, "status", 0), -1), (("boards", 0, "status", 0), 10**400), (("boards", 0, "xy", 3, 0), 1e150),
+        (("boards", 0, "xy", 3, 0), float("nan")), (("boards", 0, "xy", 3), [1.0]), (("boards", 0, "ij", 2, 1), 10**18),
+        (("boards", 0, "ij", 2, 1), -4), (("boards", 0, "ij", 2, 1), 0.5), (("boards", 0, "orientation"), "upright"),
+        (("boards", 0, "orientation"), []), (("boards", 0, "pattern"), 5), (("boards", 0, "image_size"), [640, -480]),
+        (("boards", 0, "image_size"), [1, 2, 3]), (("boards", 0, "sigma", 1), "a"), (("corners", "axes"), [[1.0]]),
+        (("width",), -5), (("width",), 10**400), (("width",), True), (("corners",), []), (("boards",), "ab"),
+    ],
+)  # fmt: skip
+def test_values_that_no_detection_has_are_not_there(cache, where, value):
+    key = cache.key("content")
+    cache.keep(key, result())
+    record = cache.get(key)
+    part = record
+    for step in where[:-1]:
+        part = part[step]
+    part[where[-1]] = value
+    cache.put(key, record)
+    assert cache.get(key) is not None
+    assert cache.result(key, "a.png") is None
 
 
 @pytest.mark.parametrize("value", [{}, [], 3, {"boards": 1}, {"corners": {"xy": 1}, "boards": []}])
@@ -128,6 +173,7 @@ def test_weights_change_the_fingerprint(tmp_path):
     import json
 
     home = Path(rcdn.__file__).parent / "weights"
+    (tmp_path / "m.npz").write_bytes((home / "rcdn_q.npz").read_bytes())
     facts = json.loads((home / "rcdn_q.json").read_text())
     data = (home / "rcdn_q.onnx").read_bytes()
     config = DetectorConfig(model=str(tmp_path / "m.onnx"))
@@ -140,6 +186,28 @@ def test_weights_change_the_fingerprint(tmp_path):
     first = written(data)
     assert written(data) == first
     assert written(data + b"\0") != first
+
+
+def test_another_library_of_kernels_changes_the_fingerprint(package):
+    before = fingerprint(DetectorConfig(), package)
+    (library,) = package.glob("_native.*")
+    library.write_bytes(library.read_bytes() + b"\0")
+    assert fingerprint(DetectorConfig(), package) != before
+
+
+def test_the_fingerprint_does_not_import_onnx_runtime():
+    code = "import sys; from rcdn.cli._cache import fingerprint; from rcdn.config import DetectorConfig; fingerprint(DetectorConfig())"
+    out = subprocess.run(
+        [sys.executable, "-c", f"{code}; print('onnxruntime' in sys.modules)"], capture_output=True, text=True
+    )
+    assert out.stdout == "False\n"
+
+
+def test_the_version_of_onnx_runtime_changes_the_fingerprint(monkeypatch):
+    before = fingerprint(DetectorConfig())
+    real = importlib.metadata.version
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.0" if name == "onnxruntime" else real(name))
+    assert fingerprint(DetectorConfig()) != before
 
 
 @pytest.mark.parametrize(("source", "counts"), [("boards/grow.py", True), ("types/corners.py", True), ("new.py", True),
@@ -177,6 +245,19 @@ def test_open_cache(monkeypatch, tmp_path):
         open_cache(config, tmp_path / "file" / "inside")
     with pytest.raises(OutputError, match="--cache"):
         open_cache(config, tmp_path / "file")
+
+
+def test_a_user_without_a_home_folder_has_no_cache(monkeypatch, capsys):
+    def nobody(_):
+        raise KeyError("uid not found")
+
+    for name in ("XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", nobody)
+    assert open_cache(DetectorConfig()) is None
+    assert capsys.readouterr().err.splitlines() == [
+        "note: this user has no home folder; what is found is kept for the next run only with --cache DIR"
+    ]
 
 
 def test_a_place_that_takes_nothing_spoils_nothing(tmp_path):

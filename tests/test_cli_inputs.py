@@ -17,7 +17,19 @@ import pytest
 from typer.testing import CliRunner
 
 import detector_stand_in as stand_in
-from detector_stand_in import BROKEN, KILL, KILL_ONCE, MARKS, SLOW, BrightSquare, StandIn, picture, video
+from detector_stand_in import (
+    BROKEN,
+    KILL,
+    KILL_ONCE,
+    LIMIT,
+    LIMITED,
+    MARKS,
+    SLOW,
+    BrightSquare,
+    StandIn,
+    picture,
+    video,
+)
 from rcdn.cli import _batch, _inputs, _pool, app
 from rcdn.cli import detect as verb
 from rcdn.cli._cache import Cache
@@ -66,6 +78,28 @@ def outcomes(paths, jobs, make=StandIn, cache=None):
     work = _batch.Work(partial(make, CONFIG), cache)
     pictures = _batch.read_ahead(paths, decode=jobs == 1, cache=cache)
     return [done.outcomes for done in _pool.compute(pictures, work, jobs)]
+
+
+# ---- warnings
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_limits_left_out_is_told_and_written_also_from_the_cache(run, jobs):
+    picture(Path("in/usual.png"))
+    picture(Path("in/much.png"), missing=LIMITED)
+    for again in (False, True):
+        result = run("in", "--json", "out.json", "--cache", "cache", "--jobs", jobs)
+        assert result.exit_code == 0
+        assert result.stderr.splitlines() == ["warning: in/much.png: too many; far too many"], again
+        images, _ = read_detections("out.json")
+        assert {Path(i.path).name: i.warnings for i in images} == {"usual.png": (), "much.png": LIMIT}
+
+
+def test_what_limits_left_out_is_told_before_a_calibration(home, capfd):
+    picture(Path("much.png"), missing=LIMITED)
+    got = gather("much.png")
+    assert got.images[0].warnings == LIMIT
+    assert capfd.readouterr().err == "warning: much.png: too many; far too many\n"
 
 
 # ---- processes
@@ -164,15 +198,16 @@ def test_processes_that_end_at_once_are_one_error(home):
         outcomes(paths, 2, make=stand_in.ends_at_once)
 
 
-def test_no_place_for_overlays_stops_but_keeps_what_is_done(run):
+def test_an_overlay_that_can_not_be_written_does_not_keep_the_others(run):
     for k in range(6):
         picture(Path(f"{k}.png"))
     Path("see/2.png").mkdir(parents=True)
     for jobs in (1, 2):
         result = run("*.png", "-j", jobs, "--overlay", "see", "--json", "out.json")
         assert result.exit_code == 1
-        assert result.stderr.count("error: ") == 1
-        assert [i.path for i in read_detections("out.json")[0]] == ["0.png", "1.png", "2.png"]
+        assert result.stderr == "error: see/2.png: can't be written: it is a folder; give the name of a file in it\n"
+        assert [i.path for i in read_detections("out.json")[0]] == [f"{k}.png" for k in range(6)]
+        assert sorted(p.name for p in Path("see").iterdir()) == [f"{k}.png" for k in range(6)]
 
 
 def test_results_come_in_order_frozen_and_not_far_ahead(home):
@@ -249,7 +284,7 @@ def test_ctrl_c_ends_all_processes_and_writes_what_is_done(home, marks):
     os.killpg(command.pid, signal.SIGINT)
     out, err = command.communicate(timeout=60)
     assert command.returncode == 130
-    assert err == "error: stopped by Ctrl-C after 3 pictures of 6 files; their results are kept\n"
+    assert err == "error: stopped by Ctrl-C after 3 pictures of 6 files; out.json holds what was found in them\n"
     assert "Traceback" not in out
     assert [i.path for i in read_detections("out.json")[0]] == ["0.png", "1.png", "2.png"]
     assert not [p.name for p in home.iterdir() if p.name.endswith(".tmp")]

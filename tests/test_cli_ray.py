@@ -76,3 +76,54 @@ def test_without_ray_the_error_names_the_extra(tmp_path, monkeypatch):
     result = CliRunner().invoke(app, ["detect", str(picture(tmp_path / "a.png")), "--engine", "ray"])
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == "error: --engine ray needs Ray: pip install 'rcdn[ray]'\n"
+
+
+LISTENING = """
+import os, re
+from rcdn.cli import _ray
+
+def listening():
+    addresses = {}
+    for family in ("tcp", "tcp6"):
+        for line in open(f"/proc/net/{family}").read().splitlines()[1:]:
+            part = line.split()
+            if part[3] == "0A":
+                addresses[part[9]] = part[1].rpartition(":")[0]
+    for pid in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            if os.getpid() in (int(pid), os.getpgid(int(pid))):
+                links = [os.readlink(f"/proc/{pid}/fd/{fd}") for fd in os.listdir(f"/proc/{pid}/fd")]
+                yield from (addresses[m[1]] for m in map(re.compile(r"socket:.(\\d+)").match, links) if m and m[1] in addresses)
+        except OSError:
+            pass
+
+def work():
+    return 1
+
+if __name__ == "__main__":
+    os.setpgrp()
+    with _ray._cluster(_ray.LOCAL, 1) as ray:
+        ray.get(ray.remote(work).remote())
+        print(*sorted(set(listening())))
+"""
+
+
+@with_ray
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_a_cluster_of_this_machine_listens_to_this_machine_only(tmp_path):
+    (tmp_path / "listening.py").write_text(LISTENING)
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("RAY_")}
+    command = [sys.executable, tmp_path / "listening.py"]
+    done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=240, check=False)
+    found = done.stdout.split()
+    assert found, done.stderr
+    assert set(found) <= {"0100007F", "0000000000000000FFFF00000100007F", "00000000000000000000000001000000"}
+
+
+def test_the_loopback_is_asked_for_before_ray_is_imported(monkeypatch):
+    for address, wanted in ((_ray.LOCAL, "0"), ("10.0.0.1:1", None)):
+        monkeypatch.delenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", raising=False)
+        monkeypatch.setitem(sys.modules, "ray", None)
+        with pytest.raises(ImportError), _ray._cluster(address, 1):
+            pass
+        assert os.environ.pop("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", None) == wanted

@@ -111,9 +111,9 @@ def test_hard_scenes(tmp_path):
         (["--size", "64x1000"], "take a larger"),
         (["--ranges", "soft"], "ordinary"),
         (["--count", "0"], "--count"),
-        (["--scene", "none.json"], "can't be read"),
-        (["--scene", "list.json"], "not a scene"),
-        (["--scene", "other.json"], "not a scene"),
+        (["--scene", "none.json"], "--scene none.json: no such file"),
+        (["--scene", "list.json"], "--scene list.json: scene must be an object"),
+        (["--scene", "other.json"], "--scene other.json: scene: a Scene has no 'images'"),
     ],
 )
 def test_wrong_use(tmp_path, monkeypatch, arguments, message):

@@ -111,7 +111,7 @@ def test_photographs_that_are_not_there(run):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["train", "none.toml"], 2, "can't be read"),
+        (["train", "none.toml"], 2, "no such file"),
         (["train", "tiny.toml", "--devices", "0", "--accelerator", "cpu"], 2, "--devices"),
         (["train", "tiny.toml", "--devices", "many"], 2, "--devices"),
         (["train", "tiny.toml", "--accelerator", "steam"], 2, "--accelerator"),

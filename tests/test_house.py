@@ -162,7 +162,7 @@ def test_functions_and_tests_that_are_named_exist(page):
 
 
 def test_ci_runs_what_the_readme_says():
-    assert (ROOT / ".ci/run").read_text().splitlines()[-1] == INSTALL_AND_TEST
+    assert INSTALL_AND_TEST in (ROOT / ".ci/run").read_text().splitlines()
     readme = (ROOT / "README.md").read_text()
     if "```" not in readme:
         pytest.skip("README.md has no commands yet")

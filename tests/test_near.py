@@ -59,7 +59,5 @@ def test_pairs_come_once(points):
 def test_kernels_convert_nothing():
     from rcdn.native import bind
 
-    with pytest.raises(TypeError, match="must be contiguous float64"):
-        bind("rcdn_nearest", "dndnnDL", result=True)(
-            np.zeros((2, 2), "f4"), 2, np.zeros((1, 2)), 1, 1, np.zeros((1, 1)), np.zeros((1, 1), "i8")
-        )
+    with pytest.raises(TypeError, match="must be a contiguous float64 array"):
+        bind("rcdn_nearest")(np.zeros((2, 2), "f4"), np.zeros((1, 2)), np.zeros((1, 1)), np.zeros((1, 1), "i8"))

@@ -2,8 +2,8 @@
 #include "sampling.h"
 
 /* Grey levels (n,) at `xy` (n, 2), the border repeated. */
-FAST EXPORT void rcdn_sample(const void *data, index_t height, index_t width, int real, const double *xy, index_t n, double *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (OUT, double, out, n)) {
+    const index_t height = p.height, width = p.width;
     const index_t right = width > 1, down = height > 1 ? width : 0;
     for (index_t k = 0; k < n; k++) {
         const double x = limited(xy[2 * k], 0, (double)(width - 1)), y = limited(xy[2 * k + 1], 0, (double)(height - 1));
@@ -14,21 +14,19 @@ FAST EXPORT void rcdn_sample(const void *data, index_t height, index_t width, in
         const double top = a + fx * (b - a), low = c + fx * (d - c);
         out[k] = top + fy * (low - top);
     }
+    return 0;
 }
 
 /* `out` (n, 3) of links `start` → `end` (n, 2). */
-FAST EXPORT void rcdn_edge_contrast(const void *data, index_t height, index_t width, int real, const double *start, const double *end, index_t n,
-                                    double *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 3)) {
     Places w;
     for (index_t k = 0; k < n; k++)
         sides_differ(&p, start + 2 * k, end + 2 * k, &w, out + 3 * k);
+    return 0;
 }
 
 /* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either side. */
-FAST EXPORT void rcdn_edge_steps(const void *data, index_t height, index_t width, int real, const double *start, const double *end, index_t n,
-                                 double *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 2)) {
     static const double away[2] = {0.1, 0.3};
     Places w;
     float value[4 * ALONG];
@@ -49,18 +47,20 @@ FAST EXPORT void rcdn_edge_steps(const void *data, index_t height, index_t width
             out[2 * link + r] = (double)sum / ALONG;
         }
     }
+    return 0;
 }
 
 /* Profiles across an edge: so many on each side of a crossing, of so many samples (made up to whole vectors: WIDE), and so many to either
  * side that a smoothed slope looks at. */
 enum { ROWS = 8, STEPS = 35, WIDE = 48, TAPS = 15, PADDED = WIDE + 2 * TAPS };
+CONSTANTS(edges, ROWS, STEPS, TAPS)
 
-/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. */
+/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. Of other x it is any number. */
 INLINE float logarithm(float x) {
-    int32_t bits;
+    uint32_t bits;
     memcpy(&bits, &x, sizeof bits);
-    const int32_t exponent = (bits - 0x3f3504f3) >> 23;
-    bits -= exponent * (1 << 23);
+    const int32_t exponent = (int32_t)(bits - 0x3f3504f3) >> 23;
+    bits -= (uint32_t)exponent << 23;
     float m;
     memcpy(&m, &bits, sizeof m);
     const float s = (m - 1) / (m + 1), q = s * s;
@@ -117,8 +117,10 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
     grey_levels(s, w, ROWS * STEPS, value);
     memset(padded, 0, sizeof padded); /* beyond a profile there is nothing: its ends see less */
     for (int r = 0; r < ROWS; r++)
-        for (int k = 0; k < STEPS; k++)
-            padded[r][TAPS + k] = logarithm(value[r * STEPS + k] + dark);
+        for (int k = 0; k < STEPS; k++) {
+            const float level = value[r * STEPS + k]; /* enlarged pictures in floating point go below 0 beside edges */
+            padded[r][TAPS + k] = logarithm((level > 0 ? level : 0) + dark);
+        }
     for (int r = 0; r < ROWS; r++)
         for (int k = 0; k < WIDE; k++) {
             float sum = 0;
@@ -155,14 +157,14 @@ INLINE void edge_offset(const Picture *p, const double *xy, const double *across
 /* `offset`, `strength` (n, 2) at spots `xy`, `du`, `dv` (n, 2), `colour` (n,): see boards/edges.py, `crossings`. `rows` (ROWS,) and `t` (STEPS,)
  * squares along and across an edge, `dark` grey levels, `taps` (TAPS,) of the smoothed slope: weights of the samples
  * after one, less those before it. */
-FAST EXPORT void rcdn_crossings(const void *data, index_t height, index_t width, int real, const double *xy, const double *du, const double *dv,
-                                const double *colour, index_t n, const float *rows, const float *t, double dark, const float *taps,
-                                double *offset, double *strength) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_crossings, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, double, du, n, 2), (IN, double, dv, n, 2),
+            (IN, double, colour, n), (IN, float, rows, ROWS), (IN, float, t, STEPS), (REAL, dark), (IN, float, taps, TAPS),
+            (OUT, double, offset, n, 2), (OUT, double, strength, n, 2)) {
     Places w;
     for (index_t k = 0; k < n; k++) {
         const double *at = xy + 2 * k, *u = du + 2 * k, *v = dv + 2 * k;
         edge_offset(&p, at, u, v, colour[k], rows, t, (float)dark, taps, &w, offset + 2 * k, strength + 2 * k);
         edge_offset(&p, at, v, u, colour[k], rows, t, (float)dark, taps, &w, offset + 2 * k + 1, strength + 2 * k + 1);
     }
+    return 0;
 }

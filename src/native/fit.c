@@ -1,6 +1,8 @@
 /* The parametric fit of corners of a board, each by itself. See rcdn/precision/fit.py. */
 #include "fit_model.h"
 
+CONSTANTS(fit, COUNT, BLUR, BLEED, MEAN, CONTRAST, FRAME, CENTRE, THIN, MOST)
+
 /* Blocks of a window: pixels are at most 2 · ROW / 2 px from the mean of all, and those of one half are mirrored to the other. */
 enum { BLOCKS = (ROW + 2) * (2 * ROW + 3) };
 
@@ -23,9 +25,9 @@ typedef struct {
 #define OUTLIER_CONTRAST 0.15
 /* Least pivot of a matrix with ones on its diagonal. */
 #define LEAST 1e-13
-/* px, blurs */
-#define SHARPEST 0.25
-#define SOFTEST 20.0
+/* Logarithms of blurs of 0.25 and 20 px */
+#define SHARPEST -1.38629436111989062
+#define SOFTEST 2.99573227355399099
 
 /* px, sides of blocks */
 #define SMALLEST 1.0
@@ -100,7 +102,7 @@ INLINE void solve(Room *room, Sums sums, const double *state, const double *mean
 
 /* Squares a px across the narrower side of a window's square. */
 INLINE double steepest(const double *frame) {
-    const double u = hypot(frame[SLOPE], frame[SLOPE + 1]), v = hypot(frame[SLOPE + 2], frame[SLOPE + 3]);
+    const double u = length_of(frame[SLOPE], frame[SLOPE + 1]), v = length_of(frame[SLOPE + 2], frame[SLOPE + 3]);
     return u > v ? u : v;
 }
 
@@ -171,22 +173,30 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
         scores[1] += sum[k] - even[k] / (sum[k] > 1e-12 ? sum[k] : 1e-12);
 }
 
-/* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led `steps` on, bound
- * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. `noise`: variance of the residuals of the board. `robust`: pixels that
- * disagree lose their weight. `board`: next corners have edges too. Out: `variance` (n) of the residuals with weights; `kept` (n), mean weight; where
- * asked to `tell`, inverse normal matrices: diagonals `own` (n, COUNT), and `unit` (n, 2, 2) of the shift; where `share` isn't 0, `scores`
- * (n, 2) of blocks whose sides are `share` of a square's. Returns 1 where memory lacks. */
-FAST EXPORT index_t rcdn_fit(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
-                             const double *flat, const double *origin, const double *terms, double *state, const double *mean,
-                             const double *tie, double noise, index_t steps, index_t robust, index_t board, double *variance,
-                             double *kept, index_t tell, double *own, double *unit, double share, double *scores) {
-    const Picture picture = {data, height, width, real};
+/* How to fit: `noise`, variance of the residuals of the board; so many `steps`; `robust`: pixels that disagree lose their weight; `board`: next
+ * corners have edges too; `tell`: `own`, `unit` and, where `share` isn't 0, `scores` are wanted. */
+ARGUMENT_GROUP(Settings, (REAL, noise), (INT, steps, 0, 100), (INT, robust, 0, 1), (INT, board, 0, 1), (INT, tell, 0, 1), (REAL, share),
+               (WHERE, fabs(share) <= DBL_MAX))
+
+/* What the fit finds: `variance` (n) of the residuals with weights; `kept` (n), mean weight; inverse normal matrices: diagonals `own` (n, COUNT),
+ * and `unit` (n, 2, 2) of the shift; `scores` (n, 2) of blocks whose sides are `share` of a square's. */
+ARGUMENT_GROUP(Found, (SIZE, n, variance, 0), (OUT, double, variance, n), (OUT, double, kept, n), (OUT, double, own, n, COUNT),
+               (OUT, double, unit, n, 2, 2), (OUT, double, scores, n, 2))
+
+/* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led on, bound
+ * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. */
+FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
+            (WHERE, are_frames(frames, n)), (OUT, double, state, n, COUNT), (IN, double, mean, n, COUNT), (IN, double, tie, n, COUNT),
+            (GROUP, Settings, settings), (GROUP, Found, found), (WHERE, found.n == n)) {
+    const double noise = settings.noise, share = settings.share;
+    const index_t steps = settings.steps, robust = settings.robust, board = settings.board, tell = settings.tell;
+    double *variance = found.variance, *kept = found.kept, *own = found.own, *unit = found.unit, *scores = found.scores;
     void *memory = malloc(sizeof(Room) + ALIGNED);
     if (!memory)
-        return 1;
+        return NO_MEMORY;
     Room *room = (Room *)(((uintptr_t)memory + ALIGNED - 1) / ALIGNED * ALIGNED);
     for (index_t k = 0; k < n; k++) {
-        const Map map = map_of(flat, origin, terms, k);
+        const Map map = map_of(&maps, k);
         const double *frame = frames + FRAME * k;
         double *p = state + COUNT * k, m[ROWS][ROWS], step[COUNT];
         window_pixels(&picture, frame, &room->window);
@@ -201,7 +211,7 @@ FAST EXPORT index_t rcdn_fit(const void *data, index_t height, index_t width, in
             for (int j = 0; j < COUNT && s < steps; j++)
                 p[j] += clip(step[j], -STEP[j], STEP[j]);
             for (int j = BLUR; j < BLUR + 2; j++)
-                p[j] = clip(p[j], log(SHARPEST), log(SOFTEST));
+                p[j] = clip(p[j], SHARPEST, SOFTEST);
         }
         const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
         variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;

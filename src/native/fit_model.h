@@ -2,6 +2,7 @@
 #ifndef RCDN_FIT_MODEL_H
 #define RCDN_FIT_MODEL_H
 
+#include "elementary.h"
 #include "fit_window.h"
 #include "maths.h"
 
@@ -22,7 +23,7 @@ typedef struct {
 
 /* Do the edges of the next corners reach into the window? */
 INLINE int crowded(const Window *w, const double *state) {
-    const float blur_u = FELT * (float)exp(state[BLUR]), blur_v = FELT * (float)exp(state[BLUR + 1]);
+    const float blur_u = FELT * (float)exponential(state[BLUR]), blur_v = FELT * (float)exponential(state[BLUR + 1]);
     int felt = 0;
     for (index_t i = 0; i < w->count; i++)
         felt |= (1 - fabsf(w->u[i]) < blur_u * w->gu[i]) | (1 - fabsf(w->v[i]) < blur_v * w->gv[i]);
@@ -42,75 +43,80 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
     float p[COUNT];
     for (int k = 0; k < COUNT; k++)
         p[k] = (float)state[k];
-    const float sharp_u = (float)exp(-state[BLUR]), sharp_v = (float)exp(-state[BLUR + 1]);
+    const float sharp_u = (float)exponential(-state[BLUR]), sharp_v = (float)exponential(-state[BLUR + 1]);
     const float contrast = fabsf(p[CONTRAST]), bleed = p[CONTRAST] > 0 ? p[BLEED] : p[CONTRAST] < 0 ? -p[BLEED] : 0;
     const float strict = 1 / limit;
     const index_t n = w->padded;
-    float square = 0, heavy = 0, total = 0;
-    INDEPENDENT
-    for (index_t i = 0; i < n; i++) {
-        const float u = w->u[i], v = w->v[i], uu = u * u, vv = v * v;
-        const float scale_u = sharp_u * w->iu[i], scale_v = sharp_v * w->iv[i];
-        const float own_u = u - p[0] - p[2] * v - p[4] * vv, own_v = v - p[1] - p[3] * u - p[5] * uu;
-        const float side_u = erf_near(own_v * scale_v) * w->gu[i], side_v = erf_near(own_u * scale_u) * w->gv[i];
-        const float push_u = bleed * side_u, push_v = bleed * side_v;
-        const float z_u = (own_u + push_u) * scale_u, z_v = (own_v + push_v) * scale_v;
-        const float bell_u = PEAK * bell_near(z_u), bell_v = PEAK * bell_near(z_v);
-        float wave_u = erf_near(z_u), wave_v = erf_near(z_v), soft_u = -bell_u * z_u, soft_v = -bell_v * z_v;
-        if (others) {
-            next_edge((u - 1 - push_u) * scale_u, &wave_u, &soft_u);
-            next_edge((u + 1 - push_u) * scale_u, &wave_u, &soft_u);
-            next_edge((v - 1 - push_v) * scale_v, &wave_v, &soft_v);
-            next_edge((v + 1 - push_v) * scale_v, &wave_v, &soft_v);
+    float square[LANES] = {0}, heavy[LANES] = {0}, total[LANES] = {0};
+    for (index_t first = 0; first < n; first += LANES)
+        INDEPENDENT
+        for (index_t lane = 0; lane < LANES; lane++) {
+            const index_t i = first + lane;
+            const float u = w->u[i], v = w->v[i], uu = u * u, vv = v * v;
+            const float scale_u = sharp_u * w->iu[i], scale_v = sharp_v * w->iv[i];
+            const float own_u = u - p[0] - p[2] * v - p[4] * vv, own_v = v - p[1] - p[3] * u - p[5] * uu;
+            const float side_u = erf_near(own_v * scale_v) * w->gu[i], side_v = erf_near(own_u * scale_u) * w->gv[i];
+            const float push_u = bleed * side_u, push_v = bleed * side_v;
+            const float z_u = (own_u + push_u) * scale_u, z_v = (own_v + push_v) * scale_v;
+            const float bell_u = PEAK * bell_near(z_u), bell_v = PEAK * bell_near(z_v);
+            float wave_u = erf_near(z_u), wave_v = erf_near(z_v), soft_u = -bell_u * z_u, soft_v = -bell_v * z_v;
+            if (others) {
+                next_edge((u - 1 - push_u) * scale_u, &wave_u, &soft_u);
+                next_edge((u + 1 - push_u) * scale_u, &wave_u, &soft_u);
+                next_edge((v - 1 - push_v) * scale_v, &wave_v, &soft_v);
+                next_edge((v + 1 - push_v) * scale_v, &wave_v, &soft_v);
+            }
+            const float shape = wave_u * wave_v, amplitude = p[CONTRAST] + p[13] * u + p[14] * v;
+            const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
+            const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
+            const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
+            const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
+            const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
+            const float move_u = -amplitude * by_u * live, move_v = -amplitude * by_v * live;
+            rows[0][i] = move_u;
+            rows[1][i] = move_v;
+            rows[2][i] = move_u * v;
+            rows[3][i] = move_v * u;
+            rows[4][i] = move_u * vv;
+            rows[5][i] = move_v * uu;
+            rows[6][i] = amplitude * soft_u * wave_v * live;
+            rows[7][i] = amplitude * wave_u * soft_v * live;
+            rows[8][i] = contrast * (by_u * side_u + by_v * side_v) * live;
+            rows[9][i] = live;
+            rows[10][i] = shape * live;
+            rows[11][i] = u * live;
+            rows[12][i] = v * live;
+            rows[13][i] = u * shape * live;
+            rows[14][i] = v * shape * live;
+            rows[15][i] = off * root;
+            square[lane] += off * off * w->mask[i];
+            heavy[lane] += off * off * root * root;
+            total[lane] += root * root;
         }
-        const float shape = wave_u * wave_v, amplitude = p[CONTRAST] + p[13] * u + p[14] * v;
-        const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
-        const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
-        const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
-        const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
-        const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
-        const float move_u = -amplitude * by_u * live, move_v = -amplitude * by_v * live;
-        rows[0][i] = move_u;
-        rows[1][i] = move_v;
-        rows[2][i] = move_u * v;
-        rows[3][i] = move_v * u;
-        rows[4][i] = move_u * vv;
-        rows[5][i] = move_v * uu;
-        rows[6][i] = amplitude * soft_u * wave_v * live;
-        rows[7][i] = amplitude * wave_u * soft_v * live;
-        rows[8][i] = contrast * (by_u * side_u + by_v * side_v) * live;
-        rows[9][i] = live;
-        rows[10][i] = shape * live;
-        rows[11][i] = u * live;
-        rows[12][i] = v * live;
-        rows[13][i] = u * shape * live;
-        rows[14][i] = v * shape * live;
-        rows[15][i] = off * root;
-        square += off * off * w->mask[i];
-        heavy += off * off * root * root;
-        total += root * root;
-    }
-    const Sums out = {square, heavy, total};
+    const Sums out = {lane_sum(square), lane_sum(heavy), lane_sum(total)};
     return out;
 }
 
-/* Products of four rows with four others, summed over n pixels, to both sides of the diagonal of a matrix (ROWS, ROWS). */
-INLINE void products_4x4(const float *a, const float *b, index_t n, double *out, double *mirror) {
-    float s[16] = {0};
-    for (index_t i = 0; i < n; i++)
-        for (int j = 0; j < 4; j++)
-            for (int k = 0; k < 4; k++)
-                s[4 * j + k] += a[j * PIXELS + i] * b[k * PIXELS + i];
-    for (int j = 0; j < 4; j++)
-        for (int k = 0; k < 4; k++)
-            out[j * ROWS + k] = mirror[k * ROWS + j] = s[4 * j + k];
+/* Products of two rows with two others, summed over n pixels, to both sides of the diagonal of a matrix (ROWS, ROWS). */
+INLINE void products_2x2(const float *a, const float *b, index_t n, double *out, double *mirror) {
+    float s[4][LANES] = {{0}};
+    for (index_t i = 0; i < n; i += LANES)
+        for (index_t lane = 0; lane < LANES; lane++) {
+            const float a0 = a[i + lane], a1 = a[PIXELS + i + lane], b0 = b[i + lane], b1 = b[PIXELS + i + lane];
+            s[0][lane] += a0 * b0;
+            s[1][lane] += a0 * b1;
+            s[2][lane] += a1 * b0;
+            s[3][lane] += a1 * b1;
+        }
+    for (int k = 0; k < 4; k++)
+        out[k / 2 * ROWS + k % 2] = mirror[k % 2 * ROWS + k / 2] = lane_sum(s[k]);
 }
 
 /* The products of all rows with each other, summed over the pixels. */
 INLINE void products(Rows rows, index_t n, double out[ROWS][ROWS]) {
-    for (int a = 0; a < ROWS; a += 4)
-        for (int b = a; b < ROWS; b += 4)
-            products_4x4(rows[a], rows[b], n, &out[a][b], &out[b][a]);
+    for (int a = 0; a < ROWS; a += 2)
+        for (int b = a; b < ROWS; b += 2)
+            products_2x2(rows[a], rows[b], n, &out[a][b], &out[b][a]);
 }
 
 #endif

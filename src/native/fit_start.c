@@ -11,8 +11,6 @@
 /* Blurs that a window stays away from what lies beyond the board's outermost squares, and how short, squares, it is cut at most. */
 #define RIM 2.2
 #define LEAST 0.25
-/* px, beyond any picture */
-#define AWAY 1e9
 
 /* The window of a corner at `xy`, in its affine frame, with its pixels' number in place of THIN; 0 where the map folds there. `rim` (2): no
  * corner follows on one side along u, v. */
@@ -28,10 +26,10 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
         return 0;
     double inner = 1, outer = 1;
     for (int k = 0; k < 2; k++) {
-        const double length = hypot(step[k], step[2 + k]), width = fabs(area) / hypot(step[1 - k], step[3 - k]);
+        const double length = length_of(step[k], step[2 + k]), width = fabs(area) / length_of(step[1 - k], step[3 - k]);
         const double far = LONGEST / length < HALF ? LONGEST / length : HALF, free = 1 - RIM * blur / width;
         const double cut = free > LEAST ? free : LEAST;
-        const double near = (BAND_BLURS * blur + BAND_MORE) * hypot(slope[2 * k], slope[2 * k + 1]);
+        const double near = (BAND_BLURS * blur + BAND_MORE) * length_of(slope[2 * k], slope[2 * k + 1]);
         reach[k] = rim[k] && cut < far ? cut : far;
         band[k] = near < reach[k] ? near : reach[k];
         outer *= reach[k];
@@ -48,10 +46,10 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
 }
 
 /* `frames` (n, FRAME) of corners at `xy` (n, 2) with `rim` (n, 2), as of `frame_of`. Returns 1 where a map folds on a corner. */
-EXPORT index_t rcdn_fit_frames(index_t n, const double *flat, const double *origin, const double *terms, const double *xy,
-                               const uint8_t *rim, double blur, double *frames) {
+KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, xy, n, 2), (IN, uint8_t, rim, n, 2), (REAL, blur),
+       (OUT, double, frames, n, FRAME)) {
     for (index_t k = 0; k < n; k++) {
-        const Map map = map_of(flat, origin, terms, k);
+        const Map map = map_of(&maps, k);
         if (!frame_of(&map, xy + 2 * k, rim + 2 * k, blur, frames + FRAME * k))
             return 1;
     }
@@ -63,8 +61,9 @@ INLINE void line(const Window *w, float blur, float *shape, double *out) {
     const float sharp = 1 / blur, count = w->count > 1 ? (float)w->count : 1;
     float sum = 0, level = 0, across = 0, square = 0, left = 0;
     INDEPENDENT
-    for (index_t i = 0; i < w->padded; i++) {
+    for (index_t i = 0; i < w->padded; i++)
         shape[i] = erf_near(sharp * w->u[i] * w->iu[i]) * erf_near(sharp * w->v[i] * w->iv[i]);
+    for (index_t i = 0; i < w->padded; i++) {
         sum += w->mask[i] * shape[i];
         level += w->value[i];
     }
@@ -86,23 +85,20 @@ INLINE void line(const Window *w, float blur, float *shape, double *out) {
 }
 
 /* The pixels of corner k, with their board coordinates. */
-INLINE void fill_window(const Picture *picture, const double *frames, const double *flat, const double *origin, const double *terms,
-                        index_t k, Window *w) {
-    const Map map = map_of(flat, origin, terms, k);
+INLINE void fill_window(const Picture *picture, const double *frames, const Maps *maps, index_t k, Window *w) {
+    const Map map = map_of(maps, k);
     window_pixels(picture, frames + FRAME * k, w);
     window_coordinates(&map, frames + FRAME * k, w);
 }
 
-/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners. Returns 1 where memory lacks. */
-FAST EXPORT index_t rcdn_fit_levels(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
-                                    const double *flat, const double *origin, const double *terms, index_t many,
-                                    const double *blurs, double *levels) {
-    const Picture picture = {data, height, width, real};
+/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners. */
+FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
+            (WHERE, are_frames(frames, n)), (SIZE, many, blurs, 0), (IN, double, blurs, many), (OUT, double, levels, many, n, 3)) {
     Window *w = malloc(sizeof(Window) + PIXELS * sizeof(float));
     if (!w)
-        return 1;
+        return NO_MEMORY;
     for (index_t k = 0; k < n; k++) {
-        fill_window(&picture, frames, flat, origin, terms, k, w);
+        fill_window(&picture, frames, &maps, k, w);
         for (index_t b = 0; b < many; b++)
             line(w, (float)blurs[b], (float *)(w + 1), levels + 3 * (b * n + k));
     }
@@ -111,16 +107,14 @@ FAST EXPORT index_t rcdn_fit_levels(const void *data, index_t height, index_t wi
 }
 
 /* The pixels of n corners, for whoever wants to look: `count` (n), and `out` (8, n, room): x, y from the centre, grey levels, u, v, their
- * slopes, mask. What `room` doesn't hold is left out. Returns 1 where memory lacks. */
-EXPORT index_t rcdn_fit_windows(const void *data, index_t height, index_t width, int real, index_t n, const double *frames,
-                                const double *flat, const double *origin, const double *terms, index_t room, int64_t *count,
-                                float *out) {
-    const Picture picture = {data, height, width, real};
+ * slopes, mask. What `room` doesn't hold is left out. */
+KERNEL(rcdn_fit_windows, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
+       (WHERE, are_frames(frames, n)), (SIZE, room, out, 2), (OUT, int64_t, count, n), (OUT, float, out, 8, n, room)) {
     Window *w = malloc(sizeof(Window));
     if (!w)
-        return 1;
+        return NO_MEMORY;
     for (index_t k = 0; k < n; k++) {
-        fill_window(&picture, frames, flat, origin, terms, k, w);
+        fill_window(&picture, frames, &maps, k, w);
         const index_t size = w->padded < room ? w->padded : room;
         const float *all[8] = {w->x, w->y, w->value, w->u, w->v, w->gu, w->gv, w->mask};
         for (int j = 0; j < 8; j++)

@@ -2,10 +2,12 @@
 #ifndef RCDN_FIT_WINDOW_H
 #define RCDN_FIT_WINDOW_H
 
+#include "lanes.h"
 #include "lattice.h"
 
+#include <float.h>
+
 enum {
-    LANES = 16,  /* pixels of a corner are padded to a multiple of this */
     MOST = 3968, /* pixels of a corner: a window of 60 by 60 px at most holds 3721 */
     ROW = 128,   /* longest row of a window */
     PIXELS = MOST + ROW + LANES,
@@ -15,12 +17,30 @@ enum {
  * every `thin`-th pixel of it is taken. As doubles, in this order. */
 enum { SLOPE = 0, REACH = 4, BAND = 6, CENTRE = 8, BOX = 10, THIN = 12, FRAME = 13 };
 
-/* `count` pixels, and up to a multiple of LANES some without `mask`. `x`, `y`: px from the centre; `u`, `v`: squares; `gu`, `gv`: lengths of
+/* `count` pixels, and up to a multiple of LANES some without `mask`, zeros. `x`, `y`: px from the centre; `u`, `v`: squares; `gu`, `gv`: lengths of
  * their slopes, squares a px; `iu`, `iv`: 1 / (√2 gu), 1 / (√2 gv). */
 typedef struct {
     float x[PIXELS], y[PIXELS], value[PIXELS], mask[PIXELS], u[PIXELS], v[PIXELS], gu[PIXELS], gv[PIXELS], iu[PIXELS], iv[PIXELS];
     index_t count, padded;
 } Window;
+
+/* px, beyond any picture */
+#define AWAY 1e9
+
+/* Do `frames` (n, FRAME) tell windows that fit into their room? */
+static inline int are_frames(const double *frames, index_t n) {
+    for (const double *f = frames; f < frames + FRAME * n; f += FRAME) {
+        for (int k = 0; k < FRAME; k++)
+            if (!(fabs(f[k]) <= DBL_MAX))
+                return 0;
+        if (fabs(f[CENTRE]) > AWAY || fabs(f[CENTRE + 1]) > AWAY || !(f[THIN] >= 1) || f[THIN] > AWAY)
+            return 0;
+        for (int k = 0; k < 2; k++)
+            if (!(f[BOX + k] >= 0) || f[BOX + k] > ROW / 2 - 1)
+                return 0;
+    }
+    return 1;
+}
 
 typedef struct {
     index_t first, last;

@@ -1,11 +1,12 @@
 /* Labelled grids: what is around labels, and where corners should be. */
 #include "grid.h"
 
-/* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. 0, or -1 without memory. */
-EXPORT index_t rcdn_grid_around(const int64_t *labels, index_t n, const int64_t *spots, index_t count, index_t reach, int64_t *out) {
+/* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. */
+KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (INT, reach, 0, 100), (OUT, int64_t, out, count, (2 * reach + 1) * (2 * reach + 1))) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++, spots += 2)
         for (index_t e = -reach; e <= reach; e++)
             for (index_t d = -reach; d <= reach; d++)
@@ -25,22 +26,25 @@ INLINE void predict(const Table *t, const double *xy, const int64_t *spots, inde
     }
 }
 
-/* `predict` from corners `labels`, `xy` (n, 2). 0, or -1 without memory. */
-EXPORT FAST index_t rcdn_grid_predict(const int64_t *labels, const double *xy, index_t n, const int64_t *spots, index_t count, double *out, int64_t *support, double *pitch) {
+/* `predict` from corners `labels`, `xy` (n, 2). */
+FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+            (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
+            (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     predict(&t, xy, spots, count, out, support, pitch);
     free(t.row);
     return 0;
 }
 
 /* The empty labels beside a grid's corners, in order, (at most 4 n, 2), at which steps are `least` long, and what `predict` says of them. Returns
- * how many, or -1 without memory. */
-EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, index_t n, double least, int64_t *spots, double *out, int64_t *support, double *pitch) {
+ * how many. */
+FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
+            (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     index_t count = 0;
     for (index_t i = MARGIN - 1; n > 0 && i <= t.width - MARGIN; i++)
         for (index_t j = MARGIN - 1; j <= t.height - MARGIN; j++) {
@@ -57,10 +61,11 @@ EXPORT FAST index_t rcdn_grid_beside(const int64_t *labels, const double *xy, in
 }
 
 /* `excess_of` the corners number `which` (count). */
-EXPORT FAST index_t rcdn_grid_excess(const int64_t *labels, const double *xy, index_t n, const int64_t *which, index_t count, double tight, double loose, double *out) {
+FAST_KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+            (IN, double, xy, n, 2), (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++)
         out[k] = excess_of(&t, xy, labels + 2 * which[k], xy + 2 * which[k], tight, loose);
     free(t.row);
@@ -68,10 +73,11 @@ EXPORT FAST index_t rcdn_grid_excess(const int64_t *labels, const double *xy, in
 }
 
 /* `usual_near` `spots` (count, 2) of the two `values` (n, 2) of each corner. */
-EXPORT index_t rcdn_grid_usual(const int64_t *labels, const double *values, index_t n, const int64_t *spots, index_t count, double *out) {
+KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, values, n, 2),
+       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 2)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++, spots += 2, out += 2)
         usual_near(&t, spots[0], spots[1], values, 2, out);
     free(t.row);

@@ -2,7 +2,7 @@
 #ifndef RCDN_GRID_H
 #define RCDN_GRID_H
 
-#include "rcdn.h"
+#include "kernel.h"
 
 /* Neighbours up to REACH squares away; with fewer than ENOUGH of them, up to WIDEST. At most MOST in all. */
 #define REACH 2
@@ -12,6 +12,8 @@
 /* Empty labels around those of the table, so that the window around any that touches them lies inside. */
 #define MARGIN (WIDEST + 1)
 #define LARGEST ((int64_t)1 << 28)
+/* Labels lie within ± this, so that their differences are numbers. */
+#define ANYWHERE ((index_t)1 << 60)
 
 /* Which of a grid's corners is where: row[(u - low_u) * height + v - low_v], -1 for none. Cells in order are labels in order. */
 typedef struct {

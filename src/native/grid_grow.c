@@ -1,15 +1,14 @@
 /* Completion of a labelled grid: its colouring, and the corners that might go on with it. */
+#include "elementary.h"
 #include "grid.h"
-
-#define HALF_TURN 3.14159265358979323846
 
 /* Colour of a corner's side at rising angle from the direction (dx, dy), bright +1 or dark -1, and the turn from its nearest axis. */
 INLINE int side_colour(const double *axes, int64_t polarity, double dx, double dy, double *turn) {
-    const double direction = atan2(dy, dx);
+    const double direction = angle_of(dy, dx);
     double turns[2];
     for (int k = 0; k < 2; k++) {
-        const double rest = fmod(axes[k] - direction + HALF_TURN / 2, HALF_TURN);
-        turns[k] = isfinite(axes[k]) ? fabs((rest < 0 ? rest + HALF_TURN : rest) - HALF_TURN / 2) : HALF_TURN;
+        const double rest = fmod(axes[k] - direction + PI / 2, PI);
+        turns[k] = isfinite(axes[k]) ? fabs((rest < 0 ? rest + PI : rest) - PI / 2) : PI;
     }
     const int other = turns[1] < turns[0];
     *turn = turns[other];
@@ -17,11 +16,13 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
 }
 
 /* Votes for the colouring of a grid of corners number `members` (n) of `xy`: side colour of the u axis times (-1)^(u + v), of those whose axes lie
- * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). 0, or -1 without memory. */
-EXPORT index_t rcdn_grid_sign(const int64_t *labels, const int64_t *members, index_t n, const double *xy, const double *axes, const int64_t *polarity, index_t known, double far, int64_t *votes) {
+ * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). */
+KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+       (WITHIN, int64_t, members, 0, total - 1, n), (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known),
+       (REAL, far), (OUT, int64_t, votes, 1)) {
     Table t;
     if (!open_table(&t, labels, n))
-        return -1;
+        return NO_MEMORY;
     *votes = 0;
     for (index_t k = 0; k < n; k++) {
         const int32_t *row = t.row + cell_of(&t, labels + 2 * k);
@@ -40,34 +41,105 @@ EXPORT index_t rcdn_grid_sign(const int64_t *labels, const int64_t *members, ind
 
 /* A grid that may go on: its labels and the numbers of its corners, (n, 2) and (n); the open spots (count, 2), their predictions (count, 6) and
  * steps (count). */
-typedef struct {
-    const int64_t *labels, *members;
-    index_t n;
-    const int64_t *spots;
-    const double *maps, *pitch;
-    index_t count;
-} Rim;
+ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, int64_t, members, n),
+               (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
 
-/* The corners of a picture as `boards.graph.Field` has them; which are `free`; the least response x fit of a new one. */
-typedef struct {
-    const double *xy, *axes;
-    const int64_t *polarity;
-    const double *contrast, *response, *fit;
-    const uint8_t *strong, *refined, *free;
-    double level;
-} Corners;
+/* The corners of a picture as `boards.graph.Field` has them; which are `free`. */
+ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2), (IN, int64_t, polarity, count),
+               (IN, double, contrast, count), (IN, double, response, count), (IN, double, fit, count), (IN, uint8_t, strong, count),
+               (IN, uint8_t, refined, count), (IN, uint8_t, free, count))
+
+/* What a grid takes: corners whose response x fit is at least `level`, no further than `near` squares from the prediction, `near_weak` if they
+ * aren't strong, and none of those (u, v, corner) that were `refused` before. `sign`: its colouring; `far`: how far axes may turn, radians. */
+ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far), (SIZE, refusals, refused, 0),
+               (IN, int64_t, refused, refusals, 3))
+
+/* What a grid is offered. `offers` (total, 3): u, v and number of the corner; `gap`, squares; `fits`: 1 if axes and colours fit the
+ * board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
+ * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), how many. */
+ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room), (OUT, uint8_t, fits, room),
+               (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2), (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room),
+               (OUT, int64_t, edges, 1))
 
 /* May a corner be taken, by what it looks like? */
-INLINE int usable(const Corners *all, index_t c) {
-    return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= all->level;
+INLINE int usable(const Corners *all, index_t c, double level) {
+    return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= level;
 }
 
-/* Corners that the spots were offered before and that were refused: (count, 3), u, v, corner. */
-static int was_refused(const int64_t *refused, index_t count, const int64_t *spot, int64_t corner) {
-    for (index_t k = 0; k < count; k++, refused += 3)
-        if (refused[0] == spot[0] && refused[1] == spot[1] && refused[2] == corner)
-            return 1;
-    return 0;
+/* What the spots were offered before and refused, (count, 3) u, v, corner, by a hash table of rows: `slot` (slots), a power of two, -1 for none. */
+typedef struct {
+    const int64_t *refused;
+    int32_t *slot;
+    index_t slots;
+} Refused;
+
+static int32_t *slot_of(const Refused *r, int64_t u, int64_t v, int64_t corner) {
+    uint64_t hash = ((uint64_t)u * 0x9E3779B97F4A7C15u) ^ ((uint64_t)v * 0xC2B2AE3D27D4EB4Fu) ^ ((uint64_t)corner * 0x165667B19E3779F9u);
+    hash ^= hash >> 29;
+    for (;; hash++) {
+        int32_t *slot = r->slot + (hash & (uint64_t)(r->slots - 1));
+        if (*slot < 0)
+            return slot;
+        const int64_t *known = r->refused + 3 * (index_t)*slot;
+        if (known[0] == u && known[1] == v && known[2] == corner)
+            return slot;
+    }
+}
+
+static int open_refused(Refused *r, const int64_t *refused, index_t count) {
+    r->refused = refused;
+    for (r->slots = 16; r->slots < 2 * count;)
+        r->slots *= 2;
+    r->slot = malloc((size_t)r->slots * sizeof *r->slot);
+    if (!r->slot)
+        return 0;
+    memset(r->slot, 0xff, (size_t)r->slots * sizeof *r->slot);
+    for (index_t k = 0; k < count; k++)
+        *slot_of(r, refused[3 * k], refused[3 * k + 1], refused[3 * k + 2]) = (int32_t)k;
+    return 1;
+}
+
+/* Predicted spots sorted into square cells, none of which is smaller than the furthest that a corner may lie from its prediction: a corner's spots
+ * are in its own cell or in one of the eight around. */
+typedef struct {
+    double left, top, size;
+    index_t columns, rows;
+    int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
+} Places;
+
+INLINE index_t cell_at(double at, double low, double size, index_t count) {
+    const double k = (at - low) / size;
+    return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0;
+}
+
+static int open_places(Places *p, const Rim *rim, double near, const double *low, const double *high) {
+    double reach = 0;
+    for (index_t k = 0; k < rim->count; k++)
+        reach = fmax(reach, near * rim->pitch[k]);
+    const double width = fmax(high[0] - low[0], 0), height = fmax(high[1] - low[1], 0), n = (double)rim->count + 1;
+    p->left = low[0];
+    p->top = low[1];
+    p->size = fmax(fmax(reach, sqrt(width * height / n)), fmax(fmax(width, height) / n, 1e-3));
+    p->columns = (index_t)(width / p->size) + 1;
+    p->rows = (index_t)(height / p->size) + 1;
+    const index_t cells = p->columns * p->rows;
+    p->first = calloc((size_t)cells + 2, sizeof *p->first);
+    p->order = malloc(((size_t)rim->count + 1) * sizeof *p->order);
+    if (!p->first || !p->order)
+        return 0;
+    for (int pass = 0; pass < 2; pass++) { /* count, then sort */
+        for (index_t k = 0; k < rim->count; k++) {
+            const index_t row = cell_at(rim->maps[6 * k + 1], p->top, p->size, p->rows);
+            const index_t cell = row * p->columns + cell_at(rim->maps[6 * k], p->left, p->size, p->columns);
+            if (pass)
+                p->order[p->first[cell + 1]++] = (int32_t)k;
+            else
+                p->first[cell + 2]++;
+        }
+        for (index_t k = 2; k < cells + 2 && !pass; k++)
+            p->first[k] += p->first[k - 1];
+    }
+    return 1;
 }
 
 /* Do a corner's axes and colours fit the predicted steps? */
@@ -95,67 +167,79 @@ static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, inde
     return edges;
 }
 
-/* Corners that might take one of the open spots, as far as `room` lets: which are usable, not refused, and no further than `near`
- * squares from the prediction, `near_weak` if they aren't strong. `offers` (total, 3): u, v and number of the corner; `gap`, squares;
- * `fits`: 1 if axes and colours fit the board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
- * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edge_count` (1). Returns how many, or -1 without memory. */
-EXPORT index_t rcdn_grid_offers(const int64_t *labels, const int64_t *members, index_t n, const int64_t *spots, const double *maps, const double *pitch, index_t count, const double *xy, const double *axes, const int64_t *polarity, const double *contrast, const double *response, const double *fit, const uint8_t *strong, const uint8_t *refined, const uint8_t *unused, index_t corners, double least_quality, const int64_t *refused, index_t refusals, index_t sign, double near, double near_weak, double far, int64_t *offers, double *gap, uint8_t *fits, int64_t *beside, double *start, double *end, double *level, int64_t *edge_count, index_t room) {
-    const Rim rim = {labels, members, n, spots, maps, pitch, count};
-    const Corners all = {xy, axes, polarity, contrast, response, fit, strong, refined, unused, least_quality};
+/* Corners that might take one of the open spots, as far as there is room. Returns how many. */
+KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules, rules), (GROUP, Offers, out),
+       (WHERE, outlier_int64_t(rim.members, rim.n, 0, all.count - 1) == rim.n)) {
+    const index_t count = rim.count;
+    const double *maps = rim.maps, *pitch = rim.pitch, *xy = all.xy, near = rules.near;
     Table t;
     double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    if (!open_table(&t, labels, n))
-        return -1;
+    if (!open_table(&t, rim.labels, rim.n))
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++)
         for (int i = 0; i < 2; i++) {
             low[i] = fmin(low[i], maps[6 * k + i] - near * pitch[k]);
             high[i] = fmax(high[i], maps[6 * k + i] + near * pitch[k]);
         }
     index_t total = 0, edges = 0;
-    for (index_t c = 0; c < corners; c++) {
+    Refused known = {0};
+    Places places = {0};
+    const int able = !(count > 0 && low[0] <= high[0]) || (open_refused(&known, rules.refused, rules.refusals) && open_places(&places, &rim, near, low, high));
+    for (index_t c = 0; places.order && able && c < all.count; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
-        if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c))
+        if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c, rules.level))
             continue;
-        for (index_t k = 0; k < count; k++) {
-            const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
-            if (!(square <= reach * reach))
-                continue;
-            const double distance = sqrt(square) / pitch[k];
-            const int64_t *spot = spots + 2 * k;
-            if ((!strong[c] && !(distance < near_weak)) || was_refused(refused, refusals, spot, c))
-                continue;
-            if (total < room) {
-                const int colour = (spot[0] + spot[1]) & 1 ? (int)-sign : (int)sign;
-                offers[3 * total] = spot[0];
-                offers[3 * total + 1] = spot[1];
-                offers[3 * total + 2] = c;
-                gap[total] = distance;
-                fits[total] = fits_steps(&all, c, maps + 6 * k, colour, far) ? (strong[c] ? 2 : 1) : 0;
-                edges = edges_of(&t, &rim, &all, c, spot, colour, edges, start, end, level, beside + 4 * total);
+        const index_t column = cell_at(x, places.left, places.size, places.columns), row = cell_at(y, places.top, places.size, places.rows);
+        const index_t right = column + 1 < places.columns ? column + 1 : column, down = row + 1 < places.rows ? row + 1 : row;
+        for (index_t line = row > 0 ? row - 1 : 0; line <= down; line++) {
+            const int32_t *from = places.first + line * places.columns + (column > 0 ? column - 1 : 0), *to = places.first + line * places.columns + right + 1;
+            for (index_t i = *from; i < *to; i++) {
+                const index_t k = places.order[i];
+                const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
+                if (!(square <= reach * reach))
+                    continue;
+                const double distance = sqrt(square) / pitch[k];
+                const int64_t *spot = rim.spots + 2 * k;
+                if ((!all.strong[c] && !(distance < rules.near_weak)) || *slot_of(&known, spot[0], spot[1], c) >= 0)
+                    continue;
+                if (total < out.room) {
+                    const int colour = (spot[0] + spot[1]) & 1 ? (int)-rules.sign : (int)rules.sign;
+                    out.offers[3 * total] = spot[0];
+                    out.offers[3 * total + 1] = spot[1];
+                    out.offers[3 * total + 2] = c;
+                    out.gap[total] = distance;
+                    out.fits[total] = fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
+                    edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level, out.beside + 4 * total);
+                }
+                total++;
             }
-            total++;
         }
     }
-    *edge_count = edges;
+    *out.edges = edges;
     free(t.row);
-    return total;
+    free(known.slot);
+    free(places.first);
+    free(places.order);
+    return able ? total : NO_MEMORY;
 }
 
 /* Whose edges are seen (count), from the contrast that each third of an edge shows, (edges, 3), and what `rcdn_grid_offers` says: one is enough where
  * `fits` is 2, if none speaks against it; otherwise all must be, and two at least where it is 0. */
-EXPORT void rcdn_grid_seen(const double *shown, const double *level, const int64_t *beside, const uint8_t *fits, index_t count, double least, double least_weak, uint8_t *seen) {
+KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3), (IN, double, level, edges),
+       (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count), (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
     for (index_t k = 0; k < count; k++, beside += 4) {
-        int edges = 0, one = 0, plain = 1, all = 1;
+        int known = 0, one = 0, plain = 1, all = 1;
         for (int way = 0; way < 4; way++) {
             if (beside[way] < 0)
                 continue;
             const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]], b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
             const double weakest = fmin(fmin(a, b), c);
-            edges++;
+            known++;
             one |= weakest > least;
             all &= weakest > least_weak;
             plain &= a + b + c > 0;
         }
-        seen[k] = fits[k] == 2 ? one && plain : all && edges >= (fits[k] ? 1 : 2);
+        seen[k] = fits[k] == 2 ? one && plain : all && known >= (fits[k] ? 1 : 2);
     }
+    return 0;
 }

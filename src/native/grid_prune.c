@@ -1,13 +1,21 @@
 /* Drop-only validation of a labelled grid. */
 #include "grid.h"
 
+/* A value with what it is of. */
+typedef struct {
+    double value;
+    index_t of;
+} Ranked;
+
 typedef struct {
     Table table;
     const int64_t *labels;
     const double *xy, *quality, *contrast;
     index_t n, left; /* corners, and how many of them are still there */
-    double *excess, *ranked;
-    int32_t *stack;
+    double *excess;
+    Ranked *ranked;
+    int32_t *stack, *heap, *place; /* misfits, the worst on top; where a corner is among them, -1: nowhere */
+    index_t misfits;
     uint8_t *there, *stale; /* is a corner there; have its neighbours changed since its excess was computed? */
 } Grid;
 
@@ -26,26 +34,62 @@ INLINE void drop(Grid *g, index_t k) {
                 g->stale[row[d * g->table.height + e]] = 1;
 }
 
+/* Is corner `a` a worse misfit than `b`? Of equals that with the smaller label. */
+INLINE int worse(const Grid *g, int32_t a, int32_t b) {
+    const int64_t *one = g->labels + 2 * (index_t)a, *other = g->labels + 2 * (index_t)b;
+    if (g->excess[a] != g->excess[b])
+        return g->excess[a] > g->excess[b];
+    return one[0] < other[0] || (one[0] == other[0] && one[1] < other[1]);
+}
+
+/* Put corner `k` where it belongs in the heap, from place `at` on. */
+static void sift(Grid *g, index_t at, int32_t k) {
+    for (index_t up; at > 0 && worse(g, k, g->heap[up = (at - 1) / 2]); at = up)
+        g->place[g->heap[at] = g->heap[up]] = (int32_t)at;
+    for (index_t down; (down = 2 * at + 1) < g->misfits; at = down) {
+        down += down + 1 < g->misfits && worse(g, g->heap[down + 1], g->heap[down]);
+        if (!worse(g, g->heap[down], k))
+            break;
+        g->place[g->heap[at] = g->heap[down]] = (int32_t)at;
+    }
+    g->place[g->heap[at] = k] = (int32_t)at;
+}
+
+/* Take a corner from the heap, or put it there, by its excess. */
+static void judge(Grid *g, int32_t k) {
+    const index_t at = g->place[k];
+    if (g->there[k] && g->excess[k] > 1)
+        sift(g, at >= 0 ? at : g->misfits++, k);
+    else if (at >= 0) {
+        const int32_t last = g->heap[--g->misfits];
+        g->place[k] = -1;
+        if (last != k)
+            sift(g, at, last);
+    }
+}
+
+/* Is a corner off its neighbours' prediction? */
+INLINE void look_at(Grid *g, index_t k, const Limits *limits) {
+    if (g->there[k] && g->stale[k]) {
+        g->stale[k] = 0;
+        g->excess[k] = excess_of(&g->table, g->xy, g->labels + 2 * k, g->xy + 2 * k, limits->residual, limits->residual_loose);
+    }
+    judge(g, (int32_t)k);
+}
+
 /* Corners off their neighbours' prediction, worst first, of equals that with the smallest label. */
 INLINE void drop_misfits(Grid *g, const Limits *limits) {
-    for (;;) {
-        index_t worst = -1;
-        for (index_t k = 0; k < g->n; k++) {
-            if (!g->there[k])
-                continue;
-            const int64_t *label = g->labels + 2 * k;
-            if (g->stale[k]) {
-                g->stale[k] = 0;
-                g->excess[k] = excess_of(&g->table, g->xy, label, g->xy + 2 * k, limits->residual, limits->residual_loose);
-            }
-            const int64_t *other = g->labels + 2 * (worst < 0 ? k : worst);
-            const int before = label[0] < other[0] || (label[0] == other[0] && label[1] < other[1]);
-            if (g->excess[k] > 1 && (worst < 0 || g->excess[k] > g->excess[worst] || (g->excess[k] == g->excess[worst] && before)))
-                worst = k;
-        }
-        if (worst < 0)
-            return;
+    for (index_t k = 0; k < g->n; k++)
+        look_at(g, k, limits);
+    while (g->misfits) {
+        const index_t worst = g->heap[0];
+        const int32_t *row = g->table.row + cell_of(&g->table, g->labels + 2 * worst);
         drop(g, worst);
+        judge(g, (int32_t)worst);
+        for (index_t d = -WIDEST; d <= WIDEST; d++)
+            for (index_t e = -WIDEST; e <= WIDEST; e++)
+                if (row[d * g->table.height + e] >= 0)
+                    look_at(g, row[d * g->table.height + e], limits);
     }
 }
 
@@ -62,21 +106,29 @@ INLINE int outermost(const Table *t, const int64_t *label) {
     return !(left && right && up && down);
 }
 
-static int by_size(const void *a, const void *b) {
-    const double one = *(const double *)a, other = *(const double *)b;
+static int by_value(const void *a, const void *b) {
+    const double one = ((const Ranked *)a)->value, other = ((const Ranked *)b)->value;
     return (one > other) - (one < other);
+}
+
+/* Median quality of the corners that are there, of all, `ranked` (n), by rising quality. */
+static double median_quality(const Grid *g) {
+    const index_t low = (g->left - 1) / 2, high = g->left / 2;
+    double sum = 0;
+    for (index_t k = 0, count = 0; k < g->n && count <= high; k++)
+        if (g->there[g->ranked[k].of]) {
+            sum += (count == low) * g->ranked[k].value + (count == high) * g->ranked[k].value;
+            count++;
+        }
+    return sum / 2;
 }
 
 /* A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks: quality against the grid's
  * median, times its contrast against that of its neighbours. */
 INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
     while (g->left) {
-        index_t count = 0, poor = 0;
-        for (index_t k = 0; k < g->n; k++)
-            if (g->there[k])
-                g->ranked[count++] = g->quality[k];
-        qsort(g->ranked, (size_t)count, sizeof *g->ranked, by_size);
-        const double median = fmax((g->ranked[(count - 1) / 2] + g->ranked[count / 2]) / 2, 1e-9);
+        index_t poor = 0;
+        const double median = fmax(median_quality(g), 1e-9);
         for (index_t k = 0; k < g->n; k++) {
             const int64_t *label = g->labels + 2 * k;
             /* nothing lifts a corner's worth above its quality */
@@ -145,16 +197,15 @@ static index_t split(Grid *g, int64_t *part) {
                 }
             }
         }
-        g->ranked[count++] = (double)size;
+        g->ranked[count] = (Ranked){-(double)size * (double)(g->n + 1) + (double)count, count}; /* of equals the earlier one */
+        count++;
     }
     if (count < 2)
         return count;
     int32_t *place = g->stack; /* no more than one part a corner */
-    for (index_t a = 0; a < count; a++) {
-        place[a] = 0;
-        for (index_t b = 0; b < count; b++)
-            place[a] += g->ranked[b] > g->ranked[a] || (g->ranked[b] == g->ranked[a] && b < a);
-    }
+    qsort(g->ranked, (size_t)count, sizeof *g->ranked, by_value);
+    for (index_t a = 0; a < count; a++)
+        place[g->ranked[a].of] = (int32_t)a;
     for (index_t k = 0; k < g->n; k++)
         part[k] = part[k] < 0 ? -1 : place[part[k]];
     return count;
@@ -162,27 +213,35 @@ static index_t split(Grid *g, int64_t *part) {
 
 static int with_room(Grid *g) {
     const size_t n = (size_t)g->n + 1;
-    char *room = malloc(n * (2 * sizeof(double) + sizeof(int32_t) + 2));
+    char *room = malloc(n * (sizeof(double) + sizeof(Ranked) + 3 * sizeof(int32_t) + 2));
     g->excess = (double *)room;
-    g->ranked = g->excess + n;
+    if (!room)
+        return 0;
+    g->ranked = (Ranked *)(g->excess + n);
     g->stack = (int32_t *)(g->ranked + n);
-    g->there = (uint8_t *)(g->stack + n);
+    g->heap = g->stack + n;
+    g->place = g->heap + n;
+    g->there = (uint8_t *)(g->place + n);
     g->stale = g->there + n;
-    return room != NULL;
+    memset(g->there, 1, n);
+    memset(g->stale, 1, n);
+    memset(g->place, 0xff, n * sizeof *g->place);
+    for (index_t k = 0; k < g->n; k++)
+        g->ranked[k] = (Ranked){g->quality[k], k};
+    qsort(g->ranked, (size_t)g->n, sizeof *g->ranked, by_value);
+    return 1;
 }
 
 /* What is left of a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits go, worst first, then rim corners that are
- * hardly X-corners, then what is in no whole cell, until nothing changes. `part` (n): as `split` says. Returns the number of parts, or -1
- * without memory. */
-EXPORT FAST index_t rcdn_grid_prune(const int64_t *labels, const double *xy, const double *quality, const double *contrast, index_t n, double residual, double residual_loose, double least_quality, double least_share, int64_t *part) {
+ * hardly X-corners, then what is in no whole cell, until nothing changes. `part` (n): as `split` says. Returns the number of parts. */
+FAST_KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (IN, double, quality, n),
+            (IN, double, contrast, n), (REAL, residual), (REAL, residual_loose), (REAL, least_quality), (REAL, least_share), (OUT, int64_t, part, n)) {
     Grid g = {.labels = labels, .xy = xy, .quality = quality, .contrast = contrast, .n = n, .left = n};
     const Limits limits = {residual, residual_loose, least_quality, least_share};
     if (!with_room(&g) || !open_table(&g.table, labels, n)) {
         free(g.excess);
-        return -1;
+        return NO_MEMORY;
     }
-    memset(g.there, 1, (size_t)n);
-    memset(g.stale, 1, (size_t)n);
     for (index_t before = -1; before != g.left;) {
         before = g.left;
         drop_misfits(&g, &limits);

@@ -1,7 +1,8 @@
 /* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
 #include "lattice.h"
 
-enum { NEAR = 32 };
+enum { NEAR = 32, FURTHEST_NEAR = 2 };
+CONSTANTS(lattice, TERMS)
 
 /* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y. */
 INLINE void rectify(const double *flat, double x, double y, double *out) {
@@ -10,10 +11,19 @@ INLINE void rectify(const double *flat, double x, double y, double *out) {
     out[1] = (flat[3] * x + flat[4] * y + flat[5]) * depth;
 }
 
+/* Are the labels ij (count, 2) all within (rows, columns)? */
+static int all_inside(const int64_t *ij, index_t count, index_t rows, index_t columns) {
+    for (index_t k = 0; k < count; k++)
+        if (ij[2 * k] >= rows || ij[2 * k + 1] >= columns)
+            return 0;
+    return 1;
+}
+
 /* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 where there is none.
  * ij (count, 2): labels from 0 on; grid (rows, columns): room for all of them and `reach` more on every side. */
-FAST EXPORT void rcdn_lattice_neighbours(index_t count, const int64_t *ij, index_t reach, index_t rows, index_t columns, int32_t *grid,
-                                         int32_t *near) {
+FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0), (SIZE, columns, grid, 1), (WITHIN, int64_t, ij, 0, FURTHEST, count, 2),
+            (INT, reach, 0, FURTHEST_NEAR), (OUT, int32_t, grid, rows, columns), (OUT, int32_t, near, count, (2 * reach + 1) * (2 * reach + 1)),
+            (WHERE, all_inside(ij, count, rows - 2 * reach, columns - 2 * reach))) {
     for (index_t k = 0; k < rows * columns; k++)
         grid[k] = -1;
     for (index_t k = 0; k < count; k++)
@@ -22,6 +32,7 @@ FAST EXPORT void rcdn_lattice_neighbours(index_t count, const int64_t *ij, index
     for (index_t k = 0; k < count; k++)
         for (index_t i = 0; i < side; i++)
             memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1], side * sizeof(int32_t));
+    return 0;
 }
 
 /* Solves normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; `normal` counts on and above its diagonal. */
@@ -69,9 +80,10 @@ INLINE void moments(const double *weight, const double *s, const double *t, cons
 }
 
 /* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels around each corner,
- * by least squares over `near` (count, side²), at most NEAR. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
-FAST EXPORT void rcdn_lattice(index_t count, const double *xy, const double *flat, index_t side, const int32_t *near, double own,
-                              double far, const double *stiff, double *origin, double *terms) {
+ * by least squares over `near` (count, side²), up to `reach` squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
+FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, flat, 3, 3), (INT, reach, 0, FURTHEST_NEAR),
+            (LET, side, 2 * reach + 1), (WITHIN, int32_t, near, -1, count - 1, count, side * side), (REAL, own), (REAL, far),
+            (IN, double, stiff, TERMS), (OUT, double, origin, count, 2), (OUT, double, terms, count, TERMS, 2)) {
     for (index_t k = 0; k < count; k++)
         rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
     for (index_t k = 0; k < count; k++) {
@@ -91,11 +103,13 @@ FAST EXPORT void rcdn_lattice(index_t count, const double *xy, const double *fla
             normal[a][a] += stiff[a];
         solve(normal, terms + 2 * TERMS * k);
     }
+    return 0;
 }
 
 /* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2), two kinds one after the other; from one corner to
  * the next the second kind changes its sign. near (count, 9): as from rcdn_lattice_neighbours. */
-FAST EXPORT void rcdn_lattice_slopes(index_t count, const int32_t *near, const double *levels, double *out) {
+FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
+            (OUT, double, out, count, 4)) {
     for (index_t k = 0; k < count; k++) {
         double n = 1e-6, i1 = 0, j1 = 0, ii = 1e-6, ij = 0, jj = 1e-6, sums[3][2] = {{0}};
         for (index_t place = 0; place < 9; place++) {
@@ -119,23 +133,25 @@ FAST EXPORT void rcdn_lattice_slopes(index_t count, const int32_t *near, const d
             out[4 * k + 2 * a + 1] = (ii * v - ij * u) / det;
         }
     }
+    return 0;
 }
 
 /* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
-FAST EXPORT void rcdn_lattice_map(index_t count, index_t each, const int64_t *which, const double *xy, const double *flat, const double *origin,
-                                  const double *terms, double *uv, double *slopes) {
+FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
+            (IN, double, xy, count, each, 2), (OUT, double, uv, count, each, 2), (OUT, double, slopes, count, each, 2, 2)) {
     for (index_t k = 0; k < count; k++) {
-        const Map m = map_of(flat, origin, terms, which[k]);
+        const Map m = map_of(&maps, which[k]);
         for (index_t n = k * each; n < (k + 1) * each; n++)
             map_pixel(&m, xy[2 * n], xy[2 * n + 1], uv + 2 * n, slopes + 4 * n);
     }
+    return 0;
 }
 
 /* Moves pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton's steps. Returns 0 where a map folds. */
-FAST EXPORT index_t rcdn_lattice_pixels(index_t count, const int64_t *which, const double *uv, index_t repeats, const double *flat,
-                                        const double *origin, const double *terms, double *xy) {
+FAST_KERNEL(rcdn_lattice_pixels, (SIZE, count, uv, 0), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
+            (IN, double, uv, count, 2), (INT, repeats, 0, 100), (OUT, double, xy, count, 2)) {
     for (index_t k = 0; k < count; k++) {
-        const Map m = map_of(flat, origin, terms, which[k]);
+        const Map m = map_of(&maps, which[k]);
         for (index_t n = 0; n < repeats; n++) {
             double at[2], s[4];
             map_pixel(&m, xy[2 * k], xy[2 * k + 1], at, s);

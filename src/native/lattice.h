@@ -2,17 +2,20 @@
 #ifndef RCDN_LATTICE_H
 #define RCDN_LATTICE_H
 
-#include "rcdn.h"
+#include "kernel.h"
 
 enum { TERMS = 6 };
+
+/* The maps of all corners of a board. */
+ARGUMENT_GROUP(Maps, (SIZE, corners, origin, 0), (IN, double, flat, 3, 3), (IN, double, origin, corners, 2), (IN, double, terms, corners, TERMS, 2))
 
 /* `flat` (3, 3): pixels to rectified squares; `origin` (2): the corner there; `terms` (6, 2): 1, s, t, s², st, t². */
 typedef struct {
     const double *flat, *origin, *terms;
 } Map;
 
-INLINE Map map_of(const double *flat, const double *origin, const double *terms, index_t k) {
-    const Map m = {flat, origin + 2 * k, terms + 2 * TERMS * k};
+INLINE Map map_of(const Maps *maps, index_t k) {
+    const Map m = {maps->flat, maps->origin + 2 * k, maps->terms + 2 * TERMS * k};
     return m;
 }
 

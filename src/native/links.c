@@ -1,8 +1,9 @@
 /* Which corner neighbours which: see boards/graph.py. */
 #include "sampling.h"
 
-/* Rows `out` (room n), rising, of those points `xy` (n, 2) that are `open` (n,) and in the box; returns how many. */
-EXPORT index_t rcdn_inside(const double *xy, const uint8_t *open, index_t n, double left, double top, double right, double bottom, int64_t *out) {
+/* Rows `out`, rising, of those points `xy` (n, 2) that are `open` (n,) and in the box; returns how many. */
+KERNEL(rcdn_inside, (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, uint8_t, open, n), (REAL, left), (REAL, top), (REAL, right), (REAL, bottom),
+       (OUT, int64_t, out, n)) {
     index_t count = 0;
     for (index_t k = 0; k < n; k++) {
         const double x = xy[2 * k], y = xy[2 * k + 1];
@@ -30,10 +31,13 @@ INLINE void keep_mutual(int64_t *out, int64_t *chosen, index_t n, index_t slots)
         }
 }
 
-/* `out` (n, slots), all −1, gets the shortest of the `count` links i → j of each slot, where both ends choose each other. `shortest`, `chosen`
+/* `out` (n, slots), −1 for none, gets the shortest of the `count` links i → j of each slot, where both ends choose each other. `shortest`, `chosen`
  * (n, slots) are room. */
-EXPORT void rcdn_mutual(const int64_t *i, const int64_t *j, const double *length, const int64_t *slot, index_t count, double *shortest,
-                        int64_t *chosen, index_t n, index_t slots, int64_t *out) {
+KERNEL(rcdn_mutual, (SIZE, count, length, 0), (SIZE, n, out, 0), (SIZE, slots, out, 1), (WITHIN, int64_t, i, 0, n - 1, count),
+       (WITHIN, int64_t, j, 0, n - 1, count), (IN, double, length, count), (WITHIN, int64_t, slot, 0, slots - 1, count),
+       (OUT, double, shortest, n, slots), (OUT, int64_t, chosen, n, slots), (OUT, int64_t, out, n, slots)) {
+    for (index_t k = 0; k < n * slots; k++)
+        out[k] = -1;
     for (index_t k = 0; k < count; k++) {
         const index_t at = i[k] * slots + slot[k];
         if (preferred(length[k], j[k], shortest[at], out[at])) {
@@ -42,6 +46,7 @@ EXPORT void rcdn_mutual(const int64_t *i, const int64_t *j, const double *length
         }
     }
     keep_mutual(out, chosen, n, slots);
+    return 0;
 }
 
 /* A corner's two axes as unit vectors, and its polarity and contrast. */
@@ -63,10 +68,9 @@ INLINE int leads_to(const int64_t *row, int64_t corner) {
 /* `out` (n, 4): mutual links between corners `xy` (n, 2) px by `looks` (n, 6): cosine and sine of each axis, polarity ±1, contrast. `near`,
  * `distance` (n, most): other corners, the nearest first; no corner is n. `small` px: under it a link may turn by `loose`, over it by
  * `strict`, sines. `least`: share of the weaker contrast that each third of a link shows. `shortest`, `chosen` (n, 4) are room. */
-FAST EXPORT void rcdn_links(const void *data, index_t height, index_t width, int real, const double *xy, const double *looks, const int64_t *near,
-                            const double *distance, index_t n, index_t most, double small, double strict, double loose, double least,
-                            double *shortest, int64_t *chosen, int64_t *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1), (IN, double, xy, n, 2), (IN, double, looks, n, 6),
+            (WITHIN, int64_t, near, 0, n, n, most), (IN, double, distance, n, most), (REAL, small), (REAL, strict), (REAL, loose), (REAL, least),
+            (OUT, double, shortest, n, 4), (OUT, int64_t, chosen, n, 4), (OUT, int64_t, out, n, 4)) {
     const Looks *corner = (const Looks *)looks;
     Places w;
     for (index_t i = 0; i < n; i++) {
@@ -105,4 +109,5 @@ FAST EXPORT void rcdn_links(const void *data, index_t height, index_t width, int
         }
     }
     keep_mutual(out, chosen, n, 4);
+    return 0;
 }

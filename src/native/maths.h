@@ -4,7 +4,7 @@
 
 #include "rcdn.h"
 
-/* The loop that follows has no pass that needs another's result. */
+/* The loop that follows has no pass that needs another's result, and no sum over its passes: clang would change its order. */
 #if defined(__clang__)
 #define INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
 #elif defined(__GNUC__)

@@ -1,5 +1,5 @@
 /* Neighbours in the plane: points sorted into square cells, which are searched ring by ring. */
-#include "rcdn.h"
+#include "kernel.h"
 
 /* Points put away, far off any picture, don't stretch the cells: they go to those at the rim. */
 #define AWAY 1e5
@@ -113,11 +113,12 @@ static double beyond(const Cells *c, const double *at, index_t column, index_t r
     return fmax(out, 0);
 }
 
-/* The `count` points nearest to each of `at` (m): distances, inf where there are fewer, and indices, n there. 0, or -1 without memory. */
-EXPORT index_t rcdn_nearest(const double *points, index_t n, const double *at, index_t m, index_t count, double *distance, int64_t *nearest) {
+/* The `count` points nearest to each of `at` (m): distances, inf where there are fewer, and indices, n there. */
+KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, distance, 1), (WHERE, count > 0), (IN, double, points, n, 2),
+       (IN, double, at, m, 2), (OUT, double, distance, m, count), (OUT, int64_t, nearest, m, count)) {
     Cells cells;
     if (!sorted_into_cells(&cells, points, n, m))
-        return -1;
+        return NO_MEMORY;
     for (index_t j = 0; j < m; j++, at += 2, distance += count, nearest += count) {
         for (index_t k = 0; k < count; k++) {
             distance[k] = INFINITY;
@@ -147,11 +148,12 @@ EXPORT index_t rcdn_nearest(const double *points, index_t n, const double *at, i
     return 0;
 }
 
-/* All points within reach[j] of at[j], by j, then index, as far as `room` lets; returns how many there are, or -1 without memory. */
-EXPORT index_t rcdn_within(const double *points, index_t n, const double *at, const double *reach, index_t m, int64_t *row_out, int64_t *index_out, index_t room) {
+/* All points within reach[j] of at[j], by j, then index, as far as `room` lets; returns how many there are. */
+KERNEL(rcdn_within, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, room, row_out, 0), (IN, double, points, n, 2), (IN, double, at, m, 2),
+       (IN, double, reach, m), (OUT, int64_t, row_out, room), (OUT, int64_t, index_out, room)) {
     Cells cells;
     if (!sorted_into_cells(&cells, points, n, m))
-        return -1;
+        return NO_MEMORY;
     index_t total = 0;
     for (index_t j = 0; j < m; j++, at += 2) {
         const index_t start = total;

@@ -4,13 +4,10 @@
  * picture. The first layer is in floating point, the others in whole numbers (rows.h). Every number is the same sum in the same order, whatever
  * else is computed: results depend neither on what is asked for nor on the threads.
  */
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("no-associative-math")
-#endif
 #include "contrast.h"
+#include "kernel.h"
 #include "rows.h"
 
-#define CELL 4
 #define CONVS 5   /* 3×3 convolutions from WIDE to WIDE channels at a quarter of the resolution */
 #define NARROW 16 /* channels at half resolution, and outputs a cell */
 #define RING 4    /* rows of a layer that are kept */
@@ -33,6 +30,10 @@ typedef struct {
 typedef struct {
     int8_t strided[9 * NARROW * WIDE], conv[CONVS][9 * WIDE * WIDE];
 } Bytes;
+
+enum { REALS = sizeof(Reals) / sizeof(float) };
+_Static_assert(sizeof(Reals) == REALS * sizeof(float), "weights have no gaps");
+CONSTANTS(network, CELL, GROUP, BEST)
 
 /* A layer's rows: the latest in a ring, and which of its cells are needed. */
 typedef struct {
@@ -249,14 +250,15 @@ INLINE void *taken(char **room, index_t bytes) {
 }
 
 /* The response in the cells of the rows `first` .. `first + rows` of `cells` (down, across) that are marked. `response` (height, width) is
- * left as it is elsewhere. 0, or −1 without memory. */
-FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width, int real, const float *reals, const int8_t *bytes, index_t level, const uint8_t *cells, index_t first, index_t rows, float *response) {
-    const index_t across = (width + CELL - 1) / CELL;
+ * left as it is elsewhere. */
+FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL),
+            (IN, float, reals, REALS), (IN, int8_t, bytes, sizeof(Bytes)), (INT, level, 0, BEST), (IN, uint8_t, cells, down, across),
+            (INT, first, 0, down - 1), (INT, rows, 1, down - first), (OUT, float, response, p.height, p.width)) {
     char *memory = malloc(room_for(across, rows)), *room = memory;
     if (!memory)
-        return -1;
+        return NO_MEMORY;
     room += 64 - (uintptr_t)room % 64;
-    Network n = {.contrast = {.picture = {data, height, width, real}, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
+    Network n = {.contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
     row_kernels((int)level, &n.strided, &n.conv);
     index_t h = rows, w = across;
     cells += first * across;
@@ -278,7 +280,7 @@ FAST EXPORT index_t rcdn_network(const void *data, index_t height, index_t width
         w = k == 1 ? 2 * w + 1 : w + 2;
     }
     n.seen = (Seen){2 * h + 3, 2 * w + 3, 0, NULL};
-    const index_t wide = (n.seen.width + 2 * HALF) * (index_t)(real ? sizeof(double) : sizeof(float)), ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
+    const index_t wide = (n.seen.width + 2 * HALF) * (index_t)(p.real ? sizeof(double) : sizeof(float)), ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
     n.seen.rows = taken(&room, ring * 4);
     memset(n.seen.rows, 0, (size_t)ring * 4);
     void **const row[] = {&n.contrast.sum, &n.contrast.square, &n.contrast.out, &n.contrast.in, &n.contrast.room};

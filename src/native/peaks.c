@@ -1,10 +1,9 @@
 /* Peaks of a response map: the level they must reach, the candidates, and which of them stand after suppression. */
-#include "rcdn.h"
-
-#define CELL 4
+#include "kernel.h"
 
 /* Sum and number of the responses (height, width) above `level`, in the `cells` (⌈height / 4⌉, ⌈width / 4⌉) that are marked. */
-FAST EXPORT index_t rcdn_above(const float *response, index_t height, index_t width, const uint8_t *cells, double level, double *sum) {
+FAST_KERNEL(rcdn_above, (SIZE, height, response, 0), (SIZE, width, response, 1), (IN, float, response, height, width),
+            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, level), (OUT, double, sum, 1)) {
     const index_t across = (width + CELL - 1) / CELL;
     const float least = (float)level;
     double total = 0;
@@ -37,7 +36,8 @@ static int is_peak(const float *response, index_t height, index_t width, index_t
 
 /* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by row, as far as `room` lets.
  * Returns how many there are. NaN is none. */
-EXPORT index_t rcdn_candidates(const float *response, index_t height, index_t width, const uint8_t *cells, double threshold, index_t peaks, int64_t *xy, index_t room) {
+KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0), (IN, float, response, height, width),
+       (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold), (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
     const index_t across = (width + CELL - 1) / CELL;
     const float least = (float)threshold;
     index_t count = 0;
@@ -58,13 +58,21 @@ EXPORT index_t rcdn_candidates(const float *response, index_t height, index_t wi
     return count;
 }
 
+static int all_inside(const int64_t *xy, index_t count, index_t height, index_t width) {
+    for (index_t k = 0; k < count; k++)
+        if (xy[2 * k] < 0 || xy[2 * k] >= width || xy[2 * k + 1] < 0 || xy[2 * k + 1] >= height)
+            return 0;
+    return 1;
+}
+
 /* Greedy suppression: of `count` pixels xy, the strongest first, `keep` tells which stand. A survivor suppresses all at offsets where the
- * `stencil` (side, side), its own pixel in the middle, is set. 0, or −1 without memory. */
-EXPORT index_t rcdn_suppress(const int64_t *xy, index_t count, index_t height, index_t width, const uint8_t *stencil, index_t side, uint8_t *keep) {
+ * `stencil` (side, side), its own pixel in the middle, is set. */
+KERNEL(rcdn_suppress, (SIZE, count, xy, 0), (SIZE, side, stencil, 0), (IN, int64_t, xy, count, 2), (INT, height, 0, FURTHEST), (INT, width, 0, FURTHEST),
+       (WHERE, all_inside(xy, count, height, width)), (IN, uint8_t, stencil, side, side), (OUT, uint8_t, keep, count)) {
     const index_t stride = width + side;
     uint8_t *gone = calloc((size_t)(height + side) * (size_t)stride, 1);
     if (!gone)
-        return -1;
+        return NO_MEMORY;
     for (index_t k = 0; k < count; k++) {
         uint8_t *window = gone + xy[2 * k + 1] * stride + xy[2 * k];
         keep[k] = !window[side / 2 * stride + side / 2];

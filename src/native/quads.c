@@ -1,5 +1,5 @@
 /* Cells that four linked corners make, and grids by flood fill over them: see boards/graph.py. */
-#include "rcdn.h"
+#include "kernel.h"
 
 /* Does the quadrilateral turn clockwise at each corner, and are its opposite sides of like lengths? `xy`: positions of all corners. */
 static int is_regular(const double *xy, const int64_t *quad) {
@@ -28,7 +28,8 @@ static int same_corners(const int64_t *one, const int64_t *other) {
 
 /* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the first of their corners that shows
  * them; returns how many. `first` (n,) and `next` (room,) are room: the cells found so far by their lowest corner. At most 4 a link. */
-EXPORT index_t rcdn_quads(const int64_t *neighbour, const double *xy, index_t n, int64_t *first, int64_t *next, int64_t *quads, index_t room) {
+KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int64_t, neighbour, -1, n - 1, n, 4), (IN, double, xy, n, 2),
+       (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, quads, room, 4)) {
     index_t count = 0;
     for (index_t a = 0; a < n; a++)
         first[a] = -1;
@@ -65,6 +66,7 @@ typedef struct {
 typedef struct {
     int64_t u, v, corner, grid;
 } Held;
+_Static_assert(sizeof(Label) == 3 * sizeof(int64_t) && sizeof(Held) == 4 * sizeof(int64_t), "they are rows of arrays");
 typedef struct {
     Label *where;  /* (corners,) */
     Held *held;    /* (slots,) */
@@ -154,12 +156,16 @@ static int share_edge(const int64_t *one, const int64_t *other) {
 
 /* Grids of `cells` (count, 4), the surest first, among corners numbered under `n`: `out` (4 count, 3) u, v, corner, grid by grid, and where
  * each begins, `begin` (count + 1,). Returns how many. Room: `used`, `heap` (count,); `first` (n + 2,), `at_corner` (4 count,): the cells at each
- * corner; `where` (3 n,), `held` (4 slots,), of grid −1; `slots` a power of two, over 4 count. */
-EXPORT index_t rcdn_label(const int64_t *cells, index_t count, index_t n, uint8_t *used, int64_t *heap, int64_t *first, int64_t *at_corner,
-                          int64_t *where, int64_t *held, index_t slots, int64_t *begin, int64_t *out) {
+ * corner; `where` (n, 3); `held` (slots, 4), `slots` a power of two. */
+KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, held, 0), (WHERE, slots > 4 * count && (slots & (slots - 1)) == 0),
+       (WITHIN, int64_t, cells, 0, n - 1, count, 4), (OUT, uint8_t, used, count), (OUT, int64_t, heap, count), (OUT, int64_t, first, n + 2),
+       (OUT, int64_t, at_corner, 4 * count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4), (OUT, int64_t, begin, count + 1),
+       (OUT, int64_t, out, 4 * count, 3)) {
     static const int64_t square[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     Grids g = {(Label *)where, (Held *)held, out, slots, 0, -1};
     memset(used, 0, (size_t)count);
+    memset(where, 0xff, (size_t)n * sizeof(Label)); /* of grid −1: of none */
+    memset(held, 0xff, (size_t)slots * sizeof(Held));
     memset(first, 0, (size_t)(n + 2) * sizeof *first);
     for (index_t k = 0; k < 4 * count; k++)
         first[cells[k] + 2]++;

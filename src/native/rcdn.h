@@ -8,15 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-
 /* A function compiled for several generations of processors; the loader picks the one that fits. What it calls must be inlined (INLINE),
  * or it is compiled for the oldest of them. */
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#if defined(FAST)
+#elif defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define FAST
@@ -28,6 +23,9 @@
 #endif
 
 typedef ptrdiff_t index_t;
+
+/* px of a picture that one of a network's cells covers, along each axis */
+enum { CELL = 4 };
 
 /* A grey picture (height, width), 0..255: bytes, or float32 where `real`. */
 typedef struct {
@@ -63,6 +61,10 @@ INLINE void gather(const Picture *p, index_t x, index_t y, index_t half, float *
             out += side;
         }
     }
+}
+
+INLINE double length_of(double x, double y) {
+    return sqrt(x * x + y * y);
 }
 
 /* Where the number k lies in 0 .. n − 1, which goes on by reflection at its ends, without repeating them. */

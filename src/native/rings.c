@@ -1,14 +1,16 @@
 /* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
+#include "elementary.h"
+#include "lanes.h"
 #include "maths.h"
 #include "sampling.h"
 
-enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS, LANES = 16 };
+enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS };
+CONSTANTS(rings, DIRECTIONS, RINGS)
 
-#define PI 3.14159265358979323846
 #define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
-#define START_BLUR 1.8    /* first guess of s = sqrt 2 * blur, px */
-#define LEAST_BLUR 0.4    /* its limits */
-#define MOST_BLUR 20.0
+#define START_BLUR 0.587786664902119 /* log of the first guess of s = sqrt 2 * blur: 1.8 px */
+#define LEAST_BLUR -0.916290731874155 /* its limits: 0.4 and 20 px */
+#define MOST_BLUR 2.99573227355399
 #define BELIEF 100.0      /* weight of the guess of log s against the samples, in samples: it decides where noise hides the blur */
 #define DAMPING 1e-3      /* share of the trace of the normal matrix */
 #define ITERATIONS 5
@@ -37,13 +39,13 @@ INLINE void ring_levels(const Picture *p, const double centre[2], const double *
 }
 
 /* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
-FAST EXPORT void rcdn_sample_rings(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
-                                   index_t count, index_t rings, const float *directions, float *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_sample_rings, (PICTURE, p), (SIZE, count, radius, 0), (SIZE, rings, radius, 1), (IN, double, xy, count, 2),
+            (IN, double, radius, count, rings), (IN, float, directions, 2, TURN), (OUT, float, out, count, rings, TURN)) {
     const Directions d = {directions, directions + TURN};
     Places w;
     for (index_t k = 0; k < count * rings; k++)
         ring_levels(&p, xy + 2 * (k / rings), radius + k, 1, d, &w, out + k * TURN);
+    return 0;
 }
 
 /* The two sectors that explain most of a ring's variance: from direction a to b, and the rest of the half turn. */
@@ -112,8 +114,11 @@ typedef struct {
 
 /* The model's shape at every sample and, where `slopes`, what a, b and log s change in it. */
 INLINE void model(const Samples *s, Directions d, const double state[3], int slopes, float column[4][SAMPLES]) {
-    const float shrink = (float)exp(-state[2]), ca = (float)cos(state[0]), sa = (float)sin(state[0]);
-    const float cb = (float)cos(state[1]), sb = (float)sin(state[1]), bell = -1.12837917f; /* -2 / sqrt pi */
+    double cos_a, sin_a, cos_b, sin_b;
+    cosine_sine(state[0], &cos_a, &sin_a);
+    cosine_sine(state[1], &cos_b, &sin_b);
+    const float shrink = (float)exponential(-state[2]), ca = (float)cos_a, sa = (float)sin_a, cb = (float)cos_b, sb = (float)sin_b;
+    const float bell = -1.12837917f; /* -2 / sqrt pi */
     for (int ring = 0; ring < RINGS; ring++)
         for (int k = 0; k < DIRECTIONS; k++) {
             const int n = ring * DIRECTIONS + k;
@@ -130,43 +135,46 @@ INLINE void model(const Samples *s, Directions d, const double state[3], int slo
         }
 }
 
+INLINE double total(const float *a) {
+    float sum[LANES] = {0};
+    for (int n = 0; n < SAMPLES; n += LANES)
+        for (int k = 0; k < LANES; k++)
+            sum[k] += a[n + k];
+    return lane_sum(sum);
+}
+
+INLINE double product(const float *a, const float *b) {
+    float sum[LANES] = {0};
+    for (int n = 0; n < SAMPLES; n += LANES)
+        for (int k = 0; k < LANES; k++)
+            sum[k] += a[n + k] * b[n + k];
+    return lane_sum(sum);
+}
+
 /* Squared residuals of the model: what level and contrast, the two numbers that are solved for, don't explain. */
 INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
-    float column[4][SAMPLES], sum = 0, own = 0, cross = 0, data = 0;
+    float column[4][SAMPLES];
     model(s, d, state, 0, column);
-    for (int n = 0; n < SAMPLES; n++) {
-        const float f = column[0][n], g = s->level[n];
-        sum += f;
-        own += f * f;
-        cross += f * g;
-        data += g * g;
-    }
-    const double rest = own - (double)sum * sum / SAMPLES;
-    return data - (double)cross * cross / (rest > 1e-9 ? rest : 1e-9);
+    const float *shape = column[0];
+    const double sum = total(shape), cross = product(shape, s->level), rest = product(shape, shape) - sum * sum / SAMPLES;
+    return product(s->level, s->level) - cross * cross / (rest > 1e-9 ? rest : 1e-9);
 }
 
 /* Level and contrast are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's approximation), by
  * elimination in the table of all products of shape f, slopes u, v, w, data g and one. */
 INLINE Equations equations_at(const Samples *s, Directions d, const double state[3]) {
-    float column[4][SAMPLES], f1 = 0, u1 = 0, v1 = 0, w1 = 0, ff = 0, fu = 0, fv = 0, fw = 0, fg = 0, uu = 0, uv = 0, uw = 0, ug = 0;
-    float vv = 0, vw = 0, vg = 0, ww = 0, wg = 0, gg = 0;
+    float column[4][SAMPLES];
+    double sum[4], data[4], table[4][4]; /* the data have no mean */
     model(s, d, state, 1, column);
-    for (int n = 0; n < SAMPLES; n++) {
-        const float f = column[0][n], u = column[1][n], v = column[2][n], w = column[3][n], g = s->level[n];
-        f1 += f, u1 += u, v1 += v, w1 += w;
-        ff += f * f, fu += f * u, fv += f * v, fw += f * w, fg += f * g;
-        uu += u * u, uv += u * v, uw += u * w, ug += u * g;
-        vv += v * v, vw += v * w, vg += v * g;
-        ww += w * w, wg += w * g, gg += g * g;
+    for (int i = 0; i < 4; i++) {
+        sum[i] = total(column[i]);
+        data[i] = product(column[i], s->level);
+        for (int j = 0; j <= i; j++)
+            table[j][i] = product(column[j], column[i]) - sum[j] * sum[i] / SAMPLES;
     }
-    const double sum[4] = {f1, u1, v1, w1}, data[4] = {fg, ug, vg, wg}; /* the data have no mean */
-    double table[4][4] = {{ff, fu, fv, fw}, {0, uu, uv, uw}, {0, 0, vv, vw}, {0, 0, 0, ww}};
-    for (int i = 0; i < 4; i++)
-        for (int j = i; j < 4; j++)
-            table[i][j] -= sum[i] * sum[j] / SAMPLES;
     const double own = table[0][0] > 1e-9 ? table[0][0] : 1e-9, scale = data[0] / own;
     Equations e;
-    e.energy = gg - data[0] * scale;
+    e.energy = product(s->level, s->level) - data[0] * scale;
     for (int i = 1, at = 0; i < 4; i++) {
         const double share = table[0][i] / own;
         e.pull[i - 1] = (data[i] - share * data[0]) * scale;
@@ -180,7 +188,7 @@ INLINE Equations equations_at(const Samples *s, Directions d, const double state
 INLINE void model_step(const Equations *e, const double state[3], double change[3]) {
     const double *m = e->normal, belief = BELIEF * e->energy / SAMPLES, damp = DAMPING * (m[0] + m[3] + m[5]) + 1e-9;
     const double a = m[0] + damp, b = m[1], c = m[2], d = m[3] + damp, f = m[4], g = m[5] + damp + belief;
-    const double u = e->pull[0], v = e->pull[1], w = e->pull[2] - belief * (state[2] - log(START_BLUR));
+    const double u = e->pull[0], v = e->pull[1], w = e->pull[2] - belief * (state[2] - START_BLUR);
     const double aa = d * g - f * f, bb = c * f - b * g, cc = b * f - c * d, det = a * aa + b * bb + c * cc;
     change[0] = (aa * u + bb * v + cc * w) / det;
     change[1] = (bb * u + (a * g - c * c) * v + (b * c - a * f) * w) / det;
@@ -191,14 +199,14 @@ INLINE void model_step(const Equations *e, const double state[3], double change[
 
 /* Turns `axes` to where the model fits the samples best; they stay where the fit gets worse or runs away. */
 INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
-    double state[3] = {axes[0], axes[1], log(START_BLUR)}, change[3], first = 0;
+    double state[3] = {axes[0], axes[1], START_BLUR}, change[3], first = 0;
     for (int k = 0; k < ITERATIONS; k++) {
         const Equations e = equations_at(s, d, state);
         first = k ? first : e.energy;
         model_step(&e, state, change);
         for (int i = 0; i < 3; i++)
             state[i] += change[i];
-        state[2] = state[2] < log(LEAST_BLUR) ? log(LEAST_BLUR) : state[2] > log(MOST_BLUR) ? log(MOST_BLUR) : state[2];
+        state[2] = state[2] < LEAST_BLUR ? LEAST_BLUR : state[2] > MOST_BLUR ? MOST_BLUR : state[2];
         if (!(fabs(change[0]) > DONE || fabs(change[1]) > DONE))
             break;
     }
@@ -209,11 +217,9 @@ INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
 }
 
 INLINE void take_out_mean(Samples *s) {
-    float sum = 0;
+    const float mean = (float)(total(s->level) / SAMPLES);
     for (int n = 0; n < SAMPLES; n++)
-        sum += s->level[n];
-    for (int n = 0; n < SAMPLES; n++)
-        s->level[n] -= sum / SAMPLES;
+        s->level[n] -= mean;
 }
 
 /* Means of opposite directions on the rings. */
@@ -229,7 +235,8 @@ INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS
 }
 
 /* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
-FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, index_t count, const float *directions, double *axes) {
+FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS), (IN, double, radius, count, RINGS),
+            (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
     const Directions d = {directions, directions + TURN};
     Samples s;
     for (index_t k = 0; k < count; k++) {
@@ -240,13 +247,13 @@ FAST EXPORT void rcdn_blurred_axes(const float *rings, const double *radius, ind
         take_out_mean(&s);
         fit_axes(&s, d, axes + 2 * k);
     }
+    return 0;
 }
 
 /* Axes in [0, pi), rising, and what the rings say; see `rcdn.corners.orientation.axes`. */
-FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int real, const double *xy, const double *radius,
-                           const uint8_t *careful, index_t count, double least, const float *directions, const float *gain, double *axes,
-                           double *contrast, int8_t *polarity, double *fit) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, radius, count), (IN, uint8_t, careful, count),
+            (REAL, least), (IN, float, directions, 2, TURN), (IN, float, gain, TURN), (OUT, double, axes, count, 2), (OUT, double, contrast, count),
+            (OUT, int8_t, polarity, count), (OUT, double, fit, count)) {
     const Directions d = {directions, directions + TURN};
     float level[RINGS * TURN], signal[TURN];
     Places w;
@@ -276,4 +283,5 @@ FAST EXPORT void rcdn_axes(const void *data, index_t height, index_t width, int 
         own[1] = found[!swapped];
         polarity[n] = (int8_t)((seen.contrast > 0) != swapped ? 1 : -1);
     }
+    return 0;
 }

@@ -7,6 +7,7 @@
 
 #define WIDE 32  /* channels of a cell */
 #define GROUP 4  /* channels that are multiplied together */
+#define BEST 2   /* level of the processor's instructions that is used, if it is there: 2 VNNI, 1 AVX2, 0 any */
 #define SLACK 8  /* cells that may be computed beyond the end of a row */
 
 /* Weights of a convolution: (tap, group of inputs, output, input); what turns sums into the next inputs. */
@@ -58,8 +59,8 @@ ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 #define X86 1
 #include <immintrin.h>
 
-#define AVX2 __attribute__((target("avx2,fma")))
-#define VNNI __attribute__((target("avx512f,avx512bw,avx512vl,avx512vnni,fma")))
+#define AVX2 __attribute__((target("avx2")))
+#define VNNI __attribute__((target("avx512f,avx512bw,avx512vl,avx512vnni")))
 
 /* Four bytes of `value` are two numbers of 16 bits, twice: no product runs over. */
 AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
@@ -99,7 +100,7 @@ AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
 #define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
 
 VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
-    const __m512 value = _mm512_fmadd_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale), _mm512_loadu_ps(bias));
+    const __m512 value = _mm512_add_ps(_mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale)), _mm512_loadu_ps(bias));
     return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
 }
 
@@ -142,7 +143,7 @@ static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
         *conv = vnni_conv;
         return 2;
     }
-    if (level >= 1 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    if (level >= 1 && __builtin_cpu_supports("avx2")) {
         *strided = avx2_strided;
         *conv = avx2_conv;
         return 1;

@@ -1,5 +1,5 @@
 /* Saddles of the grey surface by least-squares quadratic fits; see rcdn.corners.saddle. */
-#include "rcdn.h"
+#include "kernel.h"
 
 #define FLATNESS 0.004 /* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at t has tan²(t/2): 7° here */
 #define FAINT 0.01     /* smallest rise of the fitted saddle from the middle to the side of its window, grey levels */
@@ -53,16 +53,30 @@ INLINE int surface_fit(const Picture *p, const Fit *fit, const int64_t seed[2], 
     return fabs(step[0]) <= rest && fabs(step[1]) <= rest && fabs(out[0] - (double)seed[0]) <= far && fabs(out[1] - (double)seed[1]) <= far;
 }
 
+/* Do `many` fits have matrices of `entries` in all, and windows of `room` pixels? */
+static int are_fits(const int64_t *first, const int64_t *sizes, index_t many, index_t entries, index_t room) {
+    for (index_t f = 0; f < many; f++) {
+        const int64_t half = sizes[3 * f], reach = sizes[3 * f + 1], repeats = sizes[3 * f + 2];
+        if (half < 0 || half > 10000 || reach < 0 || reach > 10000 || repeats < 0 || repeats > 1000)
+            return 0;
+        const int64_t side = 2 * reach + 1;
+        if (side * side > room || first[f] < 0 || first[f] > entries - 5 * side * side)
+            return 0;
+    }
+    return 1;
+}
+
 /* Saddles `xy` (count, 2) near `seeds` (count, 2), each by the fit `which` (count,); NaN where there is none. Of fit f: half window, reach
  * and repeats in `sizes` (., 3), the matrix from `first[f]` on. `window`: room for the largest window. */
-FAST EXPORT void rcdn_surface_fit(const void *data, index_t height, index_t width, int real, const int64_t *seeds, const int64_t *which,
-                                  index_t count, const double *matrices, const int64_t *first, const int64_t *sizes, const double *slack,
-                                  float *window, double *xy) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_surface_fit, (PICTURE, p), (SIZE, count, seeds, 0), (SIZE, many, first, 0), (SIZE, entries, matrices, 0), (SIZE, room, window, 0),
+            (WITHIN, int64_t, seeds, -FURTHEST, FURTHEST, count, 2), (WITHIN, int64_t, which, 0, many - 1, count), (IN, double, matrices, entries),
+            (IN, int64_t, first, many), (IN, int64_t, sizes, many, 3), (IN, double, slack, many), (WHERE, are_fits(first, sizes, many, entries, room)),
+            (OUT, float, window, room), (OUT, double, xy, count, 2)) {
     for (index_t n = 0; n < count; n++) {
         const int64_t f = which[n], *size = sizes + 3 * f;
         const Fit fit = {matrices + first[f], (index_t)size[0], (index_t)size[1], (index_t)size[2], slack[f]};
         if (!surface_fit(&p, &fit, seeds + 2 * n, window, xy + 2 * n))
             xy[2 * n] = xy[2 * n + 1] = NAN;
     }
+    return 0;
 }

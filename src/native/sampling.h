@@ -3,7 +3,7 @@
 #ifndef RCDN_SAMPLING_H
 #define RCDN_SAMPLING_H
 
-#include "rcdn.h"
+#include "kernel.h"
 
 /* A picture seen from the pixel (x, y); places are limited to `low`..`high` on each axis, so the border is repeated outside. */
 typedef struct {

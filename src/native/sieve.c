@@ -1,11 +1,10 @@
 /* Where X-corners can be at all: saddles of the grey levels, at half resolution, that stand out from the contrast around them. */
-#include "rcdn.h"
+#include "kernel.h"
 
 #define BLOCK 4  /* px of half resolution a block, over which contrast is summed; a window is 3×3 of them */
 #define TAPS 3   /* reach of the longest filter */
 #define STEP 64  /* columns that are tested together */
 #define PAD 8    /* columns continued on either side of a row */
-#define CELL 4   /* px of the picture a cell */
 #define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
@@ -133,10 +132,10 @@ INLINE index_t marked(const Half *h, index_t y, const float *limit, uint8_t *cel
     return count;
 }
 
-/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak. Returns the number of saddles, or -1 without memory. */
-FAST EXPORT index_t rcdn_sieve(const void *data, index_t height, index_t width, int real, double share, double floor_, uint8_t *cells, index_t down, index_t across) {
-    const Picture p = {data, height, width, real};
-    Half h = {height / 2, width / 2, 0, NULL, NULL, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
+/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak. Returns the number of saddles. */
+FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_),
+            (OUT, uint8_t, cells, down, across)) {
+    Half h = {p.height / 2, p.width / 2, 0, NULL, NULL, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
     if (h.height < 1 || h.width < 1)
         return 0;
     h.stride = h.width + 2 * PAD;
@@ -146,7 +145,7 @@ FAST EXPORT index_t rcdn_sieve(const void *data, index_t height, index_t width, 
     if (!room || !sums) {
         free(room);
         free(sums);
-        return -1;
+        return NO_MEMORY;
     }
     h.grey = room;
     for (int k = 0; k < 3; k++) {

@@ -3,9 +3,15 @@
  * Coefficients: FREE of a homography, which move x and y, then `terms` polynomials that move x, and as many that move y, D in all. `terms` is a
  * multiple of PANEL and at most TERMS; terms that aren't there are zeros. Matrices are symmetric, (D + 1, D + PANEL) with the data in row and
  * column D and zeros behind; only what stands on and above the diagonal counts. */
-#include "rcdn.h"
+#include "elementary.h"
+#include "kernel.h"
 
 enum { FREE = 8, PANEL = 8, TERMS = 64, CHUNK = 128 };
+CONSTANTS(smooth, FREE, PANEL, TERMS, CHUNK)
+
+static int are_terms(index_t terms) {
+    return terms > 0 && terms <= TERMS && terms % PANEL == 0;
+}
 
 /* The first whole cache line of some workspace, which needs PANEL doubles more. */
 INLINE double *aligned(double *work) {
@@ -44,7 +50,7 @@ INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, in
             for (index_t j = top; j < stride; j++)
                 row[j] *= scale;
         }
-        log_det += log(det);
+        log_det += natural_log(det);
         for (index_t i = top + PANEL; i < rows; i += 2) {
             double ca[PANEL], cb[PANEL];
             for (index_t k = 0; k < PANEL; k++) {
@@ -68,7 +74,8 @@ INLINE double weights(const double *cov, double rough, double *out) {
 
 /* base (count, 2): where the homography H (3, 3) takes labels ij (count, 2); tangent (count, 2, FREE): what its parameters move there, orthonormal
  * columns × √count. */
-FAST EXPORT void rcdn_smooth_tangent(index_t count, const double *ij, const double *H, double *base, double *tangent) {
+FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3), (OUT, double, base, count, 2),
+            (OUT, double, tangent, count, 2, FREE)) {
     for (index_t k = 0; k < count; k++) {
         const double i = ij[2 * k], j = ij[2 * k + 1], depth = 1 / (H[6] * i + H[7] * j + H[8]);
         const double x = (H[0] * i + H[1] * j + H[2]) * depth, y = (H[3] * i + H[4] * j + H[5]) * depth;
@@ -100,6 +107,7 @@ FAST EXPORT void rcdn_smooth_tangent(index_t count, const double *ij, const doub
     }
     for (index_t r = 0; r < 2 * count * FREE; r++)
         tangent[r] *= sqrt((double)count);
+    return 0;
 }
 
 /* PANEL points from `p` on; those beyond `count` weigh nothing. */
@@ -113,7 +121,7 @@ INLINE void take(Points *out, index_t p, index_t count, index_t terms, const dou
     for (index_t k = 0; k < PANEL && p + k < count; k++) {
         const index_t at = p + k;
         double w[3];
-        out->log_det += log(weights(cov + 4 * at, rough, w));
+        out->log_det += natural_log(weights(cov + 4 * at, rough, w));
         for (index_t i = 0; i < 3; i++)
             out->w[i][k] = w[i];
         for (index_t i = 0; i < FREE; i++) {
@@ -156,8 +164,9 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
  *
  * tangent (count, 2, FREE), bent (count, terms): what the coefficients move; off (count, 2): the data; cov (count, 2, 2) of their errors, to
  * which `rough`² is added along both axes. */
-FAST EXPORT void rcdn_smooth_normal(index_t count, index_t terms, const double *tangent, const double *bent, const double *off, const double *cov,
-                                    double rough, double free, double *gram, double *rest, double *fixed) {
+FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (IN, double, tangent, count, 2, FREE),
+            (IN, double, bent, count, terms), (IN, double, off, count, 2), (IN, double, cov, count, 2, 2), (REAL, rough), (REAL, free),
+            (OUT, double, gram, FREE + 2 * terms + 1, FREE + 2 * terms + PANEL), (OUT, double, rest, 2 * terms + 2, 2 * terms + PANEL), (OUT, double, fixed, 1)) {
     const index_t data = FREE + 2 * terms, stride = data + PANEL;
     double log_det = 0;
     Points at;
@@ -198,6 +207,7 @@ FAST EXPORT void rcdn_smooth_normal(index_t count, index_t terms, const double *
     for (index_t i = FREE; i < data; i++)
         gram[i * stride + data] = gram[data * stride + i];
     fixed[0] = -0.5 * (log_det + less_homography(gram, terms, free, rest));
+    return 0;
 }
 
 /* The first `rows` rows of m (…, wide) = gram (size + 1, size + PANEL) × root of its row and column, + 1 on the diagonal but for the data's. */
@@ -218,8 +228,10 @@ INLINE void scaled(const double *gram, const double *root, index_t rows, index_t
 /* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, 2 used), from the
  * normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms` polynomials, a multiple of PANEL, take part.
  * work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
-FAST EXPORT void rcdn_smooth_evidence(index_t terms, index_t used, const double *rest, index_t many, const double *root, double *work,
-                                      double *out) {
+FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1), (LET, terms, rows / 2 - 1),
+            (LET, used, columns / 2), (WHERE, are_terms(terms) && are_terms(used) && used <= terms),
+            (IN, double, rest, 2 * terms + 2, 2 * terms + PANEL), (IN, double, root, many, 2 * used),
+            (ROOM, double, work, 2 * (2 * used + 2) * (2 * used + PANEL) + PANEL), (OUT, double, out, many)) {
     const index_t size = 2 * used, stride = size + PANEL, left = terms - used, wide = 2 * terms + PANEL;
     double *m = aligned(work), *part = m + (size + 2) * stride;
     for (index_t i = 0; i <= size; i++) {
@@ -234,6 +246,7 @@ FAST EXPORT void rcdn_smooth_evidence(index_t terms, index_t used, const double 
         const double log_det = eliminate(m, 0, size, size + 2, stride);
         out[k] = -0.5 * (m[size * stride + size] + log_det);
     }
+    return 0;
 }
 
 /* Columns of m (size, wide) from size + PANEL on: root × what the coefficients move of `count` points from p on along x, `span` columns; along y behind. */
@@ -280,10 +293,12 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
  *
  * moved (count, 2): their shifts from where they lie without coefficients; known (count, 2, 2): their covariances; off (count, 2): what the data
  * lie off the smooth board, and beyond (count,): its squared length, in standard deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
-FAST EXPORT void rcdn_smooth_posterior(index_t count, index_t terms, const double *tangent, const double *bent, const double *data,
-                                       const double *cov, double rough, const double *gram, const double *root, double *work, double *moved,
-                                       double *known, double *off, double *beyond) {
-    const index_t size = FREE + 2 * terms, all = (count + PANEL - 1) & ~(index_t)(PANEL - 1), span = all < CHUNK ? all : CHUNK;
+FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (LET, size, FREE + 2 * terms),
+            (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms), (IN, double, data, count, 2), (IN, double, cov, count, 2, 2),
+            (REAL, rough), (IN, double, gram, size + 1, size + PANEL), (IN, double, root, size),
+            (ROOM, double, work, size * (size + PANEL + 2 * CHUNK) + PANEL), (OUT, double, moved, count, 2), (OUT, double, known, count, 2, 2),
+            (OUT, double, off, count, 2), (OUT, double, beyond, count)) {
+    const index_t all = (count + PANEL - 1) & ~(index_t)(PANEL - 1), span = all < CHUNK ? all : CHUNK;
     const index_t wide = size + PANEL + 2 * span;
     work = aligned(work);
     for (index_t p = 0; p < count; p += span) {
@@ -313,4 +328,5 @@ FAST EXPORT void rcdn_smooth_posterior(index_t count, index_t terms, const doubl
             beyond[at] = settle(cov + 4 * at, rough, off + 2 * at, moved + 2 * at, known + 4 * at);
         }
     }
+    return 0;
 }

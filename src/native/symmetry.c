@@ -1,10 +1,12 @@
 /* Centres of point symmetry or antisymmetry; see rcdn.corners.symmetry. */
-#include "rcdn.h"
+#include "kernel.h"
+#include "lanes.h"
 
 #define MARGIN 4   /* reach of the smoothing, px: a Gaussian of 1 px */
-#define LANES 16   /* rows are worked on in blocks of this many pixels; what is too much is never used */
 #define THIN 0.004 /* smallest ratio of the two eigenvalues of the normal matrix; below it the window shows an edge */
 #define FAR 1e9    /* px: no picture is as wide */
+
+enum { LARGEST = 10000 }; /* radius of a disc, px */
 
 static const float KERNEL[MARGIN + 1] = {0.39894346f, 0.24197145f, 0.05399112f, 0.00443186f, 0.00013383f};
 
@@ -14,6 +16,7 @@ typedef struct {
     float *raw, *across, *smooth, *level, *disc;
 } Room;
 
+/* Rows are worked on in blocks of LANES pixels; what is too much is never used. */
 INLINE index_t blocks(index_t columns) {
     return (columns + LANES - 1) / LANES;
 }
@@ -31,9 +34,18 @@ INLINE index_t lay_out(Room *room, float *work, index_t half) {
     return 5 * size;
 }
 
-EXPORT index_t rcdn_symmetry_room(index_t half) {
+KERNEL(rcdn_symmetry_room, (INT, half, 0, LARGEST)) {
     Room room;
     return lay_out(&room, NULL, half);
+}
+
+/* Floats for the largest of `count` discs. */
+static index_t room_for(const int64_t *half, index_t count) {
+    Room room;
+    index_t most = 0;
+    for (index_t k = 0; k < count; k++)
+        most = half[k] > most ? (index_t)half[k] : most;
+    return lay_out(&room, NULL, most);
 }
 
 INLINE void draw_disc(Room *room) {
@@ -98,17 +110,19 @@ INLINE void turned(const float *level, index_t stride, const float *other, int a
 
 /* Means of the even parts over the disc, which are no business of the estimate; `own`: the middle pixel's, without them. */
 INLINE void level_out(const Room *room, index_t first, index_t last, index_t middle, float mean[3], float own[3]) {
-    float r = 0, gx = 0, gy = 0, weight = 0;
-    for (index_t k = 0; k < blocks(middle) * LANES; k++) {
-        float t[3];
-        turned(room->level + first + k, room->stride, room->level + last - k, 1, t);
-        r += room->disc[k] * t[0];
-        gx += room->disc[k] * t[1];
-        gy += room->disc[k] * t[2];
-        weight += room->disc[k];
-    }
+    float r[LANES] = {0}, gx[LANES] = {0}, gy[LANES] = {0}, weights[LANES] = {0};
+    for (index_t b = 0; b < blocks(middle) * LANES; b += LANES)
+        for (index_t i = 0; i < LANES; i++) {
+            const index_t k = b + i;
+            float t[3];
+            turned(room->level + first + k, room->stride, room->level + last - k, 1, t);
+            r[i] += room->disc[k] * t[0];
+            gx[i] += room->disc[k] * t[1];
+            gy[i] += room->disc[k] * t[2];
+            weights[i] += room->disc[k];
+        }
     turned(room->level + first + middle, room->stride, room->level + last - middle, 1, own);
-    const float sums[3] = {r, gx, gy};
+    const float sums[3] = {lane_sum(r), lane_sum(gx), lane_sum(gy)}, weight = lane_sum(weights);
     for (int i = 0; i < 3; i++) {
         mean[i] = (2 * sums[i] + own[i]) / (2 * weight + 1);
         own[i] -= mean[i];
@@ -119,21 +133,23 @@ INLINE void level_out(const Room *room, index_t first, index_t last, index_t mid
  * Half a turn exchanges the pixels before the middle with those after it: half of them tell all. */
 INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
     const index_t first = room->stride + 1, middle = room->half * (room->stride + 1), last = first + 2 * middle;
-    float xx = 0, xy = 0, yy = 0, xr = 0, yr = 0, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
+    float xx[LANES] = {0}, xy[LANES] = {0}, yy[LANES] = {0}, xr[LANES] = {0}, yr[LANES] = {0}, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
     if (anti)
         level_out(room, first, last, middle, mean, own);
-    for (index_t k = 0; k < blocks(middle) * LANES; k++) {
-        float t[3];
-        turned(room->level + first + k, room->stride, room->level + last - k, anti, t);
-        const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]), gy = weight * (t[2] - mean[2]);
-        xx += gx * gx;
-        xy += gx * gy;
-        yy += gy * gy;
-        xr += gx * r;
-        yr += gy * r;
-    }
-    const double a = 2.0 * xx + own[1] * own[1], b = 2.0 * xy + own[1] * own[2], c = 2.0 * yy + own[2] * own[2];
-    const double u = 2.0 * xr + own[1] * own[0], v = 2.0 * yr + own[2] * own[0], det = a * c - b * b;
+    for (index_t begin = 0; begin < blocks(middle) * LANES; begin += LANES)
+        for (index_t i = 0; i < LANES; i++) {
+            const index_t k = begin + i;
+            float t[3];
+            turned(room->level + first + k, room->stride, room->level + last - k, anti, t);
+            const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]), gy = weight * (t[2] - mean[2]);
+            xx[i] += gx * gx;
+            xy[i] += gx * gy;
+            yy[i] += gy * gy;
+            xr[i] += gx * r;
+            yr[i] += gy * r;
+        }
+    const double a = 2.0 * lane_sum(xx) + own[1] * own[1], b = 2.0 * lane_sum(xy) + own[1] * own[2], c = 2.0 * lane_sum(yy) + own[2] * own[2];
+    const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0], det = a * c - b * b;
     if (!(det > THIN * (a + c) * (a + c)))
         return 0;
     step[0] = 2 * (b * v - c * u) / det; /* twice: the slopes are differences over two pixels */
@@ -164,9 +180,8 @@ INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], ind
 
 /* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,) px; NaN where there is
  * none. `work`: zeros, as many as `rcdn_symmetry_room` says for the largest disc. */
-FAST EXPORT void rcdn_symmetry_centre(const void *data, index_t height, index_t width, int real, const double *start, const int64_t *half,
-                                      index_t count, index_t repeats, double done, index_t anti, float *work, double *out) {
-    const Picture p = {data, height, width, real};
+FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, double, start, count, 2), (WITHIN, int64_t, half, 0, LARGEST, count),
+            (INT, repeats, 0, 1000), (REAL, done), (INT, anti, 0, 1), (ROOM, float, work, room_for(half, count)), (OUT, double, out, count, 2)) {
     Room room = {-1, 0, NULL, NULL, NULL, NULL, NULL};
     for (index_t n = 0; n < count; n++) {
         const double *from = start + 2 * n, reach = half[n] > 2 ? 0.5 * (double)half[n] : 1;
@@ -181,4 +196,5 @@ FAST EXPORT void rcdn_symmetry_centre(const void *data, index_t height, index_t 
         if (!found || fabs(at[0] - from[0]) > reach || fabs(at[1] - from[1]) > reach)
             at[0] = at[1] = NAN;
     }
+    return 0;
 }

@@ -1,6 +1,22 @@
-"""`python -m rcdn` is `rcdn`."""
+"""`python -m rcdn`, and the `rcdn` command: what must be there before the imports that take long."""
 
-from rcdn.cli import main
+import sys
+
+from rcdn import interrupts
+
+
+def main() -> None:
+    """The entry point of the `rcdn` command."""
+    interrupts.install()
+    try:
+        from rcdn.cli import main as run
+
+        run()
+    except KeyboardInterrupt:  # as `rcdn.cli` says it, which may not be there yet
+        if sys.stderr is not None:
+            sys.stderr.write("error: stopped by Ctrl-C\n")
+        sys.exit(130)
+
 
 if __name__ == "__main__":
     main()

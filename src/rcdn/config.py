@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, shown
 
 if TYPE_CHECKING:
-    from rcdn.types import Pattern
+    pass
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
+Targets = Literal["auto", "plain"]
 Device = Literal["cpu", "cuda", "auto"]
 
 
@@ -23,13 +23,37 @@ def _require(ok: bool, message: str) -> None:
         raise ConfigError(message)
 
 
-def _bounded(owner: object, name: str, low: float = -math.inf, high: float = math.inf, whole: bool = False) -> None:
-    """Raises ConfigError unless the setting is a finite number in [low, high]."""
+LEVEL = 1000.0
+"""largest threshold; responses are about 1 at most"""
+WIDEST, WINDOW = 999, 64
+"""px: the largest box of a suppression, and half window of a refinement"""
+MANY = 1_000_000
+"""corners or px: no setting that counts them is larger"""
+CLUSTERS, THREADS = 1000, 1024
+
+
+def _bounded(owner: object, name: str, low: float, high: float, whole: bool = False) -> None:
+    """Raises ConfigError unless the setting is a number in [low, high]."""
     value = getattr(owner, name)
     ok = isinstance(value, int if whole else (int, float)) and not isinstance(value, bool)
     kind = "a whole number" if whole else "a finite number"
-    message = f"{type(owner).__name__}.{name} must be {kind} in [{low}, {high}], not {value!r}"
-    _require(ok and math.isfinite(value) and low <= value <= high, message)
+    message = f"{type(owner).__name__}.{name} must be {kind} in [{low}, {high}], not {shown(value)}"
+    _require(ok and low <= value <= high, message)
+
+
+def _flags(owner: object, *names: str) -> None:
+    """Raises ConfigError unless the settings are true or false."""
+    for name in names:
+        value = getattr(owner, name)
+        _require(isinstance(value, bool), f"{type(owner).__name__}.{name} must be true or false, not {shown(value)}")
+
+
+def _one_of(owner: object, name: str, known: tuple[Any, ...]) -> None:
+    value = getattr(owner, name)
+    _require(
+        isinstance(value, str) and value in known,
+        f"{type(owner).__name__}.{name} must be one of {known}, not {shown(value)}",
+    )
 
 
 @dataclass(frozen=True)
@@ -39,7 +63,7 @@ class Adaptive:
     level: float = 0.5
 
     def __post_init__(self) -> None:
-        _bounded(self, "level")
+        _bounded(self, "level", -LEVEL, LEVEL)
 
 
 @dataclass(frozen=True)
@@ -49,7 +73,7 @@ class Fixed:
     value: float = 0.5
 
     def __post_init__(self) -> None:
-        _bounded(self, "value")
+        _bounded(self, "value", -LEVEL, LEVEL)
 
 
 @dataclass(frozen=True)
@@ -59,7 +83,7 @@ class Std:
     factor: float = 0.8
 
     def __post_init__(self) -> None:
-        _bounded(self, "factor")
+        _bounded(self, "factor", -LEVEL, LEVEL)
 
 
 @dataclass(frozen=True)
@@ -88,10 +112,11 @@ class Nms:
     peaks: bool = False
 
     def __post_init__(self) -> None:
-        _bounded(self, "box", 1, whole=True)
+        _bounded(self, "box", 1, WIDEST, whole=True)
         _require(self.box % 2 == 1, f"Nms.box must be odd, not {self.box}")
-        _bounded(self, "overlap")
+        _bounded(self, "overlap", 0, 1)
         _require(0 < self.overlap < 1, f"Nms.overlap must lie in (0, 1), not {self.overlap}")
+        _flags(self, "peaks")
 
 
 @dataclass(frozen=True)
@@ -107,9 +132,10 @@ class Cluster:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _bounded(self, "k", 1, whole=True)
-        for name in ("drop", "least", "seed"):
-            _bounded(self, name, 0, whole=True)
+        _bounded(self, "k", 1, CLUSTERS, whole=True)
+        for name in ("drop", "least"):
+            _bounded(self, name, 0, MANY, whole=True)
+        _bounded(self, "seed", 0, 2**32 - 1, whole=True)
 
 
 @dataclass(frozen=True)
@@ -120,10 +146,9 @@ class Refine:
     half: int | None = None
 
     def __post_init__(self) -> None:
-        known = get_args(RefineMethod)
-        _require(self.method in known, f"Refine.method must be one of {known}, not {self.method!r}")
+        _one_of(self, "method", get_args(RefineMethod))
         if self.half is not None:
-            _bounded(self, "half", 1, whole=True)
+            _bounded(self, "half", 1, WINDOW, whole=True)
 
 
 @dataclass(frozen=True)
@@ -136,7 +161,7 @@ class Sharpen:
     geometry: bool = True
 
     def __post_init__(self) -> None:
-        _require(isinstance(self.geometry, bool), f"Sharpen.geometry must be true or false, not {self.geometry!r}")
+        _flags(self, "geometry")
 
 
 @dataclass(frozen=True)
@@ -152,6 +177,8 @@ class DetectorConfig:
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
+    `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards (docs/coded-boards.md); `plain`, the default, takes all boards
+    for plain ones.
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
@@ -173,7 +200,8 @@ class DetectorConfig:
     pyramid: bool = True
     min_corners: int = 9
     threads: int = 0
-    pattern: Pattern = "checker"
+    pattern: Literal["checker", "deltille"] = "checker"
+    target: Targets = "plain"
     device: Device = "cpu"
 
     def __post_init__(self) -> None:
@@ -187,25 +215,21 @@ class DetectorConfig:
         )
         for name, kind in kinds:
             value = getattr(self, name)
-            _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {value!r}")
-        known = get_args(Recovery)
-        _require(self.recovery in known, f"DetectorConfig.recovery must be one of {known}, not {self.recovery!r}")
-        from rcdn.types import Pattern  # here, since the command line starts without NumPy
-
-        known = get_args(Pattern)
-        _require(self.pattern in known, f"DetectorConfig.pattern must be one of {known}, not {self.pattern!r}")
+            _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {shown(value)}")
+        _one_of(self, "recovery", get_args(Recovery))
+        _one_of(self, "pattern", ("checker", "deltille"))
+        _one_of(self, "target", get_args(Targets))
         _require(
             self.pattern == "checker" or self.recovery == "graph",
             "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
         )
-        known = get_args(Device)
-        _require(self.device in known, f"DetectorConfig.device must be one of {known}, not {self.device!r}")
-        _require(isinstance(self.pyramid, bool), f"DetectorConfig.pyramid must be true or false, not {self.pyramid!r}")
-        _bounded(self, "border", 0)
+        _one_of(self, "device", get_args(Device))
+        _flags(self, "pyramid", "rescue")
+        _bounded(self, "border", 0, MANY)
         _bounded(self, "seed", 0.01, 1)
         _bounded(self, "weak", 0.01, 1)
-        _bounded(self, "min_corners", 1, whole=True)
-        _bounded(self, "threads", 0, whole=True)
+        _bounded(self, "min_corners", 1, MANY, whole=True)
+        _bounded(self, "threads", 0, THREADS, whole=True)
 
     @classmethod
     def auto(cls, **changes: Any) -> DetectorConfig:
@@ -225,7 +249,7 @@ class DetectorConfig:
     @classmethod
     def preset(cls, name: str, **changes: Any) -> DetectorConfig:
         """The preset called `name` (`auto` or `paper`)."""
-        _require(name in ("auto", "paper"), f"preset must be 'auto' or 'paper', not {name!r}")
+        _require(name in ("auto", "paper"), f"preset must be 'auto' or 'paper', not {shown(name)}")
         return cls.auto(**changes) if name == "auto" else cls.paper(**changes)
 
     def to_json(self) -> str:
@@ -237,8 +261,8 @@ class DetectorConfig:
         """Read what `to_json` wrote. Unknown keys, bad values and anything that isn't JSON raise ConfigError."""
         try:
             plain = json.loads(text)
-        except ValueError as error:
-            raise ConfigError(f"config: this is not JSON: {error}") from error
+        except (ValueError, RecursionError) as error:
+            raise ConfigError(f"config: this is not JSON: {shown(str(error))}") from error
         value = _from_plain(plain)
         _require(isinstance(value, cls), f"expected a DetectorConfig, not {type(value).__name__}")
         return value
@@ -258,9 +282,11 @@ def _from_plain(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     name = value.get("type")
-    _require(isinstance(name, str) and name in _PAYLOADS, f"config: unknown type {name!r}; known: {sorted(_PAYLOADS)}")
+    _require(
+        isinstance(name, str) and name in _PAYLOADS, f"config: unknown type {shown(name)}; known: {sorted(_PAYLOADS)}"
+    )
     cls = _PAYLOADS[str(name)]
     known = {f.name for f in dataclasses.fields(cls)}
     unknown = sorted(set(value) - known - {"type"})
-    _require(not unknown, f"config: {name} has no setting {unknown}; known: {sorted(known)}")
+    _require(not unknown, f"config: {name} has no setting {shown(unknown)}; known: {sorted(known)}")
     return cls(**{k: _from_plain(v) for k, v in value.items() if k != "type"})

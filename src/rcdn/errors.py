@@ -1,5 +1,26 @@
 """Errors that rcdn raises on purpose. Each message names the argument and the fix."""
 
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+LONGEST = 60
+"""letters of a value that a message shows"""
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: on one line, and cut where it is long, whatever it is."""
+    try:
+        if isinstance(value, int) and abs(value) >= 10**LONGEST:
+            return "a number of more than 60 digits"
+        text = repr(value[: 2 * LONGEST] if isinstance(value, (str, bytes, list, tuple)) else value)
+    except (ValueError, RecursionError):  # an integer too long to be written, or what holds one
+        return f"a {type(value).__name__} that is too long to be shown"
+    text = " ".join(text.split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+
 
 class RcdnError(Exception):
     """Base of every error raised on purpose by rcdn."""
@@ -27,3 +48,10 @@ class DependencyError(RcdnError, ImportError):
 
 class CalibrationError(RcdnError):
     """Boards that don't settle a camera, a pose or a pair of cameras; the message says what pictures to take."""
+
+
+def present(value: T | None, what: str) -> T:
+    """`value`, which is there. Raises RcdnError, naming `what`, if it is None: a guard that holds under `python -O`, too."""
+    if value is None:
+        raise RcdnError(f"{what} is missing")
+    return value

@@ -1,61 +1,52 @@
-"""The compiled kernels (src/native), called through ctypes: what would be a Python loop over pixels or corners.
+"""The compiled kernels (src/native): what would be a Python loop over pixels or corners.
 
-A kernel is a C function that takes arrays, integers and reals, and returns nothing or an integer. The module that owns an algorithm
-binds its kernel, prepares arrays, and says in its docstring what the kernel computes: `_kernel = bind("rcdn_name", "pfN", ...)`.
+A kernel is a C function that takes arrays, pictures, integers and reals, and returns an integer. C owns its signature (src/native/kernel.h): the
+dimensions of its arrays, the limits of its integers. Each call is checked against it. The module that owns an algorithm binds its kernel,
+prepares arrays, and says in its docstring what the kernel computes: `_kernel = bind("rcdn_name")`. `help(_kernel)` shows the signature.
 """
 
 from __future__ import annotations
 
-import ctypes
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 from rcdn.errors import RcdnError
 
 
-def bind(name: str, arguments: str, result: bool = False) -> Callable[..., Any]:
-    """The kernel `name` as a Python function. `arguments`: a letter each, of C-contiguous arrays of `f` float32, `d` float64, `b` uint8,
-    `c` int8, `i` int32 and `l` int64 (capitals: written to), `n` an integer, `r` a real, `p` a picture (H, W) uint8 or float32.
-    `result`: it returns an integer.
+def bind(name: str, *groups: type[tuple[Any, ...]]) -> Callable[..., int]:
+    """The kernel `name` as a function of what its signature lists but SIZE, LET and WHERE. It runs without Python's lock.
 
-    Arrays of another type or order raise TypeError: kernels convert nothing.
+    `groups`: the named tuples, in order, that it takes for groups of arguments; their fields must be those that C knows.
+
+    A call raises TypeError for an array of another type or order (kernels convert nothing), one that may not be written to, or another number of
+    arguments; ValueError for another shape, a number beyond its limits, an index that leads nowhere, or arrays that share memory; MemoryError where
+    the kernel's own memory lacks. Nothing is computed then. AttributeError: there is no such kernel, or a group has other fields.
     """
-    function: Any = None
-    unpack: Any = None
-    letters = arguments.encode()
-
-    def call(*values: Any) -> Any:
-        nonlocal function, unpack
-        if function is None:
-            library, unpack = _library()
-            made = library[name]
-            made.argtypes = [kind for letter in arguments for kind in _kinds(letter)]
-            made.restype = ctypes.c_ssize_t if result else None
-            function = made
-        return function(*unpack(letters, values))
-
-    return call
+    library = _library()
+    if name not in library.kernels:
+        raise AttributeError(f"the compiled kernels have no {name}: build them again (pip install .)")
+    fields = [tuple(spec[0] for spec in inner) for _, what, *_, inner in library.arguments[name] if what == "group"]
+    for given, known in zip(groups, fields, strict=True):
+        if getattr(given, "_fields", ()) != known:
+            raise AttributeError(f"{name}: {given.__name__} must have the fields {', '.join(known)}")
+    kernel: Callable[..., int] = library.kernels[name]
+    return kernel
 
 
-def _kinds(letter: str) -> tuple[Any, ...]:
-    whole = ctypes.c_ssize_t
-    several: dict[str, tuple[Any, ...]] = {
-        "n": (whole,),
-        "r": (ctypes.c_double,),
-        "p": (ctypes.c_void_p, whole, whole, ctypes.c_int),
-    }
-    return several.get(letter, (ctypes.c_void_p,))
+def constants(unit: str) -> Mapping[str, int]:
+    """The constants by which a file of kernels, src/native/`unit`.c, and its callers agree. C owns them."""
+    known: Mapping[str, int] = _library().constants[unit]
+    return known
 
 
 @functools.cache
-def _library() -> tuple[ctypes.CDLL, Any]:
-    """The kernels, and what turns their arguments into what ctypes takes."""
+def _library() -> Any:
+    """The module of the kernels: `kernels`, their `arguments`, and `constants`."""
     try:
-        module = import_module("rcdn._native")
+        return import_module("rcdn._native")
     except ImportError as error:
         raise RcdnError(
             "rcdn's compiled kernels are missing: install it again (pip install .), with a C compiler at hand"
         ) from error
-    return ctypes.CDLL(str(module.__file__)), module.arguments

@@ -14,9 +14,10 @@ import numpy as np
 
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.sieve import CELL
+from rcdn.geometry.boxes import BoxCells, PointCells
 from rcdn.geometry.median import median
-from rcdn.geometry.near import nearest
-from rcdn.geometry.polygon import depth
+from rcdn.geometry.near import nearest, within
+from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.types import Array, Board, Corners
 
 SMALL_PICTURE = 330 * 250
@@ -34,6 +35,8 @@ SAME = 0.35
 """corners closer than this share of the squares are one"""
 BEYOND = (0.3, 1.5)
 """squares, + px of the view: so close to where a board's next corner would be, a peak may be that corner"""
+SHARED, COVERED = 0.25, 0.5
+"""share of a board's corners that are those of a fuller one, or lie inside of that, above which it is no board of its own"""
 EDGE = 1e-3
 """px; so close to its hull's edges a board's own corners are inside of it"""
 SPECK_PITCH, SPECK = 5.6, 0.1
@@ -94,9 +97,13 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
     Corners in `boards` of larger squares, or between their corners, don't count.
     """
     height, width = shape[:2]
-    for board in boards:
-        if len(xy) and _pitch(board) >= TINY:
-            xy = xy[~_inside(board, xy)]
+    large = [board for board in boards if _pitch(board) >= TINY] if len(xy) else []
+    if large:
+        cells, left = PointCells(xy), np.ones(len(xy), bool)
+        for board in large:
+            rows = cells.inside(board.xy.min(axis=0) - EDGE, board.xy.max(axis=0) + EDGE)
+            left[rows] &= ~_inside(board, xy[rows])
+        xy = xy[left]
     if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
         return None
     distance = nearest(xy, xy, 4)[0]
@@ -129,10 +136,12 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
     """Those of a view's `cells` (h / 4, w / 4) bool, of 4×4 px, that lie neither on corners of `boards` nor half a square inside of their rims."""
     row, column = np.nonzero(cells)
     at = view.to_picture(CELL * np.stack([column, row], axis=1) + (CELL - 1) / 2)
-    left = np.ones(len(at), bool)
+    left, places = np.ones(len(at), bool), PointCells(at)
     for board in boards:
-        left &= ~_well_inside(board.grid(), at, CELL / view.scale)
-        left &= nearest(board.xy, at)[0][:, 0] > SAME * _pitch(board)
+        _clear(left, places, board.grid(), CELL / view.scale)
+    corners = np.concatenate([np.zeros((0, 2)), *(board.xy for board in boards)])
+    reach = np.repeat([SAME * _pitch(board) for board in boards], [len(board) for board in boards])
+    left[within(at, corners, reach)[1]] = False
     out = np.zeros_like(cells)
     out[row[left], column[left]] = True
     return out
@@ -147,27 +156,27 @@ def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
     """
     at = view.to_picture(xy)
     left = np.ones(len(at), bool)
-    if not len(at):
+    if not len(at) or not boards:
         return left
-    slack = BEYOND[1] / view.scale
+    sides = [(side[0], side[1]) for board in boards for side in (np.rot90(board.grid(), k) for k in range(4))]
+    rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
+    step = np.linalg.norm(rim - second, axis=1)
+    close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + BEYOND[1] / view.scale
+    first = np.cumsum([0, *(len(side) for side, _ in sides[:-1])])
+    if (np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any():
+        return None
+    places = PointCells(at)
     for board in boards:
-        grid = board.grid()
-        sides = [(side[0], side[1]) for side in (np.rot90(grid, k) for k in range(4))]
-        rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
-        step = np.linalg.norm(rim - second, axis=1)
-        close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + slack
-        ends = np.cumsum([len(side) for side, _ in sides])
-        if any(part.mean() > 0.5 for part in np.split(close, ends[:-1])):
-            return None
-        left &= ~_well_inside(grid, at)
+        _clear(left, places, board.grid())
     return left
 
 
-def _well_inside(grid: Array, xy: Array, more: float = 0.0) -> Array:
-    """(N,) bool: which lie further inside a board's `grid` (rows, columns, 2) than half way from its rim to its next corners + `more` px."""
+def _clear(left: Array, places: PointCells, grid: Array, more: float = 0.0) -> None:
+    """Put `left` (N,), in place, to False for those `places` (N, 2) that lie further inside a board's `grid` (rows, columns, 2) than half way from
+    its rim to its next corners + `more` px."""
     rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
-    within = depth(rim, grid[1:-1, 1:-1])
-    return depth(rim, xy) > 0.5 * within.min() + more
+    rows = places.inside(rim.min(axis=0), rim.max(axis=0))
+    left[rows[deeper(rim, places.points[rows], 0.5 * least_depth(rim, grid[1:-1, 1:-1]) + more)]] = False
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
@@ -178,8 +187,8 @@ def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -
 
 
 def _speck(board: Board) -> bool:
-    span = float(np.linalg.norm(np.ptp(board.xy, axis=0)))
-    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.hypot(*board.image_size))
+    span = float(np.linalg.norm(np.ptp(board.xy, axis=0), axis=0))
+    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.linalg.norm(board.image_size, axis=0))
 
 
 def _pitch(board: Board) -> float:
@@ -200,20 +209,35 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
     ranked = sorted(
         ((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True
     )
-    kept: list[Board] = []
-    for _, _, board in ranked:
-        if not any(_shares(board, other) for other in kept):
-            kept.append(board)
-    return sorted(kept, key=lambda b: (-len(b), *b.xy[0]))
+    every = [board for _, _, board in ranked]
+    if len(every) < 2:
+        return every
+    low, high = (np.array([end(b.xy, axis=0) for b in every]) for end in (np.min, np.max))
+    boxes, twins = BoxCells(low, high), _twins(every)
+    kept: set[int] = set()
+    for k, board in enumerate(every):
+        around = kept.intersection(boxes.touched(low[k] - EDGE, high[k] + EDGE))
+        if kept.isdisjoint(twins[k]) and not any(_inside(every[n], board.xy).mean() > COVERED for n in sorted(around)):
+            kept.add(k)
+    return sorted((every[k] for k in kept), key=lambda b: (-len(b), *b.xy[0]))
 
 
-def _shares(board: Board, other: Board) -> bool:
-    """Is a quarter of `board` made of corners of the fuller `other`, or half of it inside that one?"""
-    reach = SAME * _pitch(other)
-    common = nearest(other.xy, board.xy)[0][:, 0] < reach
-    if common.mean() > 0.25:
-        return True
-    return float(_inside(other, board.xy).mean()) > 0.5
+def _twins(boards: list[Board]) -> list[list[int]]:
+    """For each board the earlier ones whose corners more than `SHARED` of its own are."""
+    xy, sizes = np.concatenate([b.xy for b in boards]), np.array([len(b) for b in boards])
+    owner, reach = np.repeat(np.arange(len(boards)), sizes), np.array([SAME * _pitch(b) for b in boards])
+    theirs, own = within(xy, xy, reach[owner])
+    later = owner[theirs] < owner[own]
+    theirs, own = theirs[later], own[later]
+    step = xy[own] - xy[theirs]
+    close = np.sqrt(step[:, 0] * step[:, 0] + step[:, 1] * step[:, 1]) < reach[owner[theirs]]
+    # each corner once for each board that has one there
+    corner, other = np.divmod(np.unique(own[close] * len(boards) + owner[theirs[close]]), len(boards))
+    pair, count = np.unique(owner[corner] * len(boards) + other, return_counts=True)
+    out: list[list[int]] = [[] for _ in boards]
+    for k, n in zip(*np.divmod(pair[count > SHARED * sizes[pair // len(boards)]], len(boards)), strict=True):
+        out[k].append(int(n))
+    return out
 
 
 def _inside(board: Board, xy: Array) -> Array:

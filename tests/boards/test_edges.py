@@ -100,6 +100,18 @@ def test_crossings(kind):
     assert [a.shape for a in crossings(grey, xy[:0], du[:0], dv[:0], colour[:0])] == [(0, 2), (0, 2)]
 
 
+def test_levels_below_nothing_are_nothing():
+    """An enlarged picture in floating point undershoots beside edges: there is no logarithm of that."""
+    grey = np.full((60, 60), 120, np.float32)
+    grey[30:, :30] = grey[:30, 30:] = -40
+    spot = np.array([[29.5, 29.5]]), np.array([[16.0, 0]]), np.array([[0, 16.0]]), np.ones(1)
+    (offset, strength), (expected, usual) = crossings(grey, *spot), crossings(np.maximum(grey, 0), *spot)
+    np.testing.assert_allclose(offset, expected, atol=1e-6)
+    np.testing.assert_allclose(
+        strength, usual, rtol=0.1
+    )  # between pixels, the undershoot takes a little of the bright side
+
+
 def test_places_far_away_are_as_good_as_near_ones():
     """The same patch of picture in another place: positions don't lose digits."""
     patch, (xy, du) = picture(np.uint8), spots(40, seed=5)

@@ -44,11 +44,11 @@ def changed(path, value):
     ("text", "words"),
     [
         ("", "not a scene"),
-        ("[]", "Scene must be an object"),
+        ("[]", "scene must be an object"),
         ("{}", "missing"),
         (changed(["depth"], 1), "depth"),
         (changed(["boards", 0, "colour"], 1), "colour"),
-        (changed(["boards"], [3]), "BoardSpec must be an object"),
+        (changed(["boards"], [3]), "boards.0. must be an object"),
         (changed(["light"], {"gz": 1}), "gz"),
     ],
 )

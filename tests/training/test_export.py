@@ -18,6 +18,7 @@ from rcdn.corners.response import ResponseModel, load_model
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.synthetic import random_crop
 from rcdn.training import export as module
+from rcdn.training import quantise
 from rcdn.training.config import TrainConfig
 from rcdn.training.export import export, folded, load_run, parity, provenance, to_onnx
 from rcdn.training.loss import ACTIVATION
@@ -132,6 +133,37 @@ def test_nothing_is_written_without_parity(run_folder, tmp_path, monkeypatch, ga
         export(run_folder, target)
     assert target.read_bytes() == b"old"
     assert not target.with_suffix(".json").exists()
+
+
+@pytest.fixture
+def cell_run(run_folder, monkeypatch):
+    """The same of a cell network, with ranges at once; and what its 8-bit weights change, to be set."""
+    config = TrainConfig("x", "Q", "heatmap", "local", side=93)
+    report = json.loads((run_folder / "run.json").read_text()) | {"config": dataclasses.asdict(config)}
+    (run_folder / "run.json").write_text(json.dumps(report))
+    state = make_net("Q").state_dict()
+    torch.save({"model": state, "ema": state}, run_folder / "last.pt")
+    monkeypatch.setattr(module, "ranges", lambda *args: [[5.0] * 16, *[[5.0] * 32] * 6])
+    figures = dict.fromkeys(quantise.BOUNDS, 0.001)
+    monkeypatch.setattr(quantise, "compare", lambda model: figures)
+    return run_folder, figures
+
+
+def test_a_cell_network_gets_its_8_bit_weights(cell_run, tmp_path):
+    target = tmp_path / "out" / "q.onnx"
+    facts, _ = export(cell_run[0], target)
+    assert sorted(p.name for p in target.parent.iterdir()) == ["q.json", "q.npz", "q.onnx"]
+    assert json.loads(target.with_suffix(".json").read_text()) == facts
+    loaded = load_model(str(target))
+    assert hashlib.sha256(target.with_suffix(".npz").read_bytes()).hexdigest() == facts["quantised"]["sha256"]
+    assert loaded.cells is not None
+
+
+def test_a_cell_network_whose_8_bit_weights_fail_is_not_written(cell_run, tmp_path):
+    cell_run[1]["largest difference"] = 0.3
+    with pytest.raises(RcdnError, match=r"largest difference .* nothing was written"):
+        export(cell_run[0], tmp_path / "out" / "q.onnx")
+    assert not (tmp_path / "out").exists()
 
 
 def test_names_and_folders_that_are_refused(run_folder, tmp_path):

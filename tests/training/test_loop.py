@@ -18,8 +18,8 @@ import cv2
 import torch
 from lightning_fabric import Fabric
 
-from rcdn.errors import ConfigError, RcdnError
-from rcdn.training import loop, validate
+from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.training import alone, loop, validate
 from rcdn.training.config import TrainConfig, read_config
 from rcdn.training.loop import DeadNetError, train
 from rcdn.training.samples import PoolConfig
@@ -130,6 +130,35 @@ def test_what_was_logged_after_the_last_checkpoint_is_logged_once(tmp_path, monk
     assert [r["step"] for r in rows(tmp_path / "a")] == ["2", "4"]
     folder = run(A, tmp_path)
     assert [r["step"] for r in rows(folder)] == ["2", "4", "6"]
+
+
+@pytest.mark.skipif(alone.fcntl is None, reason="no locks of POSIX")
+def test_two_processes_do_not_train_in_one_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(alone, "WAITS", 1)
+    folder = tmp_path / "runs" / "tiny"
+    there = pytest.raises(ConfigError, match="another process trains there")
+    with alone.alone(folder), there, alone.alone(folder):
+        pass
+    with alone.alone(folder):
+        pass
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_last_checkpoint(tmp_path, monkeypatch):
+    saves = []
+
+    def save(self, path, state):
+        saves.append(path)
+        if len(saves) == 2:
+            path.write_bytes(b"half")
+            raise RuntimeError("[enforce fail at inline_container.cc:659] . unexpected pos 64 vs 0")
+        original(self, path, state)
+
+    original = Fabric.save
+    monkeypatch.setattr(Fabric, "save", save)
+    with pytest.raises(OutputError, match=r"new.pt: can't be written: .*; make room"):
+        run(A, tmp_path)
+    assert torch.load(tmp_path / "a" / "last.pt", weights_only=True)["step"] == 2
+    assert not (tmp_path / "a" / "new.pt").exists()
 
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")  # torch's loader forks; Python 3.12 warns
@@ -277,13 +306,13 @@ def test_configurations_in_the_repository():
         ("loss = 'l2'", "loss must be one of"),
         ("optimiser = 'lion'", "optimiser must be one of"),
         ("normalisation = 'none'", "normalisation must be one of"),
-        ("steps = 0", "steps must be at least 1"),
+        ("steps = 0", r"steps must be in \[1, "),
         ("rate = 0", "rate must be above 0"),
         ("ema = 1.0", "ema below 1"),
         ("side = 200", "side must be .* at most pool.size = 112"),
         ("side = 18", "side must be 18 plus"),
         ("architecture = 'Q'\nside = 110", "45 plus a multiple of 4"),
-        ("steps = ", "can't be read"),
+        ("steps = ", "is not TOML"),
     ],
 )
 def test_wrong_configurations(tmp_path, text, message):
@@ -294,7 +323,7 @@ def test_wrong_configurations(tmp_path, text, message):
 
 
 def test_a_configuration_that_is_not_there(tmp_path):
-    with pytest.raises(ConfigError, match=r"none\.toml can't be read"):
+    with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
         read_config(tmp_path / "none.toml")
 
 
@@ -346,8 +375,43 @@ def test_a_recipe_gives_what_the_file_does_not_say(tmp_path):
     config = read_config(tmp_path / "net.toml")
     assert (config.name, config.architecture, config.rate, config.steps, config.pool.count) == ("net", "A", 0.5, 3, 9)
     (tmp_path / "net.toml").write_text('recipe = "gone.toml"\n')
-    with pytest.raises(ConfigError, match=r"gone\.toml can't be read"):
+    with pytest.raises(ConfigError, match=r"gone\.toml: no such file"):
         read_config(tmp_path / "net.toml")
     (tmp_path / "net.toml").write_text("recipe = 3\n")
     with pytest.raises(ConfigError, match="recipe must be the name of a file"):
         read_config(tmp_path / "net.toml")
+
+
+@pytest.mark.parametrize("key", ["name", "teacher"])
+@pytest.mark.parametrize("bad", ["../a", "..", ".", "/tmp/a", "a/b", "a\\b", "c:a", "a\nb", "a\0b", "a" * 200])
+def test_a_name_stays_in_the_folder_of_runs(key, bad):
+    with pytest.raises(ConfigError, match=rf"config: {key} must be the bare name of a folder"):
+        dataclasses.replace(A, **{key: bad})
+
+
+def test_an_empty_name():
+    with pytest.raises(ConfigError, match="config: name must be the bare name"):
+        dataclasses.replace(A, name="")
+
+
+class _Runs:
+    """What a pickle does on being read."""
+
+    def __init__(self, file):
+        self.file = file
+
+    def __reduce__(self):
+        return (Path.touch, (self.file,))
+
+
+def test_a_checkpoint_may_hold_no_code(tmp_path):
+    folder = run(dataclasses.replace(A, steps=2), tmp_path)
+    ran = tmp_path / "ran"
+    state = torch.load(folder / "last.pt", weights_only=True)
+    torch.save(state | {"schedule": _Runs(ran)}, folder / "last.pt")
+    with pytest.raises(RcdnError, match=r"last\.pt is no checkpoint of `rcdn train` that fits: .*--fresh"):
+        run(dataclasses.replace(A, steps=2), tmp_path)
+    assert not ran.exists()
+    (folder / "last.pt").write_bytes(b"no checkpoint at all")
+    with pytest.raises(RcdnError, match="is no checkpoint"):
+        run(dataclasses.replace(A, steps=2), tmp_path)

@@ -2,38 +2,60 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sized as _Sized
+from dataclasses import replace
+from typing import TypeVar
+
 import numpy as np
 
+from rcdn.boards.alternating import alternating
 from rcdn.boards.fill import fill
-from rcdn.boards.graph import Field, cells, label, links
+from rcdn.boards.graph import Field, Label, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.order import ordered, orientation
+from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
-from rcdn.types import Array, Board, Status
+from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
 
-__all__ = ["find_boards", "has_cells"]
+Sized = TypeVar("Sized", bound=_Sized)
+__all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
+PIECES, BOARDS = (50, 150), (25, 100)
+"""how many are looked at: at least, and a megapixel (photographs have up to 22 and 12, 80 and 40 a megapixel)"""
+ROOM = 4096
+"""corners that a board may add to those of its picture without a copy of all"""
 
 
-def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
+def find_boards(
+    grey: Array,
+    candidates: Candidates,
+    least: int = 9,
+    scale: float = 1.0,
+    warnings: Warnings | None = None,
+    tags: bool = False,
+) -> list[Board]:
     """Boards among corners, the one with most corners first.
 
     `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells;
-    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives [].
+    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives []. Only the largest of
+    many pieces, and of many boards, are looked at; `warnings` are told. `tags`: lattices of tags, whose steps alternate, are boards, too.
     """
-    field = as_field(grey, candidates)
+    field, told = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
+    grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", told)
     free, parts = np.ones(len(field.xy), bool), []
+    lattices = alternating(field, grids, free) if tags else []
     settled: dict[Grid, int] = {}
-    queue = [Grid(at, field.xy) for at in grids]
+    queue = deque(Grid(at, field.xy) for at in grids)
     while queue:
-        grid = queue.pop(0)
+        grid = queue.popleft()
         grid.at = {spot: corner for spot, corner in grid.at.items() if free[corner]}
         rest = prune(grid, field)
         if len(grid) >= CELL:
@@ -45,18 +67,32 @@ def find_boards(grey: Array, candidates: Candidates, least: int = 9, scale: floa
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     boards = []
     usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
-    for grid in merge(field, [g for g in parts if len(g) >= CELL]):
-        if len(grid) * 2 < least or not plain(grid, field.response, usual):
-            continue
+    whole = set(map(id, parts))
+    merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
+    merged = [g for g in merged if plain(g, field.response, usual)]
+    for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", told):
         # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
-        alone = grid in parts
+        alone = id(grid) in whole
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
-            fill(field, grid, board_sign(field, grid), free)
+            sign = board_sign(field, grid)
+            fill(field, grid, sign, free)
+            if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
+                continue
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
+    boards += [as_tag_board(field, candidates, at) for at in lattices]
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> list[Sized]:
+    """The `most` largest, in their order; of equals the first."""
+    if len(grids) <= most:
+        return grids
+    warnings.add(name, f"of {len(grids):,} {name} only the {most:,} largest were looked at")
+    kept = sorted(range(len(grids)), key=lambda k: (-len(grids[k]), k))[:most]
+    return [grids[k] for k in sorted(kept)]
 
 
 def has_cells(grey: Array, candidates: Candidates) -> bool:
@@ -93,10 +129,14 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
     """The candidates as the recovery sees them, in their order, and after them the weak peaks."""
     found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
     more = 0 if peaks is None else len(peaks.xy)
+    count = len(found) + more
+    room = np.empty((count + ROOM + count // 4, 2))
+    room[: len(found)] = found.xy
+    room[len(found) : count] = peaks.xy if peaks is not None else 0
     longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
     return Field(
         np.ascontiguousarray(grey),
-        found.xy if peaks is None else np.concatenate([found.xy, peaks.xy]),
+        room[:count],
         longer(seen.axes, np.nan),
         longer(seen.polarity.astype(int), 0),
         longer(seen.contrast, 0),
@@ -105,7 +145,7 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
         longer(candidates.seed, False),
         longer(found.status != Status.SEED, False),
         peaks,
-        np.arange(len(found) + more) >= len(found),
+        np.arange(count) >= len(found),
     )
 
 
@@ -115,8 +155,22 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
-    order = np.lexsort((new[:, 0], new[:, 1]))
-    index, new = index[order], new[order]
+    cols, rows = (new.max(axis=0) + 1).tolist()
+    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
+    return _labelled(field, candidates, grid.xy, index, new, turn)
+
+
+def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> Board:
+    """A right-handed grid of tags' corners, whose tags begin at even labels, as a board. Which corner is the first, its codes must say."""
+    ij, index = np.array(list(at)), np.array(list(at.values()))
+    ij -= ij.min(axis=0) // 2 * 2
+    return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
+
+
+def _labelled(field: Field, candidates: Candidates, xy: Array, index: Array, ij: Array, turn: Orientation) -> Board:
+    """A board of the corners `index` (M,), rows of `xy` (N, 2), labelled `ij` (M, 2)."""
+    order = np.lexsort((ij[:, 0], ij[:, 1]))
+    index, ij = index[order], ij[order]
     # filled corners were not seen; weak peaks are not known
     seen, known = index < len(field.xy), index < len(candidates.all)
     response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
@@ -124,7 +178,5 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)
     own = candidates.all.status[index[known]]
     status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
-    cols, rows = (new.max(axis=0) + 1).tolist()
     height, width = field.grey.shape
-    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
-    return Board(grid.xy[index], new, (width, height), response, status, turn)
+    return Board(xy[index], ij, (width, height), response, status, turn)

@@ -26,6 +26,8 @@ from rcdn.boards.triangles import FIT, Field, cells, label, links
 from rcdn.corners import Candidates
 from rcdn.corners.peaks import SAME
 from rcdn.corners.six_sector import antisymmetry, ring, six_axes
+from rcdn.geometry.elementary import arctan2
+from rcdn.geometry.matrices import affine
 from rcdn.geometry.near import nearest, within
 from rcdn.types import Array, Board, Status
 
@@ -161,7 +163,7 @@ def _inside(xy: Array, shape: tuple[int, ...]) -> Array:
 
 def _axes_fit(axes: Array, du: Array, dv: Array) -> Array:
     """(K,) bool: is there an axis (K, 3) along each of the lattice's directions, nearer than half way to the next one?"""
-    angle = np.stack([np.arctan2(s[:, 1], s[:, 0]) for s in (du, dv, dv - du)], axis=1)
+    angle = np.stack([arctan2(s[:, 1], s[:, 0]) for s in (du, dv, dv - du)], axis=1)
     turn = np.abs((angle[:, :, None] - axes[:, None] + np.pi / 2) % np.pi - np.pi / 2)
     order = np.sort(angle % np.pi, axis=1)
     room = np.column_stack([np.diff(order, axis=1), order[:, :1] + np.pi - order[:, 2:]]).min(axis=1)
@@ -210,6 +212,5 @@ def _turned(ij: Array, sixths: int) -> Array:
 
 def _rightward(ij: Array, xy: Array) -> float:
     """cos of the angle between the i axis and +x."""
-    design = np.column_stack([ij, np.ones(len(ij))])
-    step = np.linalg.lstsq(design, xy, rcond=None)[0][0]
-    return float(step[0] / max(np.hypot(*step), 1e-12))
+    step = affine(ij, xy)[:, 0]
+    return float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12))

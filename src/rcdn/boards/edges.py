@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp
 from rcdn.geometry.median import median
-from rcdn.native import bind
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
-_sample, _contrast, _steps = (
-    bind("rcdn_sample", "pdnD"),
-    bind("rcdn_edge_contrast", "pddnD"),
-    bind("rcdn_edge_steps", "pddnD"),
-)
-_crossings = bind("rcdn_crossings", "pddddnffrfDD")
+_sample, _contrast, _steps = bind("rcdn_sample"), bind("rcdn_edge_contrast"), bind("rcdn_edge_steps")
+_crossings = bind("rcdn_crossings")
 
 
 def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
@@ -26,7 +23,7 @@ def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
     Offsets to the side stay between 1 and 5 px; where blur mixes all four squares, at both ends, nothing is looked at.
     """
     out = np.empty((len(start), 3))
-    _contrast(grey, _plane(start), _plane(end), len(start), out)
+    _contrast(grey, _plane(start), _plane(end), out)
     return out
 
 
@@ -38,7 +35,7 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
     if not len(start):
         return 0.0
     step = np.empty((len(start), 2))
-    _steps(grey, _plane(start), _plane(end), len(start), step)
+    _steps(grey, _plane(start), _plane(end), step)
     near, far = step.T
     return median(near / np.where(np.abs(far) > 1e-6, far, np.inf))
 
@@ -46,7 +43,7 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
 def sample_grey(grey: Array, xy: Array) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
     out = np.empty(xy.shape[:-1])
-    _sample(grey, _plane(xy), out.size, out)
+    _sample(grey, _plane(xy).reshape(-1, 2), out.reshape(-1))
     return out
 
 
@@ -54,13 +51,13 @@ def _plane(xy: Array) -> Array:
     return np.ascontiguousarray(xy, np.float64)
 
 
-ROWS = np.linspace(0.08, 0.36, 8, dtype=np.float32)
+ROWS = np.linspace(0.08, 0.36, constants("edges")["ROWS"], dtype=np.float32)
 """where the sides of a crossing are sampled, squares from it"""
-SPAN, STEPS = 0.34, 35
+SPAN, STEPS = 0.34, constants("edges")["STEPS"]
 """reach and samples of the profiles across an edge, squares to either side and in all"""
 WIDTH = 0.05
 """smoothing of the profiles' slopes, squares"""
-TAPS = 15
+TAPS = constants("edges")["TAPS"]
 """samples to either side that a smoothed slope looks at: three hundred-millionths are beyond"""
 DARK = 6.0
 """grey levels added before the logarithm, so that noise in the dark doesn't count as contrast"""
@@ -69,7 +66,7 @@ DARK = 6.0
 def _slope_taps() -> Array:
     """(TAPS,) weights of the samples after one, less those before it, for the smoothed slope there, a square."""
     gap = np.arange(1, STEPS // 2 + 1) * (2 * SPAN / (STEPS - 1) / WIDTH)
-    taps = gap * np.exp(-0.5 * gap * gap)
+    taps = gap * exp(-0.5 * gap * gap)
     return np.asarray(taps[:TAPS] / (2 * taps.sum()) * (2 / WIDTH), np.float32)
 
 
@@ -87,5 +84,5 @@ def crossings(grey: Array, xy: Array, du: Array, dv: Array, colour: Array) -> tu
     """
     offset, strength = np.empty((len(xy), 2)), np.empty((len(xy), 2))
     steps = _plane(xy), _plane(du), _plane(dv), np.ascontiguousarray(colour, np.float64)
-    _crossings(grey, *steps, len(xy), ROWS, _AT, DARK, _TAPS, offset, strength)
+    _crossings(grey, *steps, ROWS, _AT, DARK, _TAPS, offset, strength)
     return offset, strength

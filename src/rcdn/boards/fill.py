@@ -14,14 +14,15 @@ import numpy as np
 from rcdn.boards.edges import crossings
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import SLACK
-from rcdn.boards.local import LEAST_PITCH, Grid, Predictions, as_labels, checked, windows
+from rcdn.boards.local import LEAST_PITCH, WIDEST, Grid, Predictions, as_labels, windows
 from rcdn.boards.validate import predicted_excess
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
 
-_usual = bind("rcdn_grid_usual", "ldnlnD", result=True)
+_usual = bind("rcdn_grid_usual")
 ROUNDS = 8
 LEAST_SUPPORT = 5
 """labelled neighbours that a prediction stands on"""
@@ -43,7 +44,7 @@ BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
 """a labelled corner so many px, but within these squares, from its crossing lies on something else"""
 
 
-class _Spots(NamedTuple):
+class Spots(NamedTuple):
     """Labels `at` (K, 2) with their neighbours' predictions."""
 
     at: Array
@@ -69,7 +70,7 @@ class _Seen:
     def shares(self, at: Array, strength: Array) -> Array:
         """`strength` (K, 2) at labels `at` (K, 2) against the median of those within two squares; 0 where nothing is seen."""
         usual, at = np.empty((len(at), 2)), as_labels(at)
-        checked(_usual(self.at, np.ascontiguousarray(self.strength), len(self.at), at, len(at), usual))
+        _usual(self.at, np.ascontiguousarray(self.strength), at, usual)
         fine = (usual > 0).all(axis=1, keepdims=True)
         return np.where(fine, strength / np.where(fine, usual, 1), 0)
 
@@ -83,21 +84,24 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
     """
     if sign == 0:
         return
-    plain = free & (field.response >= ANSWER * median(field.response[grid.corners]))
-    known = _set_right(field.grey, grid, sign)
+    plain = ANSWER * median(field.response[grid.corners])
+    known = _set_right(field, grid, sign)
     added: list[Label] = []
     for _ in range(ROUNDS):
         spots, guess = grid.beside()
-        some = _with_sense(guess)
-        new = _accepted(field, grid, sign, _Spots(spots[some], guess.take(some)), known, free, plain)
+        some = with_sense(guess)
+        new = _accepted(field, grid, sign, Spots(spots[some], guess.take(some)), known, free, plain)
         if not new:
             break
         known.add(list(new), [strength for _, _, strength in new.values()])
+        bare: list[Array] = []
         for at, (xy, corner, _) in new.items():
             if corner is None or not free[corner]:
-                _put(grid, at, xy)
+                grid.at[at] = len(grid.xy) + len(bare)
+                bare.append(xy)
             else:
                 grid.at[at], free[corner] = corner, False
+        grid.append(bare, field.xy)
         added += new
     _drop_misfits(grid, sorted(added))
 
@@ -105,21 +109,22 @@ def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
 def _drop_misfits(grid: Grid, added: list[Label]) -> None:
     """Drop those of the `added` corners that lie off their neighbours' prediction, worst first."""
     excess = dict(zip(added, predicted_excess(grid, added).tolist(), strict=True))
-    dropped = False
+    changed: set[Label] = set()  # places near a corner that has gone: the others fit as well as before
     for at in sorted(added, key=lambda a: (-excess[a], a)):
-        if not dropped and excess[at] <= 1:
-            return  # none has gone, so that the others fit as well as before
-        if predicted_excess(grid, [at])[0] > 1:
+        if at in changed:
+            near = Grid({spot: grid.at[spot] for spot in _around(at) if spot in grid.at}, grid.xy)
+            excess[at] = predicted_excess(near, [at])[0]
+        if excess[at] > 1:
             del grid.at[at]
-            dropped = True
+            changed.update(_around(at))
 
 
-def _put(grid: Grid, at: Label, xy: Array) -> None:
-    grid.at[at] = len(grid.xy)
-    grid.xy = np.vstack([grid.xy, xy])
+def _around(at: Label) -> list[Label]:
+    """The labels that a prediction may stand on, and its own."""
+    return [(at[0] + d, at[1] + e) for d in range(-WIDEST, WIDEST + 1) for e in range(-WIDEST, WIDEST + 1)]
 
 
-def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
+def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
     """Move corners to the crossing beside which they lie; returns the strengths at all.
 
     The edge of a shadow makes a junction with each edge of the board that it crosses; one near a corner is taken for it.
@@ -127,37 +132,37 @@ def _set_right(grey: Array, grid: Grid, sign: int) -> _Seen:
     labels = grid.labels
     order = np.lexsort((labels[:, 1], labels[:, 0]))
     guess = grid.predictions(labels[order])
-    some = _with_sense(guess)
-    spots = _Spots(labels[order][some], guess.take(some))
-    offset, strength = spots.look(grey, sign)
+    some = with_sense(guess)
+    spots = Spots(labels[order][some], guess.take(some))
+    offset, strength = spots.look(field.grey, sign)
     known = _Seen(spots.at, strength)
     steps = np.stack([spots.guess.du, spots.guess.dv], axis=2)
     here = grid.xy[grid.corners[order][some]] - spots.guess.xy
-    own = np.linalg.solve(steps, here[..., None])[..., 0]
+    own = product(inverse(steps), here[..., None])[..., 0]
     limit = np.clip(BESIDE_PX / spots.guess.pitch, *BESIDE)
     most, found = np.abs(own).max(axis=1), np.abs(offset).max(axis=1)
     beside = np.flatnonzero((np.abs(own - offset).max(axis=1) > limit) & (most > 1.5 * found) & (found <= OFF))
     if not len(beside):
         return known
     seen = known.shares(spots.at[beside], strength[beside]).min(axis=1) >= SEEN
-    for k in beside[seen].tolist():
-        u, v = spots.at[k].tolist()
-        _put(grid, (u, v), spots.guess.xy[k] + steps[k] @ offset[k])
+    moved = beside[seen].tolist()
+    grid.at |= {(u, v): len(grid.xy) + n for n, (u, v) in enumerate(spots.at[moved].tolist())}
+    grid.append([spots.guess.xy[k] + product(steps[k], offset[k, :, None])[:, 0] for k in moved], field.xy)
     return known
 
 
-def _with_sense(guess: Predictions) -> Array:
+def with_sense(guess: Predictions) -> Array:
     """Numbers of predictions that stand on neighbours enough, with steps that span something."""
     area = np.abs(guess.du[:, 0] * guess.dv[:, 1] - guess.du[:, 1] * guess.dv[:, 0])
     return np.flatnonzero((guess.support >= LEAST_SUPPORT) & (guess.pitch >= LEAST_PITCH) & (area > 1))
 
 
 def _accepted(
-    field: Field, grid: Grid, sign: int, spots: _Spots, known: _Seen, free: Array, plain: Array
+    field: Field, grid: Grid, sign: int, spots: Spots, known: _Seen, free: Array, plain: float
 ) -> dict[Label, tuple[Array, int | None, Array]]:
     """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
 
-    Beyond its rim a board vouches for nothing by itself: there it takes `plain` (N,) candidates.
+    Beyond its rim a board vouches for nothing by itself: there it takes candidates of a response of `plain` and more.
     """
     offset, strength = spots.look(field.grey, sign)
     share = known.shares(spots.at, strength)
@@ -176,20 +181,22 @@ def _accepted(
     out: dict[Label, tuple[Array, int | None, Array]] = {}
     some = np.flatnonzero(seen)
     for k, corner in zip(some.tolist(), _candidates(field, grid, spots, xy, some, free), strict=True):
-        if within[k] or (corner is not None and plain[corner]):
+        if within[k] or (corner is not None and field.response[corner] >= plain):
             u, v = spots.at[k].tolist()
             out[u, v] = xy[k], corner, strength[k]
     return out
 
 
-def _candidates(field: Field, grid: Grid, spots: _Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
+def _candidates(field: Field, grid: Grid, spots: Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
     """The free candidate on the crossing `xy` of each of `some` (J,) spots, or None."""
     reach = np.maximum(REACH_PX, ANSWERED * spots.guess.pitch[some])
     field.look(xy[some], reach + SLACK)
-    if grid.xy is not field.xy:
+    if not np.shares_memory(grid.xy, field.xy):
         grid.xy[: len(free)] = field.xy
-    index = np.flatnonzero(free & (~field.waiting if field.waiting is not None else True))
-    if not len(index) or not len(some):
-        return [None] * len(some)
+    if not len(some):
+        return []
+    seen = free if field.waiting is None else free & ~field.waiting
+    index = field.near(seen, xy[some], float(reach.max()))
     gap, near = nearest(field.xy[index], xy[some])
-    return [int(index[n]) if g < r else None for g, n, r in zip(gap[:, 0], near[:, 0], reach, strict=True)]
+    row = np.append(index, -1)[near[:, 0]]
+    return [corner if close else None for corner, close in zip(row.tolist(), (gap[:, 0] < reach).tolist(), strict=True)]

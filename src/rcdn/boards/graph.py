@@ -6,26 +6,31 @@ Purely local: no line, no homography, no size; so distorted, bent, cut and sever
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from rcdn.corners.peaks import SAME, Peaks
+from rcdn.geometry.boxes import PointCells
+from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
 from rcdn.types import Array, Status
 
-_links = bind("rcdn_links", "pddldnnrrrrDLL")
-_boxed = bind("rcdn_inside", "dbnrrrrL", result=True)
-_mutual = bind("rcdn_mutual", "lldlnDLnnL")
-_cells = bind("rcdn_quads", "ldnLLLn", result=True)
-_label = bind("rcdn_label", "lnnBLLLLLnLL", result=True)
+_links = bind("rcdn_links")
+_boxed = bind("rcdn_inside")
+_mutual = bind("rcdn_mutual")
+_cells = bind("rcdn_quads")
+_label = bind("rcdn_label")
 
 NEIGHBOURS = 14
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
 """how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
 LEAST_CONTRAST = 0.3
 """every third of a link shows this share of the weaker corner's contrast"""
+FEW, WIDE = 30_000, 0.2
+"""corners that are looked through one by one, and share of the picture from which on all are"""
 GONE = -1e6
 """where corners are put that turned out to be others"""
 SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
@@ -54,12 +59,32 @@ class Field:
     peaks: Peaks | None = None
     waiting: Array | None = None
 
+    @cached_property
+    def _cells(self) -> PointCells:
+        """Where corners were at first: `look` moves them a little."""
+        return PointCells(self.xy.copy())
+
+    @cached_property
+    def _moved(self) -> Array:
+        """(1,) px: how far a corner has moved from there, at most."""
+        return np.zeros(1)
+
+    def near(self, some: Array, spots: Array, margin: float) -> Array:
+        """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
+        low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
+        if len(self.xy) <= FEW or self._cells.share(low, high) > WIDE:
+            rows = np.empty(len(self.xy), np.int64)
+            return rows[: _boxed(self.xy, some.view(np.uint8), *low.tolist(), *high.tolist(), rows)]
+        rows = self._cells.inside(low - self._moved, high + self._moved)
+        at = self.xy[rows]
+        return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
+
     def look(self, spots: Array, reach: Array) -> None:
         """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
-        row = _inside(self.xy, self.waiting, spots, float(np.max(reach)))
+        row = self.near(self.waiting, spots, float(np.max(reach)))
         row = row[np.unique(within(self.xy[row], spots, reach)[1])]
         if not len(row):
             return
@@ -68,7 +93,8 @@ class Field:
         xy, status, seen = self.peaks.look(row - first)
         known = ~self.waiting
         known[row] = False
-        fresh = _apart(xy, self.xy[_inside(self.xy, known, xy, SAME)])
+        fresh = _apart(xy, self.xy[self.near(known, xy, SAME)])
+        self._moved[0] = max(self._moved[0], np.abs(xy - self.xy[row]).max())
         self.xy[row[~fresh]] = GONE
         row = row[fresh]
         self.xy[row], self.refined[row] = xy[fresh], status[fresh] != Status.SEED
@@ -78,7 +104,7 @@ class Field:
     @property
     def unseen(self) -> int:
         """How many peaks are waiting."""
-        return 0 if self.waiting is None else int(self.waiting.sum())
+        return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
     @property
     def quality(self) -> Array:
@@ -91,13 +117,6 @@ class Field:
         turn = np.where(np.isfinite(turn), turn, np.pi)
         axis = turn.argmin(axis=-1)
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
-
-
-def _inside(xy: Array, some: Array, spots: Array, margin: float) -> Array:
-    """Rows, rising, of those of `xy` (N, 2) that are in `some` (N,) bool and within `margin` px of the box around `spots` (K, 2)."""
-    (left, top), (right, bottom) = (spots.min(axis=0) - margin).tolist(), (spots.max(axis=0) + margin).tolist()
-    rows = np.empty(len(xy), np.int64)
-    return rows[: _boxed(xy, some.view(np.uint8), len(xy), left, top, right, bottom, rows)]
 
 
 def _apart(xy: Array, known: Array) -> Array:
@@ -121,12 +140,13 @@ def links(field: Field) -> Array:
         return out
     xy, axes = field.xy[usable], field.axes[usable]
     looks = np.empty((len(usable), 6))
-    looks[:, 0:4:2], looks[:, 1:4:2] = np.cos(axes), np.sin(axes)
+    looks[:, 0:4:2], looks[:, 1:4:2] = cos_sin(axes)
     looks[:, 4], looks[:, 5] = field.polarity[usable], field.contrast[usable]
     distance, near = nearest(xy, xy, NEIGHBOURS + 1)
     own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
-    limits = SMALL, np.sin(TOLERANCE), np.sin(TOLERANCE_SMALL), LEAST_CONTRAST
-    _links(field.grey, xy, looks, near, distance, *near.shape, *limits, np.empty(own.shape), room, own)
+    strict, loose = cos_sin([TOLERANCE, TOLERANCE_SMALL])[1].tolist()
+    limits = SMALL, strict, loose, LEAST_CONTRAST
+    _links(field.grey, xy, looks, near, distance, *limits, np.empty(own.shape), room, own)
     out[usable] = np.where(own >= 0, usable[own], -1)
     return out
 
@@ -137,20 +157,20 @@ def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Arra
     row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
     i, j = usable[row], usable[near[row, rank]]
     step = xy[j] - xy[i]
-    return i, j, distance[row, rank], np.arctan2(step[:, 1], step[:, 0])
+    return i, j, distance[row, rank], arctan2(step[:, 1], step[:, 0])
 
 
 def slot_of(axes: Array, angle: Array) -> Array:
     """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
-    turn = np.cos(angle[:, None] - axes)
+    turn = cos_sin(angle[:, None] - axes)[0]
     axis = np.abs(turn).argmax(axis=1)
     return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 
 
 def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
-    """`out` (N, S), all −1, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
+    """`out` (N, S), −1 for none, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
     i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
-    _mutual(i, j, length, slot, len(i), np.empty(out.shape), np.empty_like(out), *out.shape, out)
+    _mutual(i, j, length, slot, np.empty(out.shape), np.empty_like(out), out)
     return out
 
 
@@ -161,7 +181,7 @@ def cells(field: Field, neighbour: Array) -> Array:
     quads = np.empty((room, 4), np.int64)
     held = np.empty(count, np.int64), np.empty(room, np.int64)
     xy = np.ascontiguousarray(field.xy, np.float64)
-    return quads[: _cells(neighbour, xy, count, *held, quads, room)]
+    return quads[: _cells(neighbour, xy, *held, quads)]
 
 
 def label(field: Field, quads: Array) -> list[dict[Label, int]]:
@@ -171,9 +191,10 @@ def label(field: Field, quads: Array) -> list[dict[Label, int]]:
         return []
     order = np.argsort(-field.response[quads].min(axis=1), kind="stable")
     slots = 1 << (4 * count).bit_length()
-    used, first = np.empty(count, np.uint8), np.empty(corners + 2, np.int64)
-    heap, at_corner, where, held = (np.full(k, -1) for k in (count, 4 * count, 3 * corners, 4 * slots))
-    begin, out = np.empty(count + 1, np.int64), np.empty((4 * count, 3), np.int64)
-    found = _label(quads[order], count, corners, used, heap, first, at_corner, where, held, slots, begin, out)
+    heap, first, at_corner, where, held, begin, out = (
+        np.empty(shape, np.int64)
+        for shape in (count, corners + 2, 4 * count, (corners, 3), (slots, 4), count + 1, (4 * count, 3))
+    )
+    found = _label(quads[order], np.empty(count, np.uint8), heap, first, at_corner, where, held, begin, out)
     ends = begin[: found + 1].tolist()
     return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in pairwise(ends)]

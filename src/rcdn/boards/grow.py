@@ -2,19 +2,79 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, Predictions, beside, checked
+from rcdn.boards.local import Grid, Predictions, beside
 from rcdn.boards.validate import LEAST_QUALITY
 from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 
-_sign = bind("rcdn_grid_sign", "llnddlnrL", result=True)
-_offers = bind("rcdn_grid_offers", "llnlddnddldddbbbnrlnnrrrLDBLDDDLn", result=True)
-_seen = bind("rcdn_grid_seen", "ddlbnrrB")
+
+class _Rim(NamedTuple):
+    """A grid that may go on, as the kernel takes it: labels (M, 2) and numbers of its corners (M,), open spots (K, 2) with their predictions
+    (K, 6) and steps (K,)."""
+
+    labels: Array
+    members: Array
+    spots: Array
+    maps: Array
+    pitch: Array
+
+
+class _Corners(NamedTuple):
+    """A `Field` as the kernel takes it, and which corners are `free`."""
+
+    xy: Array
+    axes: Array
+    polarity: Array
+    contrast: Array
+    response: Array
+    fit: Array
+    strong: Array
+    refined: Array
+    free: Array
+
+
+class _Rules(NamedTuple):
+    """What a grid takes: least `level`, response × fit; its colouring; `near`, `near_weak` squares, axes within `far`; none of those
+    `refused` (R, 3)."""
+
+    level: float
+    sign: int
+    near: float
+    near_weak: float
+    far: float
+    refused: Array
+
+
+class _Offers(NamedTuple):
+    """What a grid is offered, see `_Growth._near`, and how many edges there are, `edges` (1,)."""
+
+    offers: Array
+    gap: Array
+    fits: Array
+    beside: Array
+    start: Array
+    end: Array
+    level: Array
+    edges: Array
+
+    @classmethod
+    def room(cls, count: int) -> _Offers:
+        """For so many."""
+        return cls(
+            np.empty((count, 3), np.int64), np.empty(count), np.empty(count, np.uint8), np.empty((count, 4), np.int64),
+            np.empty((4 * count, 2)), np.empty((4 * count, 2)), np.empty(4 * count), np.zeros(1, np.int64),
+        )  # fmt: skip
+
+
+_sign, _seen = bind("rcdn_grid_sign"), bind("rcdn_grid_seen")
+_offers = bind("rcdn_grid_offers", _Rim, _Corners, _Rules, _Offers)
 ROUNDS = 40
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
@@ -53,8 +113,10 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
 
 def board_sign(field: Field, grid: Grid) -> int:
     """The board's colouring: side colour of the u axis times (−1)^(u+v), by majority; 0 if undecided."""
-    labels, votes, known = grid.labels, np.zeros(1, np.int64), len(field.xy)  # filled corners have no colours
-    checked(_sign(labels, grid.corners, len(labels), grid.xy, field.axes, field.polarity, known, FAR_AXIS, votes))
+    votes = np.zeros(1, np.int64)
+    _sign(
+        grid.labels, grid.corners, grid.xy, field.axes, field.polarity, FAR_AXIS, votes
+    )  # filled corners have no colours
     return int(np.sign(votes[0]))
 
 
@@ -70,7 +132,7 @@ class _Growth:
         corners = grid.corners
         self.level = LEAST_QUALITY * median(field.response[corners] * field.fit[corners])
         self.refused = np.zeros((0, 3), np.int64)
-        self._room = _room(ROOM)
+        self._room = _Offers.room(ROOM)
 
     def offers(self) -> list[Offer]:
         """Acceptable corners for the empty spots beside the grid: their edges to its corners are in the picture.
@@ -88,7 +150,7 @@ class _Growth:
         if not len(asked):
             return []
         shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(asked), np.uint8)
-        _seen(shown, level, near, fits, len(asked), SHOWN, SHOWN_WEAK, seen)
+        _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
             self.refused = np.concatenate([self.refused, asked[seen == 0]])
         rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
@@ -99,21 +161,14 @@ class _Growth:
         and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for none. Of
         these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.
         """
-        field, edges = self.field, np.zeros(1, np.int64)
-        flags = (flag.view(np.uint8) for flag in (field.strong, field.refined, self.free))
-        given = (
-            labels, members, len(labels), spots, guess.maps, guess.pitch, len(spots), field.xy, field.axes, field.polarity, field.contrast,
-            field.response, field.fit, *flags, len(self.free), self.level, self.refused, len(self.refused), self.sign, NEAR, NEAR_WEAK, FAR_AXIS,
+        field = self.field
+        rim = _Rim(labels, members, spots, guess.maps, guess.pitch)
+        corners = _Corners(
+            field.xy, field.axes, field.polarity, field.contrast, field.response, field.fit,
+            *(flag.view(np.uint8) for flag in (field.strong, field.refined, self.free)),
         )  # fmt: skip
-        while (count := checked(_offers(*given, *self._room, edges, len(self._room[0])))) > len(self._room[0]):
-            self._room = _room(count)
-        each, of_edges = self._room[:4], self._room[4:]
-        return *(a[:count] for a in each), *(a[: edges[0]] for a in of_edges)
-
-
-def _room(count: int) -> tuple[Array, ...]:
-    """For what so many offers are, as `_Growth._near` has it."""
-    return (
-        np.empty((count, 3), np.int64), np.empty(count), np.empty(count, np.uint8), np.empty((count, 4), np.int64),
-        np.empty((4 * count, 2)), np.empty((4 * count, 2)), np.empty(4 * count),
-    )  # fmt: skip
+        rules = _Rules(self.level, self.sign, NEAR, NEAR_WEAK, FAR_AXIS, self.refused)
+        while (count := _offers(rim, corners, rules, self._room)) > len(self._room.gap):
+            self._room = _Offers.room(count)
+        each, of_edges = self._room[:4], self._room[4:7]
+        return *(a[:count] for a in each), *(a[: self._room.edges[0]] for a in of_edges)

@@ -12,11 +12,13 @@ from rcdn.boards.graph import Label
 from rcdn.native import bind
 from rcdn.types import Array
 
-_around = bind("rcdn_grid_around", "lnlnnL", result=True)
-_predict = bind("rcdn_grid_predict", "ldnlnDLD", result=True)
-_beside = bind("rcdn_grid_beside", "ldnrLDLD", result=True)
+_around = bind("rcdn_grid_around")
+_predict = bind("rcdn_grid_predict")
+_beside = bind("rcdn_grid_beside")
 LEAST_PITCH = 2.0
 """px; smaller squares are none"""
+WIDEST = 3
+"""squares: labels further away tell a prediction nothing"""
 Labels = Array | Sequence[Label]
 """of spots: (K, 2), or so many (u, v)"""
 
@@ -40,6 +42,15 @@ class Grid:
         """Their numbers, (M,) int64, in the order of `at`."""
         return np.fromiter(self.at.values(), np.int64, len(self.at))
 
+    def append(self, xy: list[Array], shared: Array) -> None:
+        """Put positions (2,) of its own behind `xy`: into the room behind `shared`, those of all corners, if there is some. One grid at a time."""
+        before, after, room = len(self.xy), len(self.xy) + len(xy), shared.base
+        if room is not None and self.xy.base is room and after <= len(room):
+            room[before:after] = np.reshape(xy, (-1, 2))
+            self.xy = room[:after]
+        elif xy:
+            self.xy = np.vstack([self.xy, *xy])
+
     def around(self, spots: Labels, reach: int) -> Array:
         """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
         rows = windows(self.labels, spots, reach)
@@ -56,21 +67,25 @@ class Grid:
         Weighted least squares over the neighbours up to two squares away, with fewer than six of them up to three: bilinear with four
         neighbours, quadratic along an axis on which they take three places; the smallest such map where there are many.
         """
-        spots, labels = as_labels(spots), self.labels
-        guess = Predictions.room(len(spots))
-        checked(_predict(labels, self.xy[self.corners], len(labels), spots, len(spots), *guess))
-        return guess
+        return predictions(self.labels, self.xy[self.corners], as_labels(spots))
 
     def beside(self) -> tuple[Array, Predictions]:
         """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions, of steps of 2 px and more."""
         return beside(self.labels, self.xy[self.corners])
 
 
+def predictions(labels: Array, xy: Array, spots: Array) -> Predictions:
+    """`Grid.predictions` at `spots` (K, 2) of the corners `labels`, `xy` (M, 2)."""
+    guess = Predictions.room(len(spots))
+    _predict(labels, xy, spots, *guess)
+    return guess
+
+
 def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
     """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
-    count = checked(_beside(labels, xy, len(labels), LEAST_PITCH, spots, *guess))
+    count = _beside(labels, xy, LEAST_PITCH, spots, *guess)
     return spots[:count], guess.take(slice(count))
 
 
@@ -85,15 +100,8 @@ def windows(labels: Array, spots: Labels, reach: int) -> Array:
     """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
     spots = as_labels(spots)
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
-    checked(_around(labels, len(labels), spots, len(spots), reach, out))
+    _around(labels, spots, reach, out)
     return out
-
-
-def checked(result: int) -> int:
-    """What a kernel of grids returned."""
-    if result < 0:
-        raise MemoryError("grids: no memory for the table of labels")
-    return result
 
 
 class Predictions(NamedTuple):
@@ -139,7 +147,7 @@ class Prediction:
     @property
     def pitch(self) -> float:
         """Length of the shorter step, px."""
-        return float(min(np.linalg.norm(self.du), np.linalg.norm(self.dv)))
+        return float(min(np.linalg.norm(self.du, axis=0), np.linalg.norm(self.dv, axis=0)))
 
 
 def parts(spots: Iterable[Label], steps: Iterable[Label]) -> list[set[Label]]:

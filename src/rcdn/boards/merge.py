@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from functools import cached_property
+from heapq import heappop
 
 import numpy as np
 
 from rcdn.boards.graph import Field, Label
 from rcdn.boards.grow import board_sign
-from rcdn.boards.local import Grid
+from rcdn.boards.local import WIDEST, Grid, predictions, windows
+from rcdn.geometry.boxes import BoxCells
+from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
 
@@ -33,62 +35,109 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
     """
     if len(grids) < 2:
         return grids
-    left = [_Lattice(grid) for grid in sorted(grids, key=lambda g: (-len(g), min(g.at.values())))]
-    out: list[Grid] = []
-    while left:
-        host = left.pop(0)
-        k = 0
-        while k < len(left):
-            joined = _join(field, host, left[k])
-            if joined is None:
-                k += 1
-            else:
-                host = _Lattice(joined)
-                left.pop(k)
-                k = 0
+    parts = [_Lattice(grid) for grid in sorted(grids, key=lambda g: (-len(g), min(g.at.values())))]
+    boxes = BoxCells(np.array([p.low - p.reach for p in parts]), np.array([p.high + p.reach for p in parts]))
+    free, out = np.ones(len(parts), bool), []
+    for k, host in enumerate(parts):
+        if not free[k]:
+            continue
+        free[k], again = False, _near(parts, boxes, free, host)
+        while again:
+            n = heappop(again)
+            if not free[n] or not _join(field, host, parts[n]):
+                continue
+            free[n] = False
+            # of those that didn't join before, only what lies near the new part may now
+            again = sorted({*again, *_near(parts, boxes, free, parts[n])})
         out.append(host.grid)
     return out
 
 
+def _near(parts: list[_Lattice], boxes: BoxCells, free: Array, host: _Lattice) -> list[int]:
+    """Numbers, rising, of those of the `free` parts that aren't surely too far from `host`."""
+    around = boxes.touched(host.low - host.reach, host.high + host.reach)
+    return [n for n in around if free[n] and not parts[n].apart(host)]
+
+
 class _Lattice:
     """A grid with what its neighbours are told by: `labels` (M, 2), positions `xy` (M, 2), and the steps there, `steps` (M, 2, 2), columns du, dv,
-    NaN if unknown.
+    NaN if unknown. `low`, `high` (2,): the box around them; `reach`: beyond it, surely nothing is within `GAP` of its squares.
     """
 
     def __init__(self, grid: Grid) -> None:
-        self.grid, self.labels = grid, grid.labels
-        self.xy = grid.xy[grid.corners]
-        self.steps = grid.predictions(self.labels).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
-        self._low, self._high = self.xy.min(axis=0).tolist(), self.xy.max(axis=0).tolist()
-        self._square = float(np.abs(np.nan_to_num(self.steps)).max(axis=(0, 2)).sum())
+        self.grid, self.labels, self.corners = grid, grid.labels, grid.corners
+        self.xy = grid.xy[self.corners]
+        self.steps = _steps(self.labels, self.xy, self.labels)
+        self.low, self.high = self.xy.min(axis=0), self.xy.max(axis=0)
+        self.reach = _reach(self.steps)
+        self._sign, self._own = 0, False
 
-    @cached_property
-    def squares(self) -> Array:
-        """Inverses (M, 2, 2) of the steps, NaN where these span nothing."""
-        (a, b), (c, d) = self.steps.transpose(1, 2, 0)
-        area = a * d - b * c
-        area = np.where(np.abs(area) >= 1e-6, area, np.nan)
-        return (np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1)
+    def sign(self, field: Field) -> int:
+        """The board's colouring; what joins it must agree, and doesn't change it."""
+        self._sign = self._sign or board_sign(field, self.grid)
+        return self._sign
 
     def apart(self, other: _Lattice) -> bool:
         """Are two grids surely further apart than `GAP` squares of either?"""
-        ways = ((self._low, other._high), (other._low, self._high))
-        gap = max(a[k] - b[k] for a, b in ways for k in (0, 1))
-        return gap > (GAP + 1) * max(self._square, other._square) * 2
+        gap = max((self.low - other.high).max(), (other.low - self.high).max())
+        return bool(gap > max(self.reach, other.reach))
+
+    def within(self, other: _Lattice) -> Array:
+        """Rows of what isn't surely further than that from the other's box."""
+        reach = max(self.reach, other.reach)
+        return np.flatnonzero(((self.xy >= other.low - reach) & (self.xy <= other.high + reach)).all(axis=1))
+
+    def take(self, guest: _Lattice, motion: Motion) -> None:
+        """Add a guest's corners, with their labels after `motion`."""
+        if not self._own:
+            self.grid, self._own = Grid(self.grid.at, self.grid.xy), True
+        labels = np.array([_move(motion, (u, v)) for u, v in guest.labels.tolist()], np.int64)
+        self.grid.at |= zip(map(tuple, labels.tolist()), guest.corners.tolist(), strict=True)
+        # predictions stand on labels close by: the others stay as they are
+        changed = _close(self.labels, labels, WIDEST)
+        told = np.concatenate([self.labels, labels])
+        xy = np.concatenate([self.xy, guest.xy])
+        anew = np.concatenate([changed, np.arange(len(self.labels), len(told))])
+        near = _close(told, told[anew], WIDEST)
+        self.steps = np.concatenate([self.steps, guest.steps])
+        self.steps[anew] = _steps(told[near], xy[near], told[anew])
+        self.labels, self.xy, self.corners = told, xy, np.concatenate([self.corners, guest.corners])
+        self.low, self.high = np.minimum(self.low, guest.low), np.maximum(self.high, guest.high)
+        self.reach = max(self.reach, _reach(self.steps[anew]))
 
 
-def _join(field: Field, host: _Lattice, guest: _Lattice) -> Grid | None:
-    if host.apart(guest):
-        return None
-    motion = _motion(host, guest)
-    back = None if motion is None else _motion(guest, host)
+def _reach(steps: Array) -> float:
+    return 2 * (GAP + 1) * float(np.abs(np.nan_to_num(steps)).max(axis=(0, 2)).sum())
+
+
+def _steps(labels: Array, xy: Array, spots: Array) -> Array:
+    """Steps (K, 2, 2) at labels `spots` (K, 2) of corners `labels`, `xy` (M, 2)."""
+    return predictions(labels, xy, spots).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
+
+
+def _close(labels: Array, others: Array, reach: int) -> Array:
+    """Rows of `labels` (M, 2) that lie within `reach` squares of one of `others` (K, 2)."""
+    low, high = others.min(axis=0) - reach, others.max(axis=0) + reach
+    rows = np.flatnonzero(((labels >= low) & (labels <= high)).all(axis=1))
+    known = windows(others, labels[rows], reach)
+    return rows[(known >= 0).any(axis=1)]
+
+
+def _join(field: Field, host: _Lattice, guest: _Lattice) -> bool:
+    """Join a guest to its host, in place, if their lattices are one."""
+    here, there = host.within(guest), guest.within(host)
+    if not len(here) or not len(there):
+        return False
+    motion = _motion(host, here, guest, there)
+    back = None if motion is None else _motion(guest, there, host, here)
     if motion is None or back is None or not _inverse(motion, back):
-        return None
-    moved = {_move(motion, spot): corner for spot, corner in guest.grid.at.items()}
-    parity = (-1) ** sum(motion)
-    if set(moved) & set(host.grid.at) or board_sign(field, guest.grid) != parity * board_sign(field, host.grid):
-        return None
-    return Grid(host.grid.at | moved, host.grid.xy)
+        return False
+    if any(_move(motion, spot) in host.grid.at for spot in guest.grid.at):
+        return False
+    if guest.sign(field) != (-1) ** sum(motion) * host.sign(field):
+        return False
+    host.take(guest, motion)
+    return True
 
 
 def _inverse(motion: Motion, back: Motion) -> bool:
@@ -102,20 +151,23 @@ def _move(motion: Motion, spot: Label) -> Label:
     return u + motion[1], v + motion[2]
 
 
-def _motion(host: _Lattice, guest: _Lattice) -> Motion | None:
-    """The turn and shift that take the guest's labels to the host's, or None if there is no clear one."""
-    near = nearest(host.xy, guest.xy)[1][:, 0]
-    offset = (host.squares[near] @ (guest.xy - host.xy[near])[..., None])[..., 0]
+def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motion | None:
+    """The turn and shift that take the guest's labels to the host's, or None if there is no clear one. Rows `here` of the host and `there` of the
+    guest are those that may tell."""
+    at = guest.xy[there]
+    near = here[nearest(host.xy[here], at)[1][:, 0]]
+    squares = _inverses(host.steps[near])
+    offset = product(squares, (at - host.xy[near])[..., None])[..., 0]
     whole = np.rint(offset)
     reach = np.abs(whole).max(axis=1)
     voters = (reach >= 1) & (reach <= GAP)
     close = np.flatnonzero(voters & (np.abs(offset - whole).max(axis=1) <= OFF * reach))
     if len(close) < max(LEAST_VOTES, SHARE * int(voters.sum())):
         return None  # each has one vote for a motion at most
-    alike = _same_steps(host.squares[near[close]], guest.steps[close])
+    alike = _same_steps(squares[close], guest.steps[there[close]])
     votes: Counter[Motion] = Counter()
     base = host.labels[near[close]] + whole[close].astype(int)
-    for spot, (u, v), turns in zip(guest.labels[close].tolist(), base.tolist(), alike, strict=True):
+    for spot, (u, v), turns in zip(guest.labels[there[close]].tolist(), base.tolist(), alike, strict=True):
         for turn in np.flatnonzero(turns).tolist():
             d, e = _move((turn, 0, 0), (spot[0], spot[1]))
             votes[turn, u - d, v - e] += 1
@@ -125,11 +177,19 @@ def _motion(host: _Lattice, guest: _Lattice) -> Motion | None:
     return motion if count >= max(LEAST_VOTES, SHARE * int(voters.sum())) else None
 
 
+def _inverses(steps: Array) -> Array:
+    """Inverses (M, 2, 2) of steps, NaN where these span nothing."""
+    (a, b), (c, d) = steps.transpose(1, 2, 0)
+    area = a * d - b * c
+    area = np.where(np.abs(area) >= 1e-6, area, np.nan)
+    return np.asarray((np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1))
+
+
 def _same_steps(squares: Array, steps: Array) -> Array:
     """(K, 4) bool: are a guest's `steps` (K, 2, 2), after so many turns, the host's, by its `squares` (K, 2, 2), but for a quarter of a square?"""
     out = []
     for _ in range(4):
-        difference = squares @ steps - np.eye(2)
+        difference = product(squares, steps) - np.eye(2)
         out.append(np.linalg.norm(difference, axis=1).max(axis=1, initial=0) < STRETCH)
         # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
         steps = np.stack([-steps[..., 1], steps[..., 0]], axis=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.matrices import affine
 from rcdn.types import Array, Orientation
 
 
@@ -49,5 +50,5 @@ def ordered(ij: Array, xy: Array, colour: int) -> Array:
 
 def _rightward(ij: Array, xy: Array) -> list[float]:
     """cos of the angle between the column direction and +x, after each number of quarter turns."""
-    u, v = np.linalg.lstsq(ij - ij.mean(axis=0), xy - xy.mean(axis=0), rcond=None)[0]
-    return [float(step[0] / max(np.hypot(*step), 1e-12)) for step in (u, -v, -u, v)]
+    u, v, _ = affine(ij, xy).T
+    return [float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12)) for step in (u, -v, -u, v)]

@@ -9,6 +9,7 @@ from rcdn.boards.graph import Label
 from rcdn.boards.local import Grid, Predictions, parts
 from rcdn.boards.triangles import STEPS, Field
 from rcdn.corners.six_sector import ring, six_axes
+from rcdn.geometry.elementary import log
 from rcdn.types import Array
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
@@ -59,7 +60,7 @@ def six_sided(grey: Array, xy: Array, du: Array, dv: Array, sign: int) -> Array:
         spots = [
             xy[:, None] + (radius * along)[:, None, None] * (middle + s * across) for along in ALONG for s in ASIDE
         ]
-        value = np.log(sample_grey(grey, np.stack(spots, axis=2)) + DARK).mean(axis=2)
+        value = log(sample_grey(grey, np.stack(spots, axis=2)) + DARK).mean(axis=2)
         steps = (value - np.roll(value, -1, axis=1)) * np.array([1, -1, 1, -1, 1, -1]) * sign
         mean = steps.mean(axis=1)
         out.append(np.where((mean > 0) & (steps.min(axis=1) > least * mean), mean, 0.0))

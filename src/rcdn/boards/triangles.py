@@ -14,6 +14,7 @@ import numpy as np
 from rcdn.boards.edges import sample_grey
 from rcdn.boards.graph import Label, mutual, near_pairs, slot_of
 from rcdn.corners import Candidates
+from rcdn.geometry.elementary import cos_sin
 from rcdn.types import Array, Status
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
@@ -73,7 +74,7 @@ class Field:
         )
         room = np.where(closest >= 0, after, before)
         # sectors after the axes have colours p, −p, p; half a turn on, the negative of that
-        half = np.cos(direction - axes[row, axis]) < 0
+        half = cos_sin(direction - axes[row, axis])[0] < 0
         colour = self.polarity[index] * np.where(axis == 1, -1, 1) * np.where(half, -1, 1)
         return colour, np.abs(closest) / np.maximum(np.nan_to_num(room, nan=1e-9), 1e-9)
 
@@ -118,7 +119,7 @@ def _regular(corners: Array) -> Array:
     """(T,) bool of triangles (T, 3, 2): clockwise, and not absurdly long."""
     edge = np.roll(corners, -1, axis=1) - corners
     turn = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
-    length = np.hypot(edge[..., 0], edge[..., 1])
+    length = np.linalg.norm(edge, axis=-1)
     return np.asarray((turn > 0) & (length.max(axis=1, initial=0) < 2 * UNLIKE * length.min(axis=1, initial=np.inf)))
 
 

@@ -8,14 +8,14 @@ import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, checked
+from rcdn.boards.local import Grid, windows
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
 
-_prune = bind("rcdn_grid_prune", "ldddnrrrrL", result=True)
-_excess = bind("rcdn_grid_excess", "ldnlnrrD", result=True)
+_prune = bind("rcdn_grid_prune")
+_excess = bind("rcdn_grid_excess")
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 RESIDUAL = 0.15
 """largest distance from the neighbours' prediction, share of the pitch"""
@@ -43,7 +43,7 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
     part = np.empty(len(labels), np.int64)
     quality, contrast = field.response[corners] * field.fit[corners], field.contrast[corners]
     limits = RESIDUAL, RESIDUAL_LOOSE, LEAST_QUALITY, LEAST_SHARE
-    count = checked(_prune(labels, grid.xy[corners], quality, contrast, len(labels), *limits, part))
+    count = _prune(labels, grid.xy[corners], quality, contrast, *limits, part)
     if count == 1 and part.max() == part.min():
         return []
     members = list(zip(part.tolist(), grid.at.items(), strict=True))
@@ -60,7 +60,7 @@ def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Array:
     labels = grid.labels
     rows = {spot: row for row, spot in enumerate(grid.at)}
     which, out = np.array([rows[spot] for spot in spots], np.int64), np.empty(len(spots))
-    checked(_excess(labels, grid.xy[grid.corners], len(labels), which, len(which), RESIDUAL, RESIDUAL_LOOSE, out))
+    _excess(labels, grid.xy[grid.corners], which, RESIDUAL, RESIDUAL_LOOSE, out)
     return out
 
 
@@ -68,20 +68,23 @@ SMALL = ((5.6, 1.0), (7.0, 0.9))
 """(pitch px, share of its box that a board of smaller squares must fill)"""
 SMALL_LEAST = 20
 """corners of a board of such squares"""
+LARGE, LARGE_FILL = 1000, 0.9
+"""a board of so many corners must fill this share of its box, however small its squares: no keyboard has as many"""
 
 
 def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     """Is it a board? At least `least` corners and four whole cells. `scale`: px of the grid for one of the picture.
 
     Where squares are under 7 px of the picture, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly
-    all of their box, under 5.6 px all of it.
+    all of their box, under 5.6 px all of it, unless they are a thousand.
     """
     if len(grid) < least or cell_count(grid) < 4:
         return False
-    spots, xy = np.array(list(grid.at)), grid.xy[list(grid.at.values())]
+    spots, xy = grid.labels, grid.xy[grid.corners]
     pitch = median(nearest_pitch(xy)) / scale
     fill = len(spots) / float(np.prod(np.ptp(spots, axis=0) + 1))
     needed = next((share for limit, share in SMALL if pitch < limit), 0.0)
+    needed = min(needed, LARGE_FILL) if len(spots) >= LARGE else needed
     return fill >= needed and (len(spots) >= SMALL_LEAST or not needed)
 
 
@@ -103,19 +106,24 @@ SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8
 
 def distinct(grid: Grid, grey: Array) -> bool:
     """Has the board sharp edges, or enough corners to be told from folds and tartans, which wave like a blurred board?"""
-    links = [(at, to) for at in grid.at for d, e in STEPS[:2] if (to := (at[0] + d, at[1] + e)) in grid.at]
-    start, end = (grid.xy[[grid.at[link[k]] for link in links]] for k in (0, 1))
-    if edge_sharpness(grey, start, end) >= SOFT:
+    labels, xy = grid.labels, grid.xy[grid.corners]
+    following = ahead(labels)[:, :2]
+    row, way = np.nonzero(following >= 0)
+    if edge_sharpness(grey, xy[row], xy[following[row, way]]) >= SOFT:
         return True
-    return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(list(grid.at), axis=0) + 1))
+    return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(labels, axis=0) + 1))
 
 
 def is_full(grid: Grid) -> bool:
     """Has every label of the bounding grid its corner?"""
-    return len(grid) == int(np.prod(np.ptp(list(grid.at), axis=0) + 1))
+    return len(grid) == int(np.prod(np.ptp(grid.labels, axis=0) + 1))
 
 
 def cell_count(grid: Grid) -> int:
     """Whole cells of a grid."""
-    at = grid.at
-    return sum((u + 1, v) in at and (u, v + 1) in at and (u + 1, v + 1) in at for u, v in at)
+    return int((ahead(grid.labels) >= 0).all(axis=1).sum())
+
+
+def ahead(labels: Array) -> Array:
+    """Rows (M, 3) of the next of `labels` (M, 2) along u, along v, and along both; −1 for none."""
+    return windows(labels, labels, 1)[:, (5, 7, 8)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.errors import present
 from rcdn.geometry import project, transform
 from rcdn.types import Array, BoardView, Calibration, Pattern, plane_points
 
@@ -28,8 +29,7 @@ def board_points(calibration: Calibration, view: BoardView, pattern: Pattern) ->
 
 def camera_points(calibration: Calibration, view: BoardView, pattern: Pattern) -> Array:
     """(M, 3) m: the view's corners in camera axes; the view has a pose."""
-    assert view.pose is not None
-    return transform(view.pose, board_points(calibration, view, pattern))
+    return transform(present(view.pose, "the pose of a view"), board_points(calibration, view, pattern))
 
 
 def _misfit(calibration: Calibration, views: list[BoardView], pattern: Pattern) -> float:

@@ -61,7 +61,8 @@ def without(
 def _indices(entry: str, names: Sequence[str]) -> list[int]:
     name, _, number = entry.rpartition(":")
     pictures = _pictures(entry, names)
-    if not pictures and number.isdigit() and (pictures := _pictures(name, names)):
+    counted = number.isdecimal() and len(number) < 10
+    if not pictures and counted and (pictures := _pictures(name, names)):
         views = [k for k, n in enumerate(names) if n == pictures[0]]
         if not 1 <= int(number) <= len(views):
             boards = "one board" if len(views) == 1 else f"boards 1 to {len(views)}"
@@ -69,9 +70,7 @@ def _indices(entry: str, names: Sequence[str]) -> list[int]:
         _one(name, pictures)
         return [views[int(number) - 1]]
     if not pictures:
-        raise ConfigError(
-            f"leave_out: no view is named {entry!r}; {_close(name if number.isdigit() else entry, names)}"
-        )
+        raise ConfigError(f"leave_out: no view is named {entry!r}; {_close(name if counted else entry, names)}")
     _one(entry, pictures)
     return [k for k, n in enumerate(names) if n == pictures[0]]
 

@@ -10,16 +10,17 @@ import numpy as np
 
 from rcdn.calibration import choose, robust, smooth_lens
 from rcdn.calibration.advice import judged
+from rcdn.calibration.arguments import check_boards, check_spacing, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.cut import whole_size
-from rcdn.calibration.labels import Labelled, Size, orientation_of, settle
+from rcdn.calibration.labels import Coded, Labelled, Size, orientation_of, settle
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance
-from rcdn.calibration.usable import FEWEST_VIEWS, Usable, check_spacing, one_size, sigma_of, too_few, usable, with_poses
+from rcdn.calibration.usable import FEWEST_VIEWS, Usable, one_size, sigma_of, too_few, usable, with_poses
 from rcdn.calibration.views import alike
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import (
     Array,
     Board,
@@ -30,6 +31,7 @@ from rcdn.types import (
     ModelScore,
     Pose,
 )
+from rcdn.types.ranges import grid_size
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
     "pinhole": ("pinhole", 0),
@@ -80,7 +82,8 @@ def calibrate(
     """
     _check(boards, spacing, names, model, size)
     fixed = check_fix(fix)
-    names = [f"board {k}" for k in range(len(boards))] if names is None else list(names)
+    names = [f"board {k}" for k in range(len(boards))] if names is None else texts(names, "names")
+    leave_out = texts(leave_out, "leave_out")
     if leave_out:
         from rcdn.calibration.by_hand import without  # which rests on this module
 
@@ -91,8 +94,9 @@ def calibrate(
             leave_out,
         )
     image_size = one_size(boards, names)
-    whole = size or whole_size(boards)
-    labels = settle(boards, whole, strict=size is not None)
+    coded = Coded.of(boards)
+    whole = coded.size if coded else size or whole_size(boards)
+    labels = settle(boards, whole, size is not None, coded)
     task = usable(boards, labels, names, image_size, spacing, whole)
     start = first_camera(task.seen, image_size)
     task, T = with_poses(task, poses(start, task.seen))
@@ -110,12 +114,17 @@ def calibrate(
 
 def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
     check_spacing(spacing)
+    check_boards(boards)
     if model not in MODELS:
-        raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {model!r}")
+        raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
     if names is not None and len(names) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
-    if size is not None and min(size) < 2:
-        raise ConfigError(f"size counts inner corners (columns, rows), at least 2 each, not {tuple(size)}")
+    if size is not None:
+        grid_size(size, "size", 2)
+    if any(board.pattern == "aprilgrid" for board in boards):
+        raise ConfigError(
+            "boards: cameras can't be calibrated from AprilGrids yet; leave them out, or give their corners to Kalibr"
+        )
     if len({board.pattern for board in boards}) > 1:
         raise ConfigError("boards: some are of squares and some of triangles (deltilles); calibrate from one kind")
     for k, board in enumerate(boards):
@@ -127,7 +136,7 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
 
 def check_fix(fix: Collection[str]) -> frozenset[str]:
     """`fix` as a set. Raises ConfigError for what can't be held fixed."""
-    names = frozenset([fix] if isinstance(fix, str) else fix)
+    names = frozenset(texts(fix, "fix"))
     if unknown := sorted(names - set(FIXABLE)):
         raise ConfigError(f"fix may hold {' and '.join(FIXABLE)}, not {', '.join(map(repr, unknown))}")
     return names

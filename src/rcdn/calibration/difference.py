@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
-from rcdn.errors import RcdnError
+from rcdn.errors import CalibrationError, RcdnError
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
 from rcdn.types import Array, Calibration, Camera
 
@@ -136,7 +136,7 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Array |
     """
     inside = np.ones(len(found.points), bool) if inside is None else inside
     slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
-    half = [np.linalg.cholesky(_positive(c.cov[:-6, :-6])) for c in (a, b)]
+    half = [_half(c.cov[:-6, :-6]) for c in (a, b)]
     root = np.concatenate([s @ h for s, h in zip(slopes, half, strict=True)], axis=2)
     known = np.isfinite(root).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
     cov = root[known] @ root[known].transpose(0, 2, 1)
@@ -220,6 +220,14 @@ def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[A
     moves = np.full((len(pixels), 3, by_a.shape[2]), np.nan)
     moves[seen] = -by_ray[seen].transpose(0, 2, 1) @ np.linalg.solve(gram[seen], by_a[seen])
     return by_turned @ R @ moves, by_b, -by_turned @ cross_matrix(rays @ R.T)
+
+
+def _half(cov: Array) -> Array:
+    """The Cholesky factor of a covariance."""
+    try:
+        return np.asarray(np.linalg.cholesky(_positive(cov)))
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError("the covariance of a calibration is not positive: calibrate again") from error
 
 
 def _positive(cov: Array) -> Array:

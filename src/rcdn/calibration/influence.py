@@ -21,6 +21,8 @@ from rcdn.types import Array, BoardView, Calibration, plane_points
 
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
+LEAST_SCATTER = 1e-6
+"""px along one axis: where neither the corners' sigma nor the noise is known to be more"""
 FIRM = 1e6
 """× the information on a parameter: as good as fixed"""
 
@@ -75,7 +77,11 @@ def view_information(calibration: Calibration) -> ViewInformation:
     """What each of `calibration.used_views` says about the camera's parameters."""
     views = calibration.used_views
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
-    info = of_state(state_of(calibration, views), corners, 1 / np.sqrt(calibration.noise**2 + sigma**2))
+    info = of_state(
+        state_of(calibration, views),
+        corners,
+        1 / np.sqrt(np.maximum(calibration.noise**2 + sigma**2, LEAST_SCATTER**2)),
+    )
     return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
 
 

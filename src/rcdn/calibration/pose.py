@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
+from rcdn.calibration.arguments import check_board, check_camera, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import pose_covariance
-from rcdn.calibration.usable import check_spacing, sigma_of
+from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
@@ -34,6 +35,8 @@ def estimate_pose(
     Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
     """
     check_spacing(spacing)
+    check_board(board)
+    check_camera(camera)
     corners, sigma = _corners(board, spacing, shape)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))
@@ -63,7 +66,8 @@ def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Co
         )
     zero = np.zeros(len(board), int)
     places, basis = on_shape(board.points * spacing, board.ij, shape)
-    return Corners3(zero, zero, places, board.xy, basis), np.nan_to_num(sigma_of(board))
+    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a place takes no part
+    return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
 
 
 def _state(camera: Camera, T: Array) -> State:

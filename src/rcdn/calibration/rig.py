@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration.labels import turn_labels
-from rcdn.errors import CalibrationError
+from rcdn.errors import CalibrationError, present
 from rcdn.types import Array, BoardView, Calibration
 
 FEWEST_PAIRS = 3
@@ -136,8 +136,7 @@ def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[i
 
 
 def matrix(view: BoardView) -> Array:
-    assert view.pose is not None
-    return view.pose.T_cam_board
+    return present(view.pose, "the pose of a view").T_cam_board
 
 
 def _turns(calibration: Calibration) -> tuple[int, ...]:
@@ -147,9 +146,9 @@ def _turns(calibration: Calibration) -> tuple[int, ...]:
 
 def _pose(view: BoardView, turn: int, calibration: Calibration) -> Array:
     """The pose (4, 4) of the view's board if its labels are turned by `turn` quarters."""
-    assert calibration.size is not None
+    size = present(calibration.size, "Calibration.size")
     corners = np.array([[0.0, 0], [1, 0], [0, 1]])
-    back = turn_labels(corners, calibration.size if turn % 2 == 0 else calibration.size[::-1], -turn % 4)
+    back = turn_labels(corners, size if turn % 2 == 0 else size[::-1], -turn % 4)
     undo = np.eye(4)  # takes turned labels' coordinates to those of the view
     undo[:2, 0], undo[:2, 1], undo[:2, 3] = back[1] - back[0], back[2] - back[0], back[0] * calibration.spacing
     return np.asarray(matrix(view) @ undo)

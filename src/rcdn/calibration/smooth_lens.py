@@ -14,6 +14,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free
 from rcdn.calibration.solver import solve
+from rcdn.errors import present
 from rcdn.geometry import folds, roughness, zero_correction
 from rcdn.types import Array, Camera
 
@@ -39,8 +40,7 @@ class Bending:
     @classmethod
     def of(cls, camera: Camera) -> Bending:
         """Of the correction of a camera."""
-        assert camera.correction is not None
-        energy = roughness(camera.correction)
+        energy = roughness(present(camera.correction, "Camera.correction"))
         values, vectors = np.linalg.eigh(energy)
         flat = values <= FLAT * values[-1]
         typical = float(np.median(values[~flat]))

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
+from rcdn.calibration.arguments import check_boards
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.labels import Size, turn_labels
@@ -44,6 +45,8 @@ def calibrate_stereo(
     Starts from each camera's own calibration, then solves lenses, poses and place together. Raises CalibrationError if the pairs don't agree on
     the cameras' place, and says so if mirrored pictures would explain it.
     """
+    check_boards(left, "left")
+    check_boards(right, "right")
     pairs = _pairs(left, right, pairs)
     named = names or (None, None)
     first = _alone(0, left, spacing, named[0], model, size)

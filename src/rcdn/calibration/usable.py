@@ -13,7 +13,7 @@ from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, Size, in_line, mirrored
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError
 from rcdn.types import Array, Board, plane_points
 
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
@@ -130,14 +130,6 @@ def too_few(many: int, reasons: dict[int, str]) -> str:
         f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
         "places and tilts"
     )
-
-
-def check_spacing(spacing: float) -> None:
-    """Raise ConfigError unless `spacing` can be the side of a square."""
-    if not (np.isfinite(spacing) and spacing > 0):
-        raise ConfigError(
-            f"spacing is the side of one square in metres and must be positive (25 mm: 0.025), not {spacing}"
-        )
 
 
 def sigma_of(board: Board) -> Array:

@@ -58,13 +58,13 @@ class Failure:
 class Done:
     """What became of one picture: its detections (as `Work.pack` packs them), or a failure, or both if only the drawing failed.
 
-    `stop`: there is no place to write to, so that going on would be of no use.
+    `unwritten`: why its overlay could not be written.
     """
 
     index: int
     name: str
     outcomes: tuple[Any, ...]
-    stop: OutputError | None = None
+    unwritten: OutputError | None = None
 
 
 def explain(error: Exception, name: str) -> str:
@@ -91,12 +91,13 @@ def read_ahead(
 def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> Iterator[Picture]:
     """The pictures of the file `path`. Raises nothing, whatever a decoder does: the other files go on."""
     from rcdn.io import frames, is_video
+    from rcdn.io.files import is_special
 
     try:
         content = content_of(path, cache)
         if not is_video(path):
             picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
-            if not decode or picture.known is not None:
+            if picture.known is not None or not (decode or is_special(path)):  # a pipe can be read here only, and once
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):
@@ -111,11 +112,11 @@ def frame_name(path: Path, number: int) -> str:
 
 
 def content_of(path: Path, cache: Cache | None) -> str:
-    """Checksum of the file; "" if nobody needs it, or it can't be read: the reader says why."""
+    """Checksum of the file; "" if nobody needs it, or it is a pipe, or can't be read: the reader says why."""
     from rcdn.cli._cache import file_digest
 
     try:
-        return file_digest(path) if cache is not None else ""
+        return file_digest(path) if cache is not None and path.is_file() else ""  # a pipe would be empty afterwards
     except OSError:
         return ""
 
@@ -236,24 +237,24 @@ class Work:
         if picture.error:
             return Done(picture.index, picture.name, (Failure(picture.name, picture.error),))
         outcomes: list[Any] = []
-        stop = None
+        unwritten = None
         try:
             result = picture.known or self._detect(picture, picture.grey)
             outcomes.append(result if self.pack is None else self.pack(result))
             if picture.overlay is not None and picture.grey is not None:
                 _draw(picture.overlay, picture.grey, result)
         except OutputError as error:
-            stop = error
+            unwritten = error  # the detections are there all the same
         except Exception as error:  # one bad picture must not take the others with it
             outcomes.append(Failure(picture.name, explain(error, picture.name)))
-        return Done(picture.index, picture.name, tuple(outcomes), stop)
+        return Done(picture.index, picture.name, tuple(outcomes), unwritten)
 
     def _detect(self, picture: Picture, grey: Any) -> ImageResult:
         from rcdn.io import ImageResult
 
         found = self._detector.detect(grey)
         height, width = grey.shape
-        result = ImageResult(picture.name, width, height, found.corners, tuple(found.boards))
+        result = ImageResult(picture.name, width, height, found.corners, tuple(found.boards), found.warnings)
         if self.cache is not None and picture.key:
             self.cache.keep(picture.key, result)
         return result

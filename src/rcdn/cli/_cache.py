@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
 import json
 import os
 import platform
-import secrets
 import sys
 import time
 import zlib
 from dataclasses import dataclass, replace
-from importlib import import_module
+from importlib import import_module, machinery
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import typer
 
 from rcdn.errors import OutputError, RcdnError
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rcdn.config import DetectorConfig
     from rcdn.io import ImageResult
 
-FORM = "1"
+FORM = "2"
 """Raised when the entries change their form."""
 LIMIT = 500_000_000
 """Bytes of entries that `prune` leaves."""
@@ -31,11 +31,14 @@ STALE = 86_400.0
 """Seconds after which a temporary file belongs to a run that was killed."""
 NOT_DETECTION = frozenset({"cli", "report", "evaluation", "training", "peers", "synthetic", "calibration"})
 """Parts of the package that can't change what is found in a picture."""
-_LIBRARIES = ("numpy", "scipy", "cv2", "onnxruntime")
+_LIBRARIES = ("numpy", "scipy", "cv2")
+_RUNTIMES = ("onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "onnxruntime-openvino")
+"""distributions of ONNX Runtime: it isn't imported for its version, since it takes notes about the machine when it is"""
+_SOURCES = (".py", *machinery.EXTENSION_SUFFIXES)
 
 
 def default_folder() -> Path:
-    """Where this system keeps what may be deleted at any time."""
+    """Where this system keeps what may be deleted at any time. Raises RuntimeError if the user has no home folder."""
     if os.name == "nt":
         base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -45,23 +48,33 @@ def default_folder() -> Path:
     return base / "rcdn"
 
 
-def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
-    """Checksum of all but the picture that determines a result: settings, weights, code, libraries, machine.
+def _versions() -> list[str]:
+    from importlib import metadata
 
-    `package`: the folder whose sources count; None: that of rcdn. Raises RcdnError if the weights can't be read.
+    found = [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
+    for name in ("simplejpeg", *_RUNTIMES):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found.append(f"{name} {metadata.version(name)}")
+    return found
+
+
+def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
+    """Checksum of all but the picture that determines a result: settings, weights, code and compiled kernels, libraries, machine.
+
+    `package`: the folder whose code counts; None: that of rcdn. Raises RcdnError if the weights can't be read.
     """
     from rcdn.corners.response import load_model
 
     package = package or Path(__file__).parents[1]
     model = load_model(config.model)
     parts = [FORM, replace(config, threads=0).to_json(), platform.machine()]
-    parts += [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
+    parts += _versions()
     digest = hashlib.sha256("\n".join(parts).encode())
     for piece in (model.data, json.dumps(model.facts, sort_keys=True).encode()):
         digest.update(hashlib.sha256(piece).digest())
-    for source in sorted(package.rglob("*.py")):
+    for source in sorted(package.rglob("*")):
         inside = source.relative_to(package)
-        if inside.parts[0] not in NOT_DETECTION:
+        if source.name.endswith(_SOURCES) and inside.parts[0] not in NOT_DETECTION:
             digest.update(f"{inside.as_posix()} {file_digest(source)}".encode())
     return digest.hexdigest()
 
@@ -92,7 +105,7 @@ class Cache:
         path = self._path(key)
         try:
             check, _, text = path.read_bytes().partition(b"\n")
-            if int(check, 16) != zlib.crc32(text):
+            if int(check, 16) != _checksum(key, text):
                 return None
             value = json.loads(text)
             os.utime(path)  # what is used stays
@@ -102,30 +115,29 @@ class Cache:
 
     def put(self, key: str, value: Any) -> None:
         """Store plain `value` (lists, dictionaries, texts, numbers, NaN too): the whole entry or none."""
+        from rcdn.io import whole
+
         text = json.dumps(value, separators=(",", ":")).encode()
         path = self._path(key)
-        temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
-        try:
+        with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(b"%08x\n" % zlib.crc32(text) + text)
-            os.replace(temporary, path)
-        except OSError:
-            _remove(temporary)
-        except BaseException:
-            _remove(temporary)
-            raise
+            whole.replace(path, (b"%08x\n" % _checksum(key, text) + text,), durable=False)
 
     def result(self, key: str, name: str) -> ImageResult | None:
         """The detections stored under `key`, for the picture called `name`; None if there are none."""
+        from rcdn.cli._cache_entries import unpacked
+
         value = self.get(key)
         try:
-            return None if value is None else _unpack(value, name)
-        except (KeyError, TypeError, ValueError, RcdnError):
+            return None if value is None else unpacked(value, name)
+        except (ArithmeticError, KeyError, TypeError, ValueError, RcdnError):
             return None
 
     def keep(self, key: str, result: ImageResult) -> None:
         """Store the detections of one picture, every number exactly."""
-        self.put(key, _pack(result))
+        from rcdn.cli._cache_entries import packed
+
+        self.put(key, packed(result))
 
     def prune(self, limit: int = LIMIT) -> None:
         """Delete the entries that nobody used for longest until at most `limit` bytes are left, and what killed runs left."""
@@ -135,7 +147,7 @@ class Cache:
                 stat = path.stat()
                 if path.suffix == ".json":
                     entries.append((stat.st_mtime, str(path), stat.st_size))
-                elif path.suffix == ".tmp" and time.time() - stat.st_mtime > STALE:
+                elif path.suffix in (".tmp", ".part") and time.time() - stat.st_mtime > STALE:
                     _remove(path)
         total = sum(size for _, _, size in entries)
         for _, name, size in sorted(entries):
@@ -155,13 +167,23 @@ class Cache:
 def open_cache(config: DetectorConfig, folder: Path | None = None, off: bool = False) -> Cache | None:
     """The cache for detections with `config`, in `folder` or, without one, where the system keeps such things.
 
-    None if `off`. Raises OutputError if `folder` was named and can't be written, RcdnError if the weights can't be read.
+    None if `off`, or, which is told, if there is no such place: a user of a container may have no home folder.
+    Raises OutputError if `folder` was named and can't be written, RcdnError if the weights can't be read.
     """
     if off:
         return None
     if folder is not None:
         _check_folder(folder)
-    return Cache(folder or default_folder(), fingerprint(config))
+    else:
+        try:
+            folder = default_folder()
+        except RuntimeError:
+            typer.echo(
+                "note: this user has no home folder; what is found is kept for the next run only with --cache DIR",
+                err=True,
+            )
+            return None
+    return Cache(folder, fingerprint(config))
 
 
 def _check_folder(folder: Path) -> None:
@@ -173,28 +195,11 @@ def _check_folder(folder: Path) -> None:
         raise OutputError(f"--cache {folder}: the folder may not be written; name another, or use --no-cache")
 
 
+def _checksum(key: str, text: bytes) -> int:
+    """Of an entry's text and its key: an entry under another's name isn't one."""
+    return zlib.crc32(text, zlib.crc32(key.encode()))
+
+
 def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
         path.unlink()
-
-
-# ---- results → plain values → results; all digits, unlike the file of detections
-
-
-def _pack(result: ImageResult) -> dict[str, Any]:
-    size = {"width": int(result.width), "height": int(result.height)}
-    return size | {"corners": _plain(result.corners), "boards": [_plain(b) for b in result.boards]}
-
-
-def _plain(value: Any) -> dict[str, Any]:
-    """The fields of Corners or of a Board, arrays as lists."""
-    pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
-    return {name: v.tolist() if hasattr(v, "tolist") else v for name, v in pairs}
-
-
-def _unpack(record: Any, name: str) -> ImageResult:
-    from rcdn.io import ImageResult
-    from rcdn.types import Board, Corners
-
-    boards = [Board(**b | {"image_size": tuple(b["image_size"])}) for b in record["boards"]]
-    return ImageResult(name, record["width"], record["height"], Corners(**record["corners"]), tuple(boards))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.cli import _batch
-from rcdn.cli._camera_files import check_format
+from rcdn.cli._camera_files import check_format, refusal
+from rcdn.cli._writing import say_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
 
 if TYPE_CHECKING:
@@ -73,13 +76,15 @@ FailOnVerdict = Annotated[
 
 @dataclass(frozen=True)
 class Outputs:
-    """What to write, and where."""
+    """What to write, and where. `refused`: something more was asked for that can't be written."""
 
     cameras: list[Path]
     format: CameraFormat | None
     report: Path | None
     json: Path | None
     force: bool = False
+    pictures: Sequence[Path] = ()
+    refused: bool = False
 
     def check(self, inputs: Sequence[str | Path]) -> None:
         """Raise before the work what would spoil it afterwards."""
@@ -92,6 +97,27 @@ class Outputs:
             _batch.check_file("--output", path, paths)
         _batch.check_file("--report", self.report, paths)
         _batch.check_file("--json", self.json, paths)
+        for name, count in Counter(os.path.abspath(p) for p in self.files).items():
+            if count > 1:
+                raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
+
+    def without_refused(self, model: str, stereo: bool) -> Outputs:
+        """What is left without the camera files whose format can't hold a lens of this `model`, or no pair: they are told now, before the work.
+
+        Raises FormatError if nothing is left.
+        """
+        refused = {p: r for p in self.cameras if (r := refusal(p, self.format, model, stereo))}
+        left = replace(self, cameras=[p for p in self.cameras if p not in refused], refused=bool(refused))
+        if refused and not left.files:
+            raise FormatError("; ".join(f"{path} can't be written: {reason}" for path, reason in refused.items()))
+        for path, reason in refused.items():
+            say_unwritten(path, reason)
+        return left
+
+    @property
+    def files(self) -> list[Path]:
+        """All files that are asked for."""
+        return [*self.cameras, *(p for p in (self.json, self.report) if p is not None)]
 
     def kept(self, *calibrations: Calibration) -> bool:
         """Whether cameras are written: what the views of `calibrations` don't settle is written only by force."""
@@ -99,17 +125,29 @@ class Outputs:
 
         return self.force or not any(unsettled(c) for c in calibrations)
 
-    def say(self, written: Sequence[Path] | None) -> None:
-        """Tell what was written: the camera files `written`, or None if the views don't settle the camera."""
-        if self.cameras and written is None:
+    def write(
+        self,
+        kept: bool,
+        camera: Callable[[Path], object],
+        json: Callable[[Path], object],
+        report: Callable[[Path], object],
+    ) -> bool:
+        """Write what is asked for, each file by its function, the cameras only if they are `kept`; say what was written and what not.
+
+        True if all was.
+        """
+        cameras = self.cameras if kept else []
+        tasks = [*((path, camera) for path in cameras), (self.json, json), (self.report, report)]
+        written = write_each(tasks)
+        if self.cameras and not kept:
             lost = ", ".join(str(p) for p in self.cameras)
             typer.echo(
                 f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
             )
-        every = [str(p) for p in (*(written or ()), self.json, self.report) if p is not None]
-        if every:
-            typer.echo(f"written: {', '.join(every)}", err=True)
-        elif not self.cameras:
+        if written:
+            typer.echo(f"written: {', '.join(map(str, written))}", err=True)
+        elif not self.files:
             typer.echo(
                 "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
             )
+        return len(written) == len(self.files) and not self.refused

@@ -92,15 +92,12 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     done = advised(done)
     views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
     _say(done, _camera_text.camera_lines(done), views)
-    kept = outputs.kept(done)
-    for path in outputs.cameras if kept else ():
-        _camera_files.write_one(path, done.camera, outputs.format)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_report(outputs.report, done, _pictures(done))
-    outputs.say(outputs.cameras if kept else None)
-    run.failed = run.failed or bool(outputs.cameras and not kept)
+    run.failed |= not outputs.write(
+        outputs.kept(done),
+        lambda path: _camera_files.write_one(path, done.camera, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_report(path, done, _pictures(done, got, outputs)),
+    )
     return done.verdict
 
 
@@ -124,15 +121,14 @@ def two_cameras(
     )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(done, _camera_text.stereo_lines(done), out)
-    if outputs.json is not None:
-        write_calibration(outputs.json, done)
-    if outputs.report is not None:
-        write_stereo_report(outputs.report, done, _pictures(done.left), _pictures(done.right))
-    written = None
-    if outputs.kept(done.left, done.right):
-        written = [path for path in outputs.cameras if _camera_files.write_pair(path, done, outputs.format)]
-    outputs.say(written)
-    run.failed = run.failed or len(written or ()) < len(outputs.cameras)
+    run.failed |= not outputs.write(
+        outputs.kept(done.left, done.right),
+        lambda path: _camera_files.write_pair(path, done, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_stereo_report(
+            path, done, _pictures(done.left, left, outputs), _pictures(done.right, right, outputs)
+        ),
+    )
     return done.verdict
 
 
@@ -171,10 +167,13 @@ def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
     return first
 
 
-def _pictures(calibration: Calibration) -> Pictures:
+def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
     from rcdn.cli._pictures import Pictures
 
-    return Pictures(v.name for v in calibration.views)
+    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
+    if pictures.left_out:
+        typer.echo(f"note: --report: {pictures.left_out}", err=True)
+    return pictures
 
 
 def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:

@@ -10,11 +10,17 @@ from typer.core import TyperGroup
 from rcdn.errors import ConfigError, RcdnError
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
+STOPPED = "stopped by Ctrl-C"
 
 
 def say_error(message: str) -> None:
     """One line `error: …` on stderr, red on a terminal."""
     typer.secho(f"error: {one_line(message)}", fg="red", err=True)
+
+
+def say_warning(message: str) -> None:
+    """One line `warning: …` on stderr, yellow on a terminal."""
+    typer.secho(f"warning: {one_line(message)}", fg="yellow", err=True)
 
 
 def one_line(text: str) -> str:
@@ -35,5 +41,5 @@ class Group(TyperGroup):
             say_error(str(error))
             raise typer.Exit(FAILED) from None
         except KeyboardInterrupt:
-            say_error("stopped by Ctrl-C")
+            say_error(STOPPED)
             raise typer.Exit(INTERRUPTED) from None

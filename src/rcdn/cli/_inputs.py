@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,6 +14,7 @@ from rcdn.cli import _batch, _pool
 from rcdn.cli._cache import Cache, file_digest
 from rcdn.cli._group import say_error
 from rcdn.cli._progress import Bar, progress
+from rcdn.cli._summary import warning_text
 from rcdn.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Gathered:
 
     `images`: of photographs also those without a board, of videos only the frames that were chosen. `failures`: what could not be
     read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of its frames in
-    `images`. `reused`: how many pictures the cache knew.
+    `images`. `reused`: how many pictures the cache knew. `saved`: for each picture that only a saved file names, that file's folder.
     """
 
     images: tuple[ImageResult, ...]
@@ -41,6 +42,7 @@ class Gathered:
     notes: tuple[str, ...]
     frames: Numbers
     reused: int
+    saved: Mapping[str, Path] = field(default_factory=dict)
 
 
 def gather(
@@ -141,8 +143,10 @@ class _Run:
                 for outcome in done.outcomes:
                     if isinstance(outcome, _batch.Failure):
                         self._fail(outcome, bar.say)
-                    else:
-                        self._images[done.index].append(outcome)
+                        continue
+                    self._images[done.index].append(outcome)
+                    if outcome.warnings:
+                        bar.warn(warning_text(outcome.path, outcome.warnings))
         if work.cache is not None:
             work.cache.prune()
 
@@ -189,7 +193,24 @@ class _Run:
         for index in range(len(self.paths)):
             for image in self._images[index]:
                 seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections: once
-        return Gathered(tuple(seen.values()), tuple(self.failures), tuple(self._notes), tuple(kept), self._reused)
+        return Gathered(
+            tuple(seen.values()),
+            tuple(self.failures),
+            tuple(self._notes),
+            tuple(kept),
+            self._reused,
+            self._saved_only(),
+        )
+
+    def _saved_only(self) -> dict[str, Path]:
+        read = {os.path.abspath(image.path) for index in self.shot for image in self._images[index]}
+        return {
+            image.path: path.parent
+            for index, path in enumerate(self.paths)
+            if index not in self.shot
+            for image in self._images[index]
+            if os.path.abspath(image.path) not in read
+        }
 
     def _keep_views(self, index: int, video: _Video) -> tuple[int, ...]:
         from rcdn.calibration.frames import choose_views
@@ -216,13 +237,20 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
     if cache is not None and content:
         key = cache.key(content, "candidates", file_digest(choice.__file__))
         known = cache.get(key)
-        if isinstance(known, dict) and isinstance(known.get("frames"), list):
-            return int(known["count"]), [int(k) for k in known["frames"]]
+        if isinstance(known, dict) and _are_frames(known.get("frames"), known.get("count")):
+            return known["count"], known["frames"]
     glances = [choice.glance(grey) for _, grey in frames(path)]
     numbers = choice.candidates(glances)
     if cache is not None and key:
         cache.put(key, {"count": len(glances), "frames": numbers})
     return len(glances), numbers
+
+
+def _are_frames(numbers: Any, count: Any) -> bool:
+    """True if `numbers` rise, and are of frames of a video that has `count`."""
+    if type(count) is not int or not isinstance(numbers, list) or not all(type(k) is int for k in numbers):
+        return False
+    return all(a < b for a, b in zip([-1, *numbers], [*numbers, count], strict=True))
 
 
 def _with_pixels(path: Path, pictures: Sequence[_batch.Picture]) -> Iterator[_batch.Picture]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +22,21 @@ Pattern = Annotated[
     PatternName,
     typer.Option(
         help="What the boards are made of. checker: squares. deltille: triangles, six of which meet in a corner."
+    ),
+]
+
+
+class TargetName(StrEnum):
+    """Whether codes on boards are read: `rcdn.config.Targets`."""
+
+    plain = "plain"
+    auto = "auto"
+
+
+Target = Annotated[
+    TargetName,
+    typer.Option(
+        help="auto: read ChArUco boards, AprilGrids and PuzzleBoards; nobody has to say which. plain: take all boards for plain ones."
     ),
 ]
 
@@ -54,6 +70,37 @@ CacheFolder = Annotated[
     ),
 ]
 NoCache = Annotated[bool, typer.Option("--no-cache", help="Neither use detections of earlier runs nor keep these.")]
+
+
+def _allow(megapixels: float | None) -> float | None:
+    """Have this process and those it starts read pictures of that size; None: what the environment says."""
+    from rcdn.limits import VARIABLE, max_megapixels, set_max_megapixels
+
+    if megapixels is not None or os.environ.get(VARIABLE):
+        set_max_megapixels(max_megapixels() if megapixels is None else megapixels)
+    return megapixels
+
+
+MaxMegapixels = Annotated[
+    float | None,
+    typer.Option(
+        "--max-megapixels",
+        min=0.001,
+        max=1e6,
+        metavar="N",
+        callback=_allow,
+        help="The largest picture or frame that is read; without it 250, or the environment variable RCDN_MAX_MEGAPIXELS.",
+    ),
+]
+PicturePlaces = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--pictures",
+        metavar="PLACE",
+        help="A folder or file whose photographs a saved file may name for the report; may be given several times. Without it only "
+        "those in the saved file's own folder are shown.",
+    ),
+]
 Frames = Annotated[
     int,
     typer.Option("--frames", min=1, metavar="N", help="Frames to use of each video, at most: sharp, different ones."),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.errors import RcdnError
@@ -13,24 +15,47 @@ if TYPE_CHECKING:
 
 class Pictures:
     """`pictures(name)`: the grey picture of that name, or None if it can't be read any more. Frames of a video that are among `names` are
-    read in one pass, at the first of them."""
+    read in one pass, at the first of them.
 
-    def __init__(self, names: Iterable[str]) -> None:
+    `folders`: for names that a saved file gives, its folder: whoever wrote it could name any picture of this machine, and have it drawn
+    into a page that goes elsewhere. Only what lies in that folder, or in one of the places (folders or files) that the user `named`, is
+    read; links are followed first. `left_out`: a sentence on the others, or "".
+    """
+
+    def __init__(
+        self, names: Iterable[str], folders: Mapping[str, Path] | None = None, named: Sequence[Path] = ()
+    ) -> None:
         self._names = frozenset(names)
+        self._named = [os.path.realpath(p) for p in named]
+        self._barred = {n for n in self._names & (folders or {}).keys() if not self._inside(n, (folders or {})[n])}
         self._frames: dict[str, Array] = {}
         self._opened: set[str] = set()
+        self.left_out = ""
+        if self._barred:
+            self.left_out = (
+                f"{len(self._barred)} of {len(self._names)} photographs lie outside the folder of the file that names them and are "
+                "left out; --pictures FOLDER shows them."
+            )
 
     def __call__(self, name: str) -> Array | None:
-        from rcdn.io import is_video, read_image
+        from rcdn.io.images import read_named_image
 
-        video = name.rpartition("#")[0]
+        if name in self._barred:
+            return None
         try:
-            if video and is_video(video):
+            if video := _video_of(name):
                 self._open(video)
                 return self._frames.get(name)
-            return read_image(name)
+            return read_named_image(name)
         except RcdnError:
             return None
+
+    def _inside(self, name: str, folder: Path) -> bool:
+        try:
+            place = Path(os.path.realpath(_video_of(name) or name))
+            return any(place.is_relative_to(root) for root in (os.path.realpath(folder), *self._named))
+        except (OSError, ValueError):  # a name that can't be one
+            return False
 
     def _open(self, video: str) -> None:
         from rcdn.io import frames
@@ -45,3 +70,11 @@ class Pictures:
                 wanted.discard(name)
             if not wanted:
                 return
+
+
+def _video_of(name: str) -> str:
+    """The video that a frame's name names, or ""."""
+    from rcdn.io import is_video
+
+    video = name.rpartition("#")[0]
+    return video if video and is_video(video) else ""

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from multiprocessing import connection, get_context
 from typing import Any
 
+from rcdn.children import end_with_parent
 from rcdn.cli._batch import Picture, Work
 from rcdn.cli._pool import LOST, Item
 from rcdn.errors import RcdnError
@@ -112,6 +113,7 @@ def _serve(pipe: Any, work: Work) -> None:
     """Say None when ready, or why not; then answer each picture with a Done until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
+    end_with_parent()
     for name in _THREADS:  # before numpy comes: the cores are shared out already
         os.environ.setdefault(name, "1")
     with contextlib.suppress(EOFError, OSError):  # the first process is gone, or needs nothing more

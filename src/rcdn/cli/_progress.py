@@ -8,18 +8,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rcdn.cli._group import one_line, say_error
+from rcdn.cli._group import one_line, say_error, say_warning
 
 
 @dataclass(frozen=True)
 class Bar:
-    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it.
+    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it, `warn(message)` of a warning.
 
     `tell(text)`: what goes on now.
     """
 
     advance: Callable[[int, str], None]
     say: Callable[[str], None]
+    warn: Callable[[str], None]
     tell: Callable[[str], None]
 
 
@@ -27,7 +28,7 @@ class Bar:
 def progress(total: int) -> Iterator[Bar]:
     """A progress bar on stderr if that is a terminal; nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield Bar(lambda done, name: None, say_error, lambda text: None)
+        yield Bar(lambda done, name: None, say_error, say_warning, lambda text: None)
         return
     from rich.console import Console
     from rich.markup import escape
@@ -40,5 +41,6 @@ def progress(total: int) -> Iterator[Bar]:
         yield Bar(
             lambda done, name: bar.update(task, completed=done, description=escape(one_line(Path(name).name))),
             lambda message: bar.console.print(Text(f"error: {one_line(message)}", style="red"), soft_wrap=True),
+            lambda message: bar.console.print(Text(f"warning: {one_line(message)}", style="yellow"), soft_wrap=True),
             lambda text: bar.update(task, description=escape(one_line(text))),
         )

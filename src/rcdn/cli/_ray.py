@@ -21,6 +21,7 @@ from rcdn.cli._batch import Done, Picture, Work
 from rcdn.cli._pool import HAND, LOST, Item, share_out
 from rcdn.cli._processes import no_interrupts, one_thread
 from rcdn.errors import DependencyError, RcdnError
+from rcdn.limits import max_megapixels, set_max_megapixels
 
 LOCAL = "local"
 """the address of a cluster that is started for one run"""
@@ -30,6 +31,8 @@ _QUIET = {
     "RAY_USAGE_STATS_ENABLED": "0",  # a command line tells nobody what it is used for
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
+_LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+"""for a cluster of this machine only: its services listen on the loopback interface, as they do on Windows and macOS, not to the whole network"""
 
 
 def check() -> None:
@@ -56,14 +59,16 @@ def compute(
 @contextlib.contextmanager
 def _cluster(address: str, jobs: int) -> Iterator[Any]:
     """Ray, connected; disconnected in the end, and the cluster ended if it is ours."""
-    for name, value in _QUIET.items():
-        os.environ.setdefault(name, value)
+    for name, value in (_QUIET | (_LOOPBACK if address == LOCAL else {})).items():
+        os.environ.setdefault(name, value)  # read when Ray is imported, and by the processes that it starts
     import ray
-    from ray._private import worker
 
-    worker._worker_logs_enabled = (
-        False  # Ray would print each death to standard output, and has no public switch for that
-    )
+    with contextlib.suppress(ImportError):  # it may go: it is private
+        from ray._private import worker
+
+        worker._worker_logs_enabled = (
+            False  # Ray would print each death to standard output, and has no public switch for that
+        )
     ours: dict[str, Any] = {"num_cpus": jobs or None, "include_dashboard": False} if address == LOCAL else {}
     try:
         _reach(address)
@@ -123,7 +128,7 @@ class Actor:
         self._turn = 0
         self.ready = False
         self.items: deque[Item] = deque()
-        self.answers: deque[Any] = deque([handle.prepare.remote(os.getcwd(), __version__)])
+        self.answers: deque[Any] = deque([handle.prepare.remote(os.getcwd(), __version__, max_megapixels())])
 
     def send(self, picture: Picture) -> None:
         self.answers.append(self._handle.compute.remote(self._turn, picture))
@@ -158,12 +163,13 @@ class _Actor:
         self._turn = 0
         self._next = threading.Condition()
 
-    def prepare(self, folder: str, version: str) -> RcdnError | None:
-        """Make the detector, in `folder`, which the paths of the pictures start from; or why not."""
+    def prepare(self, folder: str, version: str, megapixels: float) -> RcdnError | None:
+        """Make the detector, in `folder`, which the paths of the pictures start from; or why not. `megapixels`: the largest picture."""
         try:
             if version != __version__:
                 raise RcdnError(f"--engine ray: a machine of the cluster has rcdn {__version__}, this one {version}")
             _enter(folder)
+            set_max_megapixels(megapixels)
             one_thread()
             self._work.prepare()
         except RcdnError as error:

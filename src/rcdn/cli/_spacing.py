@@ -38,9 +38,11 @@ def parse_length(text: str) -> Length:
 
 def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     """Raise ConfigError unless `spacing` is positive and, if it has no unit, makes a board of `size` (inner corners) of at most 2 m across."""
-    if not 0 < spacing < float("inf"):
+    from rcdn.types.ranges import SPACING, in_words, is_spacing
+
+    if not is_spacing(spacing):
         raise ConfigError(
-            f"--spacing is the side of one square and must be above 0 (25mm, or metres: 0.025), not {spacing.text}"
+            f"--spacing is the side of one square and must be above 0, {in_words(*SPACING)} m (25mm, or metres: 0.025), not {spacing.text}"
         )
     across = (SMALLEST_BOARD if size is None else max(size) + 1) * spacing
     if spacing.unit or across <= LARGEST:

@@ -12,6 +12,8 @@ from rcdn.cli._options import GridSize, PatternName, parse_size
 from rcdn.cli._spacing import Spacing, check_length
 from rcdn.errors import ConfigError
 
+MOST_CORNERS = 1_000_000
+
 
 class Paper(StrEnum):
     """Sheet sizes; rcdn.report.target knows their millimetres."""
@@ -56,6 +58,10 @@ def board(
     ending = output.suffix.lower()
     if ending not in (".pdf", ".svg"):
         raise ConfigError(f"--output {output}: the name must end in .pdf or .svg")
+    if size.cols * size.rows > MOST_CORNERS:
+        raise ConfigError(
+            f"--size: a board of {size.cols}x{size.rows} can't be printed; {MOST_CORNERS} corners are the most"
+        )
     check_length(spacing, size)
     from rcdn.io import write_bytes, write_text
     from rcdn.report.target import make_target, orientation_note, to_pdf, to_svg

@@ -18,7 +18,18 @@ from rcdn.cli._calibration_outputs import (
 )
 from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
 from rcdn.cli._group import FAILED
-from rcdn.cli._options import CacheFolder, Frames, Jobs, NoCache, Pattern, PatternName
+from rcdn.cli._options import (
+    CacheFolder,
+    Frames,
+    Jobs,
+    MaxMegapixels,
+    NoCache,
+    Pattern,
+    PatternName,
+    PicturePlaces,
+    Target,
+    TargetName,
+)
 from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
 from rcdn.cli._spacing import Spacing, check_length
@@ -50,11 +61,14 @@ def calibrate(
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
     report: ReportFile = None,
+    pictures: PicturePlaces = None,
     json: JsonFile = None,
     force: Force = False,
     fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
+    target: Target = TargetName.plain,
     jobs: Jobs = 0,
+    max_megapixels: MaxMegapixels = None,
     frames: Frames = 40,
     cache: CacheFolder = None,
     no_cache: NoCache = False,
@@ -81,10 +95,13 @@ def calibrate(
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
-    outputs = Outputs(output or [], None if file_format is None else file_format.value, report, json, force)
+    outputs = Outputs(
+        output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
+    )
     outputs.check(inputs if pairs is None else [*inputs, pairs])
+    outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
-    config = DetectorConfig.preset("auto", pattern=pattern.value)
+    config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.value)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     problem = Problem(spacing, model.value, flat, tuple(leave_out or ()), fix)
     found = (

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rcdn.cli import _batch
+from rcdn.cli._group import FAILED
+from rcdn.cli._writing import write_each
 from rcdn.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -73,13 +75,20 @@ def compare(
     found = comparison.compare(a, b, None if where is None else where.value)
     for line in lines(found, str(first), str(second)):
         typer.echo(line)
-    if json is not None:
-        write_text(json, json_module.dumps(_record(found, first, second), allow_nan=False) + "\n")
-    if report is not None:
-        write_comparison_report(report, found, (str(first), str(second)), (a, b))
-    written = [str(p) for p in (json, report) if p is not None]
+
+    def text() -> str:
+        return json_module.dumps(_record(found, first, second), allow_nan=False) + "\n"
+
+    written = write_each(
+        [
+            (json, lambda path: write_text(path, text())),
+            (report, lambda path: write_comparison_report(path, found, (str(first), str(second)), (a, b))),
+        ]
+    )
     if written:
-        typer.echo(f"written: {', '.join(written)}", err=True)
+        typer.echo(f"written: {', '.join(map(str, written))}", err=True)
+    if len(written) < sum(path is not None for path in (json, report)):
+        raise typer.Exit(FAILED)
 
 
 def _read(path: Path, name: str | None) -> Camera | Calibration:

@@ -16,7 +16,7 @@ import typer
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
-from rcdn.cli._options import GridSize, Jobs, Pattern, PatternName, parse_size
+from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, Target, TargetName, parse_size
 from rcdn.cli._outputs import Outputs
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
@@ -47,16 +47,17 @@ class Device(StrEnum):
 
 @dataclass
 class _Run:
-    """What has been done so far, in the order of the inputs, and what ended it early."""
+    """What has been done so far, in the order of the inputs, what ended it early, and how many overlays could not be written."""
 
     tally: _summary.Tally
     outputs: Outputs
     stopped: KeyboardInterrupt | RcdnError | None = None
+    undrawn: int = 0
 
     def add(self, outcome: _summary.Brief | _batch.Failure) -> None:
-        self.tally.add(outcome)
         if isinstance(outcome, _summary.Brief):
             self.outputs.add(outcome.line)
+        self.tally.add(outcome)
 
 
 def detect(
@@ -89,7 +90,9 @@ def detect(
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
     pattern: Pattern = PatternName.checker,
+    target: Target = TargetName.plain,
     jobs: Jobs = 0,
+    max_megapixels: MaxMegapixels = None,
     threads: Annotated[
         int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
     ] = 0,
@@ -133,7 +136,9 @@ def detect(
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
     _check_pattern(pattern, board, vnl)
-    config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value)
+    config = DetectorConfig.preset(
+        preset.value, threads=threads, pattern=pattern.value, target=target.value, device=device.value
+    )
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
         run = _Run(_summary.Tally(board), outputs)
@@ -194,7 +199,7 @@ def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, pa
     """Raise before the work what would spoil it afterwards."""
     _batch.check_file("--json", json, paths)
     _batch.check_file("--vnl", vnl, paths)
-    if json is not None and json == vnl:
+    if json is not None and vnl is not None and json.absolute() == vnl.absolute():
         raise ConfigError(f"--json and --vnl are both {json}; give two names")
     if vnl is not None:
         for path in map(str, paths):  # the rule of mrcal's format, which write_vnl keeps to
@@ -229,8 +234,12 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team
                     run.add(outcome)
                     if isinstance(outcome, _batch.Failure):
                         bar.say(outcome.message)
-                if done.stop is not None:
-                    raise done.stop
+                    elif outcome.warnings:
+                        bar.warn(_summary.warning_text(outcome.path, outcome.warnings))
+                if done.unwritten is not None:
+                    run.undrawn += 1
+                    if run.undrawn == 1:  # the others are counted: a full disk would give a line for each picture
+                        bar.say(str(done.unwritten))
     except KeyboardInterrupt as stopped:
         run.stopped = stopped
     except RcdnError as stopped:
@@ -252,10 +261,15 @@ def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
     """Say what went wrong outside the pictures, and set the exit code."""
     for failure in failures:
         say_error(str(failure))
+    if run.undrawn > 1:
+        say_error(f"{run.undrawn} overlays could not be written")
+    written = " and ".join(map(str, run.outputs.written))
+    verb = "holds" if len(run.outputs.written) == 1 else "hold"
+    held = f"; {written} {verb} what was found in them" if written else ""
     if isinstance(run.stopped, KeyboardInterrupt):
-        say_error(f"stopped by Ctrl-C after {run.tally.images} pictures of {total} files; their results are kept")
+        say_error(f"stopped by Ctrl-C after {run.tally.images} pictures of {total} files{held}")
         raise typer.Exit(INTERRUPTED)
     if run.stopped is not None:
-        say_error(f"{run.stopped} (stopped after {run.tally.images} pictures; --json and --vnl hold these)")
-    if run.stopped is not None or failures or run.tally.failures:
+        say_error(f"{run.stopped} (stopped after {run.tally.images} pictures{held})")
+    if run.stopped is not None or run.undrawn or failures or run.tally.failures:
         raise typer.Exit(FAILED)

@@ -11,7 +11,7 @@ import typer
 from rcdn.cli import _batch
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, say_error
-from rcdn.cli._options import CacheFolder, GridSize, Jobs, NoCache, Pattern, PatternName, parse_size
+from rcdn.cli._options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
 from rcdn.cli._spacing import Spacing, check_length
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
@@ -49,6 +49,7 @@ def pose(
     ] = None,
     pattern: Pattern = PatternName.checker,
     jobs: Jobs = 0,
+    max_megapixels: MaxMegapixels = None,
     cache: CacheFolder = None,
     no_cache: NoCache = False,
 ) -> None:

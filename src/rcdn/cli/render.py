@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, RcdnError
 
 if TYPE_CHECKING:
     from rcdn.synthetic import BoardTruth, Scene
@@ -100,15 +100,14 @@ def _random(count: int, seed: int, ranges: Difficulty, size: FrameSize) -> Itera
 
 
 def _read_scene(path: Path) -> Scene:
-    import json
-
+    from rcdn.io.fields import read_json, read_text
     from rcdn.synthetic import scene_from_json
 
     try:
-        values = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"--scene {path}: can't be read: {error}") from error
-    return scene_from_json(_dump(values.get("scene", values) if isinstance(values, dict) else values))
+        values = read_json(path, read_text(path), "give the .json of a picture that `rcdn render` wrote")
+        return scene_from_json(_dump(values.get("scene", values) if isinstance(values, dict) else values))
+    except RcdnError as error:
+        raise ConfigError(f"--scene {error}" if str(path) in str(error) else f"--scene {path}: {error}") from error
 
 
 def _tracked(scenes: Iterator[Scene], total: int) -> Iterator[Scene]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.cli import _batch
+from rcdn.cli._options import PicturePlaces
 from rcdn.cli._pictures import Pictures
 from rcdn.errors import FormatError
 
@@ -21,8 +22,11 @@ def report(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write.")] = Path(
         "report.html"
     ),
+    shown: PicturePlaces = None,
 ) -> None:
     """Write the page of a calibration again, from its JSON; photographs that are still where they were are drawn in.
+
+    Only those in the JSON's own folder, or in --pictures: a file from elsewhere could name any picture of yours.
 
     Exit code: 0 if it was written, 1 if not, 2 for wrong use.
     """
@@ -37,11 +41,18 @@ def report(
             pair = read_stereo_calibration(calibration)
         except FormatError:
             raise error from None
-        write_stereo_report(output, pair, _of(pair.left.views), _of(pair.right.views))
+        left, right = (_of(side.views, calibration, shown) for side in (pair.left, pair.right))
+        write_stereo_report(output, pair, left, right)
+        notes = [left.left_out, right.left_out]
     else:
-        write_report(output, mono, _of(mono.views))
+        pictures = _of(mono.views, calibration, shown)
+        write_report(output, mono, pictures)
+        notes = [pictures.left_out]
+    for note in dict.fromkeys(filter(None, notes)):
+        typer.echo(f"note: {note}", err=True)
     typer.echo(f"written: {output}", err=True)
 
 
-def _of(views: Sequence[BoardView]) -> Pictures:
-    return Pictures(v.name for v in views)
+def _of(views: Sequence[BoardView], file: Path, shown: Sequence[Path] | None) -> Pictures:
+    names = [v.name for v in views]
+    return Pictures(names, dict.fromkeys(names, file.parent), shown or ())

@@ -79,5 +79,5 @@ def _fabric(accelerator: str, devices: str, nodes: int) -> Any:
 
     try:
         return Fabric(accelerator=accelerator, devices=devices, num_nodes=nodes)
-    except (MisconfigurationException, TypeError, ValueError) as error:
+    except (MisconfigurationException, TypeError, ValueError, OverflowError) as error:
         raise ConfigError(f"--accelerator, --devices or --nodes: {error}") from error

@@ -9,7 +9,7 @@ from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
 
-_kernel = bind("rcdn_blurred_axes", "fdnfD")
+_kernel = bind("rcdn_blurred_axes")
 
 
 def blurred_axes(rings: Array, radius: Array, start: Array) -> Array:
@@ -24,5 +24,5 @@ def blurred_axes(rings: Array, radius: Array, start: Array) -> Array:
     if rings.shape[1:] != (RINGS, HALF_TURN):
         raise RcdnError(f"rings must be (N, {RINGS}, {HALF_TURN}), not {rings.shape}")
     axes = np.array(start, np.float64)
-    _kernel(rings, np.ascontiguousarray(radius, np.float64), len(axes), directions(), axes)
+    _kernel(rings, np.ascontiguousarray(radius, np.float64), directions(), axes)
     return axes

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from rcdn.corners.onnx_file import Graph
 from rcdn.corners.sieve import CELL
-from rcdn.native import bind
+from rcdn.corners.threads import Threads
+from rcdn.errors import RcdnError
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
 SHAPES = ((16, 1, 5, 5), (32, 16, 3, 3), *[(32, 32, 3, 3)] * 5, (16, 32, 1, 1))
@@ -21,26 +22,30 @@ NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")
 BAND = 16
 """rows of cells that a thread takes at least"""
 
-LEVELS, WEIGHT_LEVELS = 255, 127
+LEVELS, WEIGHT_LEVELS = np.iinfo(np.uint8).max, np.iinfo(np.int8).max
 """largest input and weight in whole numbers"""
-GROUP = 4
+LARGEST, LEAST = 1e6, 1e-30
+"""of a weight, and of the largest weight of an output: one that has none is divided by it"""
+GROUP = constants("network")["GROUP"]
 """inputs that the kernel multiplies together"""
-BEST = 2
+BEST = constants("network")["BEST"]
 """level of the processor's instructions that is taken, if there: 2 VNNI, 1 AVX2, 0 any"""
 
-_network = bind("rcdn_network", "pfcnbnnF", result=True)
+_network = bind("rcdn_network")
 
 
 @dataclass(frozen=True, eq=False)
 class CellNetwork:
-    """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8.
+    """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8; `pool`: the threads that it runs on.
 
     Hidden layers pass on whole numbers 0..255, one unit of which is a channel's largest value on rendered pictures (`ranges`) ÷ 255; weights
-    have 8 bits, and a scale for each output. Responses differ from the network's own by .005 in the mean where they are over .3.
+    have 8 bits, and a scale for each output. Export makes, tries and stores them (`quantised.py`). Responses differ from the network's own by .005
+    in the mean where they are over .3.
     """
 
     reals: Array
     whole: Array
+    pool: Threads = field(default_factory=Threads, repr=False)
 
     @staticmethod
     def fits(graph: Graph) -> bool:
@@ -50,17 +55,21 @@ class CellNetwork:
         )
 
     @staticmethod
-    def of(graph: Graph, ranges: Sequence[Sequence[float]] | None) -> CellNetwork | None:
+    def of(graph: Graph, ranges: Sequence[Sequence[float]] | None, pool: Threads | None = None) -> CellNetwork | None:
         """The network of an ONNX file with the largest values of its hidden layers' channels; None if it is another network, or they are unknown."""
         if ranges is None or not CellNetwork.fits(graph):
             return None
         tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
+        if [len(values) for values in ranges] != [shape[0] for shape in SHAPES[:-1]]:
+            raise RcdnError("model: 'ranges' must hold a number for each output of each hidden layer")
+        if not all((np.abs(tensor) <= LARGEST).all() for pair in tensors for tensor in pair):
+            raise RcdnError(f"model: its weights must be finite and within ±{LARGEST:g}")
         unit = [np.array(values) / LEVELS for values in ranges]
         weight, bias = tensors[0]
         reals, whole = [weight.transpose(2, 3, 1, 0) / unit[0], bias / unit[0]], []
         for k, (weight, bias) in enumerate(tensors[1:]):
             weight = weight * unit[k][:, None, None]
-            scale = np.abs(weight).max(axis=(1, 2, 3)) / WEIGHT_LEVELS
+            scale = np.maximum(np.abs(weight).max(axis=(1, 2, 3)), LEAST) / WEIGHT_LEVELS
             levels = np.rint(weight / scale[:, None, None, None]).astype(np.int8)
             after = unit[k + 1] if k + 1 < len(unit) else 1.0
             reals += [scale / after, bias / after]
@@ -68,7 +77,8 @@ class CellNetwork:
                 whole.append(_grouped(levels))
             else:
                 reals.append(levels[:, :, 0, 0].T)
-        return CellNetwork(np.concatenate([r.ravel() for r in reals]).astype(np.float32), np.concatenate(whole))
+        flat = np.concatenate([r.ravel() for r in reals]).astype(np.float32)
+        return CellNetwork(flat, np.concatenate(whole), pool or Threads())
 
     def __call__(self, grey: Array, cells: Array, threads: int = 0, level: int = BEST) -> Array:
         """Response (H, W) float32 of `grey` (H, W), uint8 or float32 in 0..255: of `cells` (⌈H/4⌉, ⌈W/4⌉) bool, 0 elsewhere.
@@ -79,20 +89,15 @@ class CellNetwork:
         height = len(cells)
         out = np.zeros(grey.shape, np.float32)
         grey, mask = np.ascontiguousarray(grey), np.ascontiguousarray(cells).view(np.uint8)
-        assert mask.shape == tuple(-(-n // CELL) for n in grey.shape)
+        if mask.shape != (wanted := tuple(-(-n // CELL) for n in grey.shape)):
+            raise RcdnError(f"cells must have shape {wanted} for a picture of shape {grey.shape}, not {mask.shape}")
         count = max(1, min(threads or os.cpu_count() or 1, height // BAND))
         edges = np.linspace(0, height, count + 1).astype(int).tolist()
 
         def run(band: tuple[int, int]) -> None:
-            if _network(grey, self.reals, self.whole, level, mask, band[0], band[1] - band[0], out) < 0:
-                raise MemoryError("network: no memory for its rows")
+            _network(grey, self.reals, self.whole, level, mask, band[0], band[1] - band[0], out)
 
-        bands = list(pairwise(edges))
-        if count > 1:
-            with ThreadPoolExecutor(count) as pool:
-                list(pool.map(run, bands))
-        else:
-            run(bands[0])
+        self.pool(run, pairwise(edges), count)
         return out
 
 

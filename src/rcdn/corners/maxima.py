@@ -10,7 +10,7 @@ from rcdn.config import DetectorConfig
 from rcdn.corners.cluster import cluster_mask
 from rcdn.corners.nms import nms
 from rcdn.corners.threshold import threshold_value
-from rcdn.types import Array
+from rcdn.types import Array, Warnings
 
 RESCUE, RESCUE_SHARE = 0.15, 0.41
 """least top response of a map without any response above the usual level that is still looked at, and the threshold's share of it"""
@@ -36,16 +36,19 @@ class Maxima:
         return np.asarray(self.score >= self.level * config.seed)
 
 
-def find_maxima(response: Array, config: DetectorConfig, cells: Array | None = None) -> Maxima:
+def find_maxima(
+    response: Array, config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
+) -> Maxima:
     """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look.
 
-    `cells` (⌈H/4⌉, ⌈W/4⌉) bool: the cells of 4×4 px outside of which the response is 0; None: it may be anything anywhere.
+    `cells` (⌈H/4⌉, ⌈W/4⌉) bool: the cells of 4×4 px outside of which the response is 0; None: it may be anything anywhere. `warnings`
+    are told if there are more than can be looked at.
     """
     level = threshold_value(response, config.threshold, cells)
     rescued = config.rescue and not np.isfinite(level)
     if rescued:
         level = _rescue(response)
-    xy, score = nms(response, level * config.weak, config.nms, cells=cells)
+    xy, score = nms(response, level * config.weak, config.nms, cells=cells, warnings=warnings)
     inside = ((xy >= config.border) & (xy <= np.array(response.shape[::-1]) - 1 - config.border)).all(axis=1)
     xy, score = xy[inside], score[inside]
     if config.cluster is not None:

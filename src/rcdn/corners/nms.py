@@ -9,12 +9,14 @@ import numpy as np
 from rcdn.config import Nms
 from rcdn.corners.sieve import every_cell
 from rcdn.native import bind
-from rcdn.types import Array
+from rcdn.types import Array, Warnings, allowed
 
 ROOM = 4096
 """candidates that are usual"""
-_candidates = bind("rcdn_candidates", "fnnbrnLn", result=True)
-_suppress = bind("rcdn_suppress", "lnnnbnB", result=True)
+MOST, MOST_PEAKS = 20_000, 125_000
+"""candidates that compete; of peaks, so many a megapixel: twice as many as the smallest squares that the network knows have"""
+_candidates = bind("rcdn_candidates")
+_suppress = bind("rcdn_suppress")
 
 
 def candidates(response: Array, threshold: float, peaks: bool = False, cells: Array | None = None) -> Array:
@@ -30,23 +32,31 @@ def candidates(response: Array, threshold: float, peaks: bool = False, cells: Ar
     room = ROOM
     while True:
         xy = np.empty((room, 2), np.int64)
-        count = _candidates(response, *response.shape, cells.view(np.uint8), threshold, peaks, xy, room)
+        count = _candidates(response, cells.view(np.uint8), threshold, peaks, xy)
         if count <= room:
             return xy[:count]
         room = count
 
 
 def nms(
-    response: Array, threshold: float, rule: Nms, limit: int = 20000, cells: Array | None = None
+    response: Array,
+    threshold: float,
+    rule: Nms,
+    limit: int | None = None,
+    cells: Array | None = None,
+    warnings: Warnings | None = None,
 ) -> tuple[Array, Array]:
     """Candidates that survive greedy suppression by falling response, ties by (y, x).
 
     Paper section 3.3: boxes of one size (side `rule.box`, px) around the candidates; one that overlaps a stronger
     survivor by more than `rule.overlap` (intersection ÷ box area, as in the code of its predecessor CCDN) goes.
-    Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete, so
-    that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy.
+    Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete (None: `MOST`), so
+    that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy. More of them are told to `warnings`.
     """
     xy = candidates(response, threshold, rule.peaks, cells)
+    limit = (allowed(response.size, MOST, MOST_PEAKS) if rule.peaks else MOST) if limit is None else limit
+    if len(xy) > limit and warnings is not None:
+        warnings.add("peaks", f"of {len(xy):,} places that may be corners only the {limit:,} strongest were looked at")
     score = response[xy[:, 1], xy[:, 0]]
     strong = _strongest(score, limit)
     order = strong[np.argsort(-score[strong], kind="stable")]
@@ -77,6 +87,5 @@ def _strongest(score: Array, limit: int) -> Array:
 def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
     """Indices of the survivors among `xy` (N, 2), which come strongest first."""
     keep = np.zeros(len(xy), np.uint8)
-    if _suppress(np.ascontiguousarray(xy, np.int64), len(xy), *shape, mask.astype(np.uint8), len(mask), keep) < 0:
-        raise MemoryError("nms: no memory")
+    _suppress(np.ascontiguousarray(xy, np.int64), *shape, mask.astype(np.uint8), keep)
     return np.flatnonzero(keep)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, shown
 from rcdn.types import Array
 
+KINDS = ("minmax", "local")
 WINDOW = 25
 FLOOR = 6.0
 """grey levels; keeps the noise of flat areas from being blown up"""
@@ -49,7 +50,7 @@ def normaliser(grey: Array, kind: str) -> Normaliser:
         return Normaliser(kind, 0, *_levels(grey))
     if kind == "local":
         return Normaliser(kind, WINDOW // 2)
-    raise ConfigError(f"normalisation must be 'minmax' or 'local', not {kind!r}")
+    raise ConfigError(f"normalisation must be 'minmax' or 'local', not {shown(kind)}")
 
 
 def normalise(grey: Array, kind: str) -> Array:

@@ -8,16 +8,17 @@ from functools import lru_cache
 import numpy as np
 
 from rcdn.corners.patches import plain
-from rcdn.native import bind
+from rcdn.geometry.elementary import cos_sin
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
-HALF_TURN = 48
+HALF_TURN = constants("rings")["DIRECTIONS"]
 """Directions in [0, π) at which the rings are sampled."""
-RINGS = 3
+RINGS = constants("rings")["RINGS"]
 MIN_CONTRAST = 1.0
 """Smallest difference of the sectors, grey levels."""
-_axes = bind("rcdn_axes", "pddbnrffDDCD")
-_sample = bind("rcdn_sample_rings", "pddnnfF")
+_axes = bind("rcdn_axes")
+_sample = bind("rcdn_sample_rings")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def axes(grey: Array, xy: Array, radius: Array, careful: Array | None = None) ->
     axes, contrast, polarity, fit = np.empty((count, 2)), np.empty(count), np.empty(count, np.int8), np.empty(count)
     careful = np.ones(count, bool) if careful is None else np.ascontiguousarray(careful, bool)
     _axes(
-        plain(grey), xy, radius, careful.view(np.uint8), count, MIN_CONTRAST, directions(), _gain(),
+        plain(grey), xy, radius, careful.view(np.uint8), MIN_CONTRAST, directions(), _gain(),
         axes, contrast, polarity, fit,
     )  # fmt: skip
     return Orientation(axes, contrast, polarity, fit)
@@ -62,7 +63,7 @@ def sample_rings(grey: Array, xy: Array, radius: Array) -> Array:
     """Grey levels (N, R, 2 HALF_TURN) float32 on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
     out = np.empty((*radius.shape, 2 * HALF_TURN), np.float32)
     xy, radius = np.ascontiguousarray(xy, np.float64), np.ascontiguousarray(radius, np.float64)
-    _sample(plain(grey), xy, radius, *radius.shape, directions(), out)
+    _sample(plain(grey), xy, radius, directions(), out)
     return out
 
 
@@ -70,7 +71,7 @@ def sample_rings(grey: Array, xy: Array, radius: Array) -> Array:
 def directions() -> Array:
     """Cosines and sines (2, 2 HALF_TURN) of the directions in which rings are sampled."""
     angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
-    return np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    return np.stack(cos_sin(angle)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -71,7 +71,7 @@ def mix(by_peak: Array, by_saddle: Array) -> Array:
     response peak alone where they are more than `DISAGREEMENT` apart. NaN where both are.
     """
     mean = (by_peak + by_saddle) / 2
-    far = np.hypot(*(by_peak - by_saddle).T) > DISAGREEMENT
+    far = np.linalg.norm(by_peak - by_saddle, axis=1) > DISAGREEMENT
     alone = (far | np.isnan(by_saddle).any(axis=1))[:, None]
     lost = np.isnan(by_peak).any(axis=1, keepdims=True)
     return np.where(lost, by_saddle, np.where(alone, by_peak, mean))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -16,15 +15,19 @@ import cv2
 import numpy as np
 
 from rcdn.corners.cells import CellNetwork
+from rcdn.corners.model_facts import read_facts
 from rcdn.corners.normalise import normaliser
-from rcdn.corners.onnx_file import read_graph
+from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.corners.threads import Threads
+from rcdn.errors import ConfigError, RcdnError, shown
 from rcdn.types import Array
 
 TILE = 512
 """px of output a tile: memory stays bounded, and the tiles, not the threads, decide what is computed together"""
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
+HIGHEST = 1e6
+"""of a response; a network's are about 1"""
 BATCH = 16
 """tiles that a GPU computes together"""
 NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
@@ -35,7 +38,8 @@ class ResponseModel:
     """A network ready to run.
 
     `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
-    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`.
+    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights, if it has
+    any; `pool`: the threads that it runs on; `name`: what errors call it.
     """
 
     data: bytes
@@ -44,23 +48,32 @@ class ResponseModel:
     cell: int
     facts: dict[str, Any]
     device: str = "cpu"
+    quantised: CellNetwork | None = None
+    pool: Threads = field(default_factory=Threads, repr=False)
+    name: str = "the network"
 
     @cached_property
     def session(self) -> Any:
         """The ONNX Runtime session: one thread each, since tiles run side by side and must not depend on the thread count."""
-        import onnxruntime as ort
-
+        ort = _onnxruntime()
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]])
+        again = self.device != "cpu"  # on the CPU after a GPU that fails; after the CPU ONNX Runtime only prints
+        try:
+            return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
+        except Exception as error:  # of a dozen kinds that ONNX Runtime names nowhere
+            raise self._bad(f"ONNX Runtime can't load it ({one_line(error)})") from error
+
+    def _bad(self, message: str) -> RcdnError:
+        return RcdnError(f"model: {self.name}: {message}; export it again with `rcdn export`")
 
     @cached_property
     def cells(self) -> CellNetwork | None:
         """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
-        if self.device != "cpu" or self.normalisation != "local":
+        if self.quantised is None or self.device != "cpu" or self.normalisation != "local":
             return None
-        return CellNetwork.of(read_graph(self.data), self.facts.get("ranges"))
+        return replace(self.quantised, pool=self.pool)
 
     def cells_of(self, grey: Array) -> Array | None:
         """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
@@ -95,7 +108,7 @@ class ResponseModel:
             return np.ascontiguousarray(seen[reach : seen.shape[0] - reach, reach : seen.shape[1] - reach])
 
         def run(spots: list[tuple[int, int]]) -> None:
-            result = session.run(None, {"image": np.stack([part(spot) for spot in spots])[:, None]})[0]
+            result = self._answer(session, np.stack([part(spot) for spot in spots])[:, None])
             for (y, x), found in zip(spots, result[:, 0], strict=True):
                 h, w = min(tile, height - y), min(tile, width - x)
                 out[y : y + h, x : x + w] = found[:h, :w]
@@ -103,13 +116,24 @@ class ResponseModel:
         alone = session.get_inputs()[0].shape[0] == 1  # exported before tiles went together
         together = _batches(height, width, tile, 1 if self.device == "cpu" or alone else BATCH)
         count = min(threads or os.cpu_count() or 1, len(together)) if self.device == "cpu" else 1
-        if count > 1:
-            with ThreadPoolExecutor(count) as pool:
-                list(pool.map(run, together))
-        else:
-            for spots in together:
-                run(spots)
+        self.pool(run, together, count)
         return out
+
+    def _answer(self, session: Any, tiles: Array) -> Array:
+        """The network's responses (N, 1, H, W) to `tiles` (N, 1, H + context, W + context)."""
+        wanted = (len(tiles), 1, *(n - sum(self.margins) for n in tiles.shape[2:]))
+        try:
+            result = session.run(None, {"image": tiles})[0]
+        except Exception as error:  # as in `session`
+            raise self._bad(f"ONNX Runtime can't run it ({one_line(error)})") from error
+        if not isinstance(result, np.ndarray) or result.dtype != np.float32 or result.shape != wanted:
+            got = f"{result.dtype} {result.shape}" if isinstance(result, np.ndarray) else type(result).__name__
+            raise self._bad(
+                f"its response must be float32 {wanted}, not {got}: do 'margins' and 'cell' fit the network?"
+            )
+        if not (float(result.min()) >= -HIGHEST and float(result.max()) <= HIGHEST):
+            raise self._bad("its responses are not finite: are its weights?")
+        return result
 
     def _padded(self, grey: Array, reach: int) -> Array:
         """The picture with all the context that its border tiles need, by reflection."""
@@ -130,13 +154,30 @@ def _batches(height: int, width: int, tile: int, most: int) -> list[list[tuple[i
     return [spots[k : k + most] for spots in alike.values() for k in range(0, len(spots), most)]
 
 
+def _onnxruntime() -> Any:
+    """ONNX Runtime, kept to itself: on being imported it would write an identifier of this machine below the user's cache folder, and queue what
+    it observes for its makers. A program that has imported it already keeps its own settings."""
+    first = "onnxruntime" not in sys.modules
+    os.environ.setdefault(
+        "ORT_DISABLE_TELEMETRY", "1"
+    )  # of releases that have the 1DS telemetry: read on the import only
+    import onnxruntime
+
+    if first:
+        onnxruntime.disable_telemetry_events()  # that of Windows
+    return onnxruntime
+
+
+def one_line(error: Exception) -> str:
+    """What ONNX Runtime says, shortened."""
+    return " ".join(str(error).split())[:200]
+
+
 def device_of(wanted: str) -> str:
     """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can. Raises ConfigError if it can't do what is wanted."""
     if wanted == "cpu":
         return wanted
-    import onnxruntime as ort
-
-    has = ort.get_available_providers()
+    has = _onnxruntime().get_available_providers()
     if PROVIDERS["cuda"] in has:
         return "cuda"
     if wanted == "auto":
@@ -147,26 +188,50 @@ def device_of(wanted: str) -> str:
     )
 
 
-def load_model(name: str, device: str = "cpu") -> ResponseModel:
+def _weights(name: str, ending: str) -> Any:
+    """A file of the weights `name`, as in `load_model`."""
+    if name.endswith(".onnx"):
+        return Path(name).with_suffix(ending)
+    return files("rcdn") / "weights" / (NAMES.get(name, name) + ending)
+
+
+def _stored(name: str, facts: object) -> CellNetwork:
+    """The 8-bit weights of a network whose .json says `facts` of them."""
+    path = _weights(name, ".npz")
+    try:
+        return read_npz(path.read_bytes(), facts.get("sha256") if isinstance(facts, dict) else None, f"model: {path}")
+    except OSError as error:
+        raise RcdnError(
+            f"model: no 8-bit weights beside {name!r}, of which its .json speaks: {error}; export it again: rcdn export"
+        ) from error
+
+
+def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseModel:
     """Weights by name (`auto`, `paper`, or a file in rcdn/weights without its ending) or by the path of an .onnx file.
 
+    A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it; any other, and all with `stored` False, in ONNX Runtime.
     `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX Runtime has one. Raises RcdnError if there are none, or if the file isn't the one its .json
     speaks of; ConfigError for a device that isn't there.
     """
-    folder = files("rcdn") / "weights"
-    target: Any = Path(name) if name.endswith(".onnx") else folder / (NAMES.get(name, name) + ".onnx")
-    facts_at: Any = (
-        target.with_suffix(".json") if isinstance(target, Path) else folder / (NAMES.get(name, name) + ".json")
-    )
+    target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:
-        data, facts = target.read_bytes(), json.loads(facts_at.read_text())
-    except OSError as error:
+        data, text = target.read_bytes(), facts_at.read_text(encoding="utf-8-sig", errors="replace")
+    except (OSError, ValueError) as error:
         raise RcdnError(
-            f"model: no weights {name!r}: {error}; give 'auto', 'paper' or an .onnx file with its .json beside it"
+            f"model: no weights {shown(name)}: {error}; give 'auto', 'paper' or an .onnx file with its .json beside it"
         ) from error
+    facts = read_facts(text, f"model: {facts_at}")
     if hashlib.sha256(data).hexdigest() != facts.get("sha256"):
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
+    quantised = _stored(name, facts["quantised"]) if stored and "quantised" in facts else None
     return ResponseModel(
-        data, facts["normalisation"], (int(before), int(after)), int(facts["cell"]), facts, device_of(device)
+        data,
+        facts["normalisation"],
+        (before, after),
+        facts["cell"],
+        facts,
+        device_of(device),
+        quantised,
+        name=str(target),
     )

@@ -12,10 +12,12 @@ from functools import lru_cache
 import numpy as np
 
 from rcdn.corners.patches import plain
+from rcdn.geometry.elementary import exp
+from rcdn.geometry.matrices import inverse, product
 from rcdn.native import bind
 from rcdn.types import Array
 
-_kernel = bind("rcdn_surface_fit", "pllndlldFD")
+_kernel = bind("rcdn_surface_fit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ def rochade(half: int) -> Fit:
     The paper says 5×5 (half 2). The window moves by whole pixels at most three times, if the saddle is over 1 px away.
     """
     reach = np.arange(-half, half + 1)
-    cone = np.maximum(0, half + 1 - np.hypot(reach[:, None], reach))
+    cone = np.maximum(0, half + 1 - np.sqrt(reach[:, None] ** 2 + reach**2))
     return Fit(half, 2 * half, _matrix(np.ones((2 * half + 1, 2 * half + 1)), cone / cone.sum()), 1.0, 3)
 
 
@@ -57,16 +59,20 @@ def smooth_fit(half: int) -> Fit:
 
 def _gaussian(half: int, sigma: float) -> Array:
     square = np.arange(-half, half + 1.0) ** 2
-    return np.exp(-(square[:, None] + square) / (2 * sigma**2))
+    return exp(-(square[:, None] + square) / (2 * sigma * sigma))
 
 
 def _matrix(weights: Array, kernel: Array) -> Array:
-    """(5, n): raw window → a1..a5 (`Fit`), fitted after smoothing by `kernel`."""
+    """(5, n): raw window → a1..a5 (`Fit`), fitted with `weights`, symmetric ones, after smoothing by `kernel`."""
     half = len(weights) // 2
     y, x = (v.ravel().astype(float) for v in np.mgrid[-half : half + 1, -half : half + 1])
-    root = np.sqrt(weights).ravel()
-    basis = np.stack((x * x, x * y, y * y, x, y, np.ones_like(x)), axis=1)
-    solver = (np.linalg.pinv(basis * root[:, None]) * root).reshape(6, *weights.shape)[:5]
+    w = weights.ravel()
+    even = np.stack(
+        (x * x, y * y, np.ones_like(x))
+    )  # with weights symmetric along x and along y, all others are orthogonal
+    a1, a3, _ = product(inverse(product(even * w, even.T)), even * w)
+    a2, a4, a5 = (w * odd / (w * odd * odd).sum() for odd in (x * y, x, y))
+    solver = np.reshape((a1, a2, a3, a4, a5), (5, *weights.shape))
     side, more = len(weights), len(kernel)
     out = np.zeros((5, side + more - 1, side + more - 1))
     for j, i in np.ndindex(kernel.shape):
@@ -92,7 +98,7 @@ def surface_fits(grey: Array, seeds: Array, fits: tuple[Fit, ...], which: Array)
     xy = np.empty(seeds.shape)
     matrices, first, sizes, slack, room = _tables(fits)
     window = np.empty(room, np.float32)
-    _kernel(plain(grey), seeds, np.asarray(which, np.int64), len(seeds), matrices, first, sizes, slack, window, xy)
+    _kernel(plain(grey), seeds, np.asarray(which, np.int64), matrices, first, sizes, slack, window, xy)
     return xy
 
 

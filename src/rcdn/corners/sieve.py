@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.native import bind
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
-CELL = 4
+CELL = constants("network")["CELL"]
 """px"""
 SHARE = 0.115
 """least √−det of the Hessian at half resolution, share of the local contrast"""
 FLOOR = 6.0
 """grey levels added to the contrast, as in the networks' normalisation: noise in flat areas is no saddle"""
 
-_sieve = bind("rcdn_sieve", "prrBnn", result=True)
+_sieve = bind("rcdn_sieve")
 
 
 def cells_with_saddles(grey: Array, share: float = SHARE) -> Array:
@@ -25,8 +25,7 @@ def cells_with_saddles(grey: Array, share: float = SHARE) -> Array:
     along each axis are marked.
     """
     out = np.zeros([-(-n // CELL) for n in grey.shape], np.uint8)
-    if _sieve(np.ascontiguousarray(grey), share, FLOOR, out, *out.shape) < 0:
-        raise MemoryError("sieve: no memory")
+    _sieve(np.ascontiguousarray(grey), share, FLOOR, out)
     return out.view(bool)
 
 

@@ -20,8 +20,8 @@ from rcdn.corners.patches import plain
 from rcdn.native import bind
 from rcdn.types import Array
 
-_room = lru_cache(bind("rcdn_symmetry_room", "n", result=True))
-_kernel = bind("rcdn_symmetry_centre", "pdlnnrnFD")
+_room = lru_cache(bind("rcdn_symmetry_room"))
+_kernel = bind("rcdn_symmetry_centre")
 
 
 def symmetry_centre(
@@ -39,5 +39,5 @@ def symmetry_centre(
         return xy
     half = np.full(len(start), half) if isinstance(half, int) else np.ascontiguousarray(half, np.int64)
     work = np.zeros(_room(int(half.max())), np.float32)
-    _kernel(plain(grey), start, half, len(start), repeats, done, anti, work, xy)
+    _kernel(plain(grey), start, half, repeats, done, anti, work, xy)
     return xy

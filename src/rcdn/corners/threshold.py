@@ -11,7 +11,7 @@ from rcdn.corners.sieve import every_cell
 from rcdn.native import bind
 from rcdn.types import Array
 
-_above = bind("rcdn_above", "fnnbrD", result=True)
+_above = bind("rcdn_above")
 
 
 def threshold_value(response: Array, rule: Threshold, cells: Array | None = None) -> float:
@@ -39,5 +39,5 @@ def _adaptive(response: Array, rule: Adaptive, cells: Array | None) -> float:
     total = np.zeros(1)
     response = np.ascontiguousarray(response, np.float32)
     cells = every_cell(response) if cells is None or rule.level < 0 else cells
-    count = _above(response, *response.shape, cells.view(np.uint8), rule.level, total)
+    count = _above(response, cells.view(np.uint8), rule.level, total)
     return float(total[0]) / count if count else math.inf

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.children import end_with_parent
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std
 from rcdn.corners import find_candidates
 from rcdn.corners.response import load_model
@@ -67,7 +68,7 @@ def score_scene(index: int) -> Counts:
 
 def table(count: int = 300, workers: int = 2, progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
     """One row a detector: micro-averaged precision (paper's reading and one to one), recall, whole pictures, mean error of hits, px."""
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         results: Iterable[Counts] = pool.map(score_scene, range(count), chunksize=4)
         total: dict[str, Array] = {name: np.zeros(6) for name in rows()}
         for done, result in enumerate(results, start=1):

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
+from rcdn.children import end_with_parent
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -39,6 +41,7 @@ def _start(start: Callable[..., None], given: tuple[Any, ...]) -> None:
     """A process has one core to itself."""
     import cv2
 
+    end_with_parent()
     cv2.setNumThreads(1)
     start(*given)
 

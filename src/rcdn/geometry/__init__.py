@@ -5,6 +5,7 @@ from rcdn.geometry.homography import apply_homography, homography
 from rcdn.geometry.lens import project, transform, unproject
 from rcdn.geometry.slopes import core_slopes, cross_matrix, project_with_slopes, rotation, rotation_slope
 from rcdn.geometry.spline_grid import folds, largest_shift, roughness, zero_correction
+from rcdn.geometry.usable_lens import lens_trouble
 
 __all__ = [
     "apply_homography",
@@ -14,6 +15,7 @@ __all__ = [
     "folds",
     "homography",
     "largest_shift",
+    "lens_trouble",
     "project",
     "project_with_slopes",
     "rotation",

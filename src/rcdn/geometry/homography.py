@@ -8,7 +8,7 @@ from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
 
-_homography = bind("rcdn_homography", "nddD", result=True)
+_homography = bind("rcdn_homography")
 
 
 def homography(src: Array, dst: Array) -> Array:
@@ -21,7 +21,7 @@ def homography(src: Array, dst: Array) -> Array:
     if src.ndim != 2 or src.shape[1] != 2 or len(src) < 4 or src.shape != dst.shape:
         raise RcdnError("homography: src and dst must be (N, 2) arrays of the same N ≥ 4")
     H = np.empty((3, 3))
-    if not _homography(len(src), src, dst, H):
+    if not _homography(src, dst, H):
         raise np.linalg.LinAlgError("homography: points are not finite")
     return H
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.errors import present
 from rcdn.geometry.correction import point_of, stereographic, surface_slopes
 from rcdn.geometry.model_slopes import distorted_with_slopes
 from rcdn.geometry.models import fold, undistorted
@@ -52,14 +53,14 @@ def before_fold(camera: Camera, rays: Array) -> Array:
 
 def _solve(camera: Camera, d: Array) -> Array:
     """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
-    assert camera.correction is not None
+    correction = present(camera.correction, "Camera.correction")
     start = _start(camera, d)
-    u = _newton(camera, camera.correction, d, start)
+    u = _newton(camera, correction, d, start)
     lost = np.flatnonzero(np.isnan(u).any(axis=1) & np.isfinite(start).all(axis=1))
     if len(lost):
         u[lost] = start[lost]
         for stage in range(1, STAGES + 1):
-            part = camera.correction.with_control(camera.correction.control * (stage / STAGES))
+            part = correction.with_control(correction.control * (stage / STAGES))
             u[lost] = _newton(camera, part, d[lost], u[lost])
     return u
 

@@ -23,10 +23,11 @@ def project(camera: Camera, points: Array) -> Array:
     the pixel is still the polynomial's, though no light from that point gets there: `unproject` gives another ray for it, or NaN.
     """
     points = np.asarray(points, float)
-    d = distorted(camera, points)
-    if camera.correction is not None:
-        d = d + surface(camera.correction, stereographic(points))
-    return d @ camera.K[:2, :2].T + camera.K[:2, 2]
+    with np.errstate(all="ignore"):  # as in `unproject`
+        d = distorted(camera, points)
+        if camera.correction is not None:
+            d = d + surface(camera.correction, stereographic(points))
+        return d @ camera.K[:2, :2].T + camera.K[:2, 2]
 
 
 def unproject(camera: Camera, pixels: Array) -> Array:
@@ -37,6 +38,8 @@ def unproject(camera: Camera, pixels: Array) -> Array:
     """
     pixels = np.asarray(pixels, float)
     K = camera.K
-    y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
-    d = np.stack([(pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y], axis=-1)
-    return undistorted(camera, d) if camera.correction is None else corrected_ray(camera, d)
+    pixels = np.where(np.isfinite(pixels), pixels, np.nan)
+    with np.errstate(all="ignore"):  # lenses of numbers that no lens has see nothing: NaN says it
+        y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
+        d = np.stack([(pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y], axis=-1)
+        return undistorted(camera, d) if camera.correction is None else corrected_ray(camera, d)

@@ -12,6 +12,9 @@ from rcdn.types import Array, Camera
 REACH = 20.0
 """Largest |x / z| and |y / z| of a ray that `undistorted` finds under the models brown and rational."""
 
+NOTHING = 1e-250
+"""a coefficient below is zero: as the leading one of a polynomial nothing can be divided by it"""
+
 
 def distorted(camera: Camera, points: Array) -> Array:
     """Distorted points (..., 2), in focal lengths, of camera points (..., 3) by the parametric model alone; NaN where it sees nothing."""
@@ -60,7 +63,8 @@ def _first_turn(k: Array) -> float:
 
 def _first_root(coefficients: list[float]) -> float:
     """The least x > 0 at which 1 + c₀x² + c₁x⁴ + … is zero, or infinity."""
-    roots = np.roots([*coefficients[::-1], 1.0])
+    kept = [c if abs(c) > NOTHING else 0.0 for c in coefficients]
+    roots = np.roots([*kept[::-1], 1.0])
     real = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
     return float(np.sqrt(real.min())) if len(real) else np.inf
 

@@ -7,8 +7,8 @@ import numpy as np
 from rcdn.native import bind
 from rcdn.types import Array
 
-_nearest = bind("rcdn_nearest", "dndnnDL", result=True)
-_within = bind("rcdn_within", "dnddnLLn", result=True)
+_nearest = bind("rcdn_nearest")
+_within = bind("rcdn_within")
 ROOM = 4
 """neighbours within reach that are usual"""
 
@@ -20,7 +20,7 @@ def nearest(points: Array, at: Array, count: int = 1) -> tuple[Array, Array]:
     """
     points, at = _flat(points), _flat(at)
     distance, index = np.empty((len(at), count)), np.empty((len(at), count), np.int64)
-    _checked(_nearest(points, len(points), at, len(at), count, distance, index))
+    _nearest(points, at, distance, index)
     return distance, index
 
 
@@ -31,7 +31,7 @@ def within(points: Array, at: Array, reach: Array | float) -> tuple[Array, Array
     room = ROOM * (len(at) + 4)
     while True:
         row, index = np.empty(room, np.int64), np.empty(room, np.int64)
-        total = _checked(_within(points, len(points), at, reach, len(at), row, index, room))
+        total = _within(points, at, reach, row, index)
         if total <= room:
             return row[:total], index[:total]
         room = total
@@ -45,9 +45,3 @@ def pairs(points: Array, reach: float) -> Array:
 
 def _flat(points: Array) -> Array:
     return np.ascontiguousarray(points, np.float64).reshape(-1, 2)
-
-
-def _checked(result: int) -> int:
-    if result < 0:
-        raise MemoryError("neighbours: no memory for the cells")
-    return result

@@ -4,15 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
 
-_depth = bind("rcdn_depth", "dndnD")
+_depth = bind("rcdn_depth")
+_deeper = bind("rcdn_deeper")
+FEW = 64
+"""sides of a polygon that are looked at one by one"""
 
 
 def depth(polygon: Array, xy: Array) -> Array:
     """How deep points `xy` (M, 2) lie in a `polygon` (N, 2): their distances (M,) from its outline, negative outside."""
     polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
     out = np.empty(len(xy))
-    _depth(polygon, len(polygon), xy, len(xy), out)
+    _depth(polygon, xy, out)
     return out
+
+
+def deeper(polygon: Array, xy: Array, limit: float) -> Array:
+    """Which points `xy` (M, 2) have a `depth` in a `polygon` (N, 2) over `limit` ≥ 0, (M,) bool; of long outlines only what is near counts."""
+    polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
+    out = np.empty(len(xy), np.uint8)
+    _deeper(polygon, xy, limit, out)
+    return out.view(bool)
+
+
+def least_depth(polygon: Array, xy: Array) -> float:
+    """The smallest `depth` of points `xy` (..., 2), at least one."""
+    xy = xy.reshape(-1, 2)
+    if len(polygon) <= FEW:
+        return float(depth(polygon, xy).min())
+    outside = xy[~deeper(polygon, xy, 0.0)]
+    if len(outside):
+        return float(depth(polygon, outside).min())
+    # no point of a side is further from both of its ends than half of its length
+    gap = nearest(polygon, xy)[0][:, 0]
+    slack = 0.5 * np.linalg.norm(polygon - np.roll(polygon, -1, axis=0), axis=1).max()
+    return float(depth(polygon, xy[gap <= gap.min() + slack]).min())

@@ -7,12 +7,13 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.io.cameras import ours
-from rcdn.io.fields import nullable, number, numbers, read_text, take, two_whole_numbers
+from rcdn.io.fields import nullable, number, numbers, read_text, rigid, take, two_whole_numbers
 from rcdn.io.files import write_text
 from rcdn.types import (
     LEVELS,
+    Array,
     BoardShape,
     BoardView,
     Calibration,
@@ -24,7 +25,10 @@ from rcdn.types import (
     StereoCalibration,
     Verdict,
 )
+from rcdn.types.ranges import BOX, LABEL, POSITION, SPACING, in_words, is_spacing
 
+ROUNDING = 1e-6
+"""of correlations"""
 _KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
 
 
@@ -50,10 +54,10 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     """Read what `write_calibration` wrote of two cameras; as `read_calibration`."""
     data, where = _load(path, "stereo calibration"), str(path)
     left, right = (_calibration(take(data, side, dict, where), f"{where}: {side}") for side in ("left", "right"))
-    T = numbers(data, "T_right_left", where, finite=True, shape=(4, 4))
+    T = rigid(data, "T_right_left", where)
     R_left, R_right, P_left, P_right, Q = (numbers(data, n, where, shape=shape) for n, shape in ours.SHAPES.items())
     rms, epipolar = _known(data, "rms", where), _known(data, "epipolar", where)
-    cov = numbers(data, "cov", where, shape=(6, 6))
+    cov = _covariance(data, where, 6)
     advice = _texts(data, "advice", where)
     verdict = _verdict(data, where)
     return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice, verdict)
@@ -141,7 +145,9 @@ def _view_record(view: BoardView) -> dict[str, Any]:
 def _load(path: str | Path, kind: str) -> Any:
     data = ours.load(str(path), read_text(path))
     if data.get("kind") != kind:
-        raise FormatError(f"{path}: holds {data.get('kind')!r}, not {kind!r}; write it with `rcdn calibrate --json`")
+        raise FormatError(
+            f"{path}: holds {shown(data.get('kind'))}, not {kind!r}; write it with `rcdn calibrate --json`"
+        )
     return data
 
 
@@ -149,13 +155,15 @@ def _calibration(data: Any, where: str) -> Calibration:
     camera = ours.camera_of(data, where)
     many = len(camera.parameters) + 6
     size = None if data.get("size") is None else two_whole_numbers(data, "size", where)
+    if size is not None and size[0] * size[1] > BOX:
+        raise FormatError(f"{where}: 'size' of the board must hold at most {BOX} corners, not {size[0]}×{size[1]}")
     models = [_score(m, f"{where}: models[{k}]") for k, m in enumerate(take(data, "models", list, where))]
     views = [_view(v, f"{where}: views[{k}]") for k, v in enumerate(take(data, "views", list, where))]
     return Calibration(
         camera=camera,
-        spacing=number(data, "spacing", where),
+        spacing=_spacing(data, where),
         views=tuple(views),
-        cov=numbers(data, "cov", where, shape=(many, many)),
+        cov=_covariance(data, where, many),
         noise=_known(data, "noise", where),
         models=tuple(models),
         size=size,
@@ -164,6 +172,34 @@ def _calibration(data: Any, where: str) -> Calibration:
         advice=_texts(data, "advice", where),
         verdict=_verdict(data, where),
     )
+
+
+def _spacing(data: Any, where: str) -> float:
+    spacing = number(data, "spacing", where)
+    if not is_spacing(spacing):
+        raise FormatError(f"{where}: 'spacing' must be {in_words(*SPACING)} m, not {spacing:g}")
+    return spacing
+
+
+def _covariance(data: Any, where: str, many: int) -> Array:
+    cov = numbers(data, "cov", where, shape=(many, many))
+    variance = np.diag(cov)
+    if (variance < 0).any() or (np.isfinite(cov).all() and not _is_positive(cov)):
+        raise FormatError(
+            f"{where}: 'cov' must be a covariance: symmetric, with no negative variance; write the file again"
+        )
+    return cov
+
+
+def _is_positive(cov: Array) -> bool:
+    """Is `cov` (P, P) a covariance within rounding: are its correlations symmetric, and their eigenvalues not negative?"""
+    size = np.sqrt(np.diag(cov))
+    size[size == 0] = 1
+    with np.errstate(all="ignore"):
+        correlation = cov / size[:, None] / size
+    if not (np.abs(correlation) <= 1 + ROUNDING).all() or not np.allclose(correlation, correlation.T, atol=ROUNDING):
+        return False
+    return bool(np.linalg.eigvalsh(correlation).min() >= -ROUNDING * len(cov))
 
 
 def _shape(data: Any, where: str) -> BoardShape | None:
@@ -196,12 +232,12 @@ def _level(record: Any, key: str, where: str) -> Level:
     for known in LEVELS:
         if value == known:
             return known
-    raise FormatError(f"{where}: {key!r} must be one of {', '.join(LEVELS)}, not {value!r}")
+    raise FormatError(f"{where}: {key!r} must be one of {', '.join(LEVELS)}, not {shown(value)}")
 
 
 def _view(record: Any, where: str) -> BoardView:
     pose = record.get("pose") if isinstance(record, dict) else None
-    ij, used = (numbers(record, key, where, finite=True) for key in ("ij", "used"))
+    ij, used = (numbers(record, key, where, finite=True, within=LABEL) for key in ("ij", "used"))
     if (ij != np.floor(ij)).any() or not np.isin(used, (0, 1)).all():
         raise FormatError(f"{where}: 'ij' must hold whole numbers and 'used' 0 or 1")
     try:
@@ -209,9 +245,9 @@ def _view(record: Any, where: str) -> BoardView:
             name=take(record, "name", str, where),
             board=take(record, "board", int, where),
             ij=ij,
-            xy=numbers(record, "xy", where),
+            xy=numbers(record, "xy", where, within=POSITION),
             sigma=numbers(record, "sigma", where),
-            pose=None if pose is None else Pose(numbers(record, "pose", where, shape=(4, 4))),
+            pose=None if pose is None else Pose(rigid(record, "pose", where)),
             residuals=numbers(record, "residuals", where),
             used=used.astype(bool),
             reason=take(record, "reason", str, where),

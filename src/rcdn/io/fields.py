@@ -10,9 +10,10 @@ import numpy as np
 
 from rcdn.errors import FormatError
 from rcdn.types import Array
+from rcdn.types.ranges import LARGEST, SIDE
 
-MOST = 2**31
-"""no size in a file is larger"""
+MOST_BYTES = 1 << 30
+"""of a file: a larger one would take tens of gigabytes of memory"""
 
 _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number", bool: "true or false"}
 
@@ -20,7 +21,11 @@ _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number",
 def read_text(path: str | Path) -> str:
     """The text of `path`, UTF-8 with or without its mark. Raises FormatError if it can't be read or isn't text."""
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        with open(path, "rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise FormatError(f"{path}: larger than {MOST_BYTES >> 20} MB; name the file that rcdn wrote")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError as error:
         raise FormatError(f"{path}: no such file; check the path") from error
     except OSError as error:
@@ -48,9 +53,16 @@ def take(record: Any, key: str, kind: type, where: str) -> Any:
 
 
 def numbers(
-    record: dict[str, Any], key: str, where: str, *, finite: bool = False, shape: tuple[int, ...] | None = None
+    record: dict[str, Any],
+    key: str,
+    where: str,
+    *,
+    finite: bool = False,
+    shape: tuple[int, ...] | None = None,
+    within: float = LARGEST,
 ) -> Array:
-    """The numbers of a list, null as NaN. `shape`: the one that they must have, −1 for any length; else their owner checks it."""
+    """The numbers of a list, null as NaN; those that are finite must be within ±`within`. `shape`: the one that they must have, −1 for any
+    length; else their owner checks it."""
     value = take(record, key, list, where)
     if shape is not None and not _has_shape(value, shape):
         words = " × ".join("any" if n < 0 else str(n) for n in shape)
@@ -61,27 +73,45 @@ def numbers(
         raise FormatError(f"{where}: {key!r} must hold numbers in rows of equal length") from error
     if finite and not np.isfinite(array).all():
         raise FormatError(f"{where}: {key!r} must hold finite numbers")
+    if (np.isfinite(array) & (np.abs(array) > within)).any():
+        raise FormatError(f"{where}: {key!r} must hold numbers within ±{within:g}")
     return array.reshape([len(array) if n < 0 else n for n in shape]) if shape is not None else array
 
 
 def number(record: Any, key: str, where: str) -> float:
-    """One finite number, text such as 1e-05 counting as one (YAML 1.1 takes it for text)."""
+    """One finite number within ±LARGEST, text such as 1e-05 counting as one (YAML 1.1 takes it for text)."""
     value = record.get(key) if isinstance(record, dict) else None
     try:
         found = float("nan") if value is None or isinstance(value, bool) else float(value)
     except (ValueError, TypeError, OverflowError):
         found = float("nan")
-    if not np.isfinite(found):
-        raise FormatError(f"{where}: {key!r} must be a finite number")
+    if not abs(found) <= LARGEST:
+        raise FormatError(f"{where}: {key!r} must be a finite number within ±{LARGEST:g}")
     return found
 
 
 def two_whole_numbers(record: Any, key: str, where: str) -> tuple[int, int]:
-    """A list of two whole numbers."""
-    pair = numbers(record, key, where, finite=True, shape=(2,))
-    if (pair != np.floor(pair)).any() or (np.abs(pair) > MOST).any():
-        raise FormatError(f"{where}: {key!r} must hold two whole numbers")
+    """A list of two whole numbers from 1 to SIDE: the size of a picture or of a board."""
+    pair = numbers(record, key, where, finite=True, shape=(2,), within=np.inf)
+    if (pair != np.floor(pair)).any() or (pair < 1).any() or (pair > SIDE).any():
+        raise FormatError(f"{where}: {key!r} must hold two whole numbers from 1 to {SIDE}")
     return int(pair[0]), int(pair[1])
+
+
+def rigid(record: Any, key: str, where: str) -> Array:
+    """(4, 4) a rotation and a translation, row by row."""
+    T = numbers(record, key, where, finite=True, shape=(4, 4))
+    if not is_rigid(T):
+        raise FormatError(f"{where}: {key!r} is no rotation and translation (4 × 4); write or export the file again")
+    return T
+
+
+def is_rigid(T: Array) -> bool:
+    """Is T (4, 4) finite, a rotation and a translation, its numbers rounded to five digits or better?"""
+    R = T[:3, :3]
+    if not (np.abs(R) <= 2).all() or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
+        return False
+    return bool(np.allclose(R @ R.T, np.eye(3), atol=1e-5) and np.linalg.det(R) > 0)
 
 
 def nullable(values: Any) -> Any:

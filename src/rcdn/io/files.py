@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import glob
 import os
-import secrets
-import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
 from rcdn.errors import OutputError
+from rcdn.io import whole
 
 PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pbm", ".jp2"})
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
@@ -40,10 +38,10 @@ def is_video(path: str | Path) -> bool:
 def expand(paths: Iterable[str | Path]) -> tuple[list[Path], Errors]:
     """The pictures and videos that `paths` stand for, and (path, message) for each that stands for nothing.
 
-    A file is kept whatever its ending: the user named it. A folder gives its pictures and videos by their endings,
-    recursively and sorted; hidden files and folders are passed over and links to folders aren't followed. A path that
-    doesn't exist and holds one of `*?[` is a pattern (`**` goes into folders), its matches taken as if named one by
-    one, as a shell would. Duplicates go; the order of `paths` stays. Never raises on account of a path.
+    A file is kept whatever its ending, and so is a pipe: the user named it. A folder gives its pictures and videos by their
+    endings, recursively and sorted; hidden files and folders are passed over and links to folders aren't followed. A path that
+    doesn't exist and holds one of `*?[` is a pattern (`**` goes into folders). Folders and patterns give files only: a pipe or a device
+    there, which could block or never end, is an error. Duplicates go; the order of `paths` stays. Never raises on account of a path.
     """
     found: dict[str, Path] = {}
     errors: Errors = []
@@ -81,6 +79,8 @@ def _expand_pattern(pattern: str) -> tuple[list[Path], Errors]:
             files, errors = files + inside, errors + trouble
         else:
             files.append(Path(match))
+    files, special = _files_only(files)
+    errors += special
     if not files and not errors:
         errors = [(pattern, f"{pattern}: no picture matches this pattern; check it")]
     return files, errors
@@ -99,7 +99,20 @@ def _pictures_in(folder: str) -> tuple[list[Path], Errors]:
         folders[:] = [f for f in folders if not f.startswith(".")]
         endings = PICTURE_ENDINGS | VIDEO_ENDINGS
         files += [Path(root, n) for n in names if not n.startswith(".") and Path(n).suffix.lower() in endings]
-    return sorted(files), sorted(errors)
+    files, special = _files_only(sorted(files))
+    return files, sorted(errors) + special
+
+
+def _files_only(paths: list[Path]) -> tuple[list[Path], Errors]:
+    """Without pipes and devices, and these as errors. (What isn't there at all, a broken link, stays: its reader says why.)"""
+    files: list[Path] = []
+    errors: Errors = []
+    for path in paths:
+        if is_special(path):
+            errors.append((str(path), f"{path}: a pipe or a device, not a file; it is read only if it is named itself"))
+        else:
+            files.append(path)
+    return files, errors
 
 
 def check_writable(path: str | Path) -> None:
@@ -126,8 +139,8 @@ def check_writable(path: str | Path) -> None:
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write `data` to `path`, whole or not at all; missing folders are made.
 
-    A temporary file in the same folder is written, flushed to the disk and renamed: a reader sees the old file or the
-    new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
+    A file without a name (or a temporary one) in the same folder is written, flushed to the disk and then named: a reader sees the old
+    file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
     Raises OutputError with the reason and a fix; then no temporary file stays and an old file is unchanged.
     """
     write_chunks(path, (data,))
@@ -143,35 +156,19 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
         check_writable(path)
         target = Path(os.path.realpath(path))
         target.parent.mkdir(parents=True, exist_ok=True)
-        _replace(target, chunks)
+        whole.replace(target, chunks)
     except OSError as error:
         raise output_error(path, error) from error
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """`write_bytes` of `text` in UTF-8, line ends as they are."""
-    write_bytes(path, text.encode("utf-8"))
+    """`write_bytes` of `text` in UTF-8, line ends as they are; of a file's name that isn't text the bytes as \\udc80 to \\udcff."""
+    write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def is_special(path: str | Path) -> bool:
     """A device or a pipe (/dev/stdout): there's nothing to replace, and renaming over it would destroy it."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
-
-
-def _replace(target: Path, chunks: Iterable[bytes]) -> None:
-    temporary = target.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with open(temporary, "xb") as file:
-            file.writelines(chunks)
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
-    except BaseException:  # an interrupt, too, must not leave a temporary file
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:

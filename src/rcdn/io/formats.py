@@ -11,10 +11,12 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.io.fields import numbers, read_json, read_text, take
 from rcdn.io.files import write_chunks
 from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
+from rcdn.types.ranges import LABEL, POSITION, whole_size
+from rcdn.types.target import target_of, target_record
 
 VERSION = 1
 DECIMALS = 4
@@ -22,9 +24,10 @@ DECIMALS = 4
 
 @dataclass(frozen=True, eq=False)
 class ImageResult:
-    """What was found in one image. `path` as the user gave it; `width`, `height` px; `boards` of this image.
+    """What was found in one image. `path` as the user gave it; `width`, `height` px; `boards` of this image; `warnings`: what limits left out, if
+    anything (`Detection.warnings`).
 
-    Raises RcdnError if a board's `image_size` is another one.
+    Raises RcdnError if that isn't a size, or if a board's `image_size` is another one.
     """
 
     path: str
@@ -32,9 +35,14 @@ class ImageResult:
     height: int
     corners: Corners
     boards: tuple[Board, ...]
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boards", tuple(self.boards))
+        object.__setattr__(self, "warnings", tuple(self.warnings))
+        width, height = whole_size((self.width, self.height), f"{self.path}: width and height")
+        object.__setattr__(self, "width", width)
+        object.__setattr__(self, "height", height)
         for board in self.boards:
             if tuple(board.image_size) != (self.width, self.height):
                 raise RcdnError(
@@ -76,7 +84,7 @@ def read_detections(path: str | Path) -> tuple[list[ImageResult], list[tuple[str
     version = data.get("version") if isinstance(data, dict) else None
     if version != VERSION:
         raise FormatError(
-            f"{path}: version must be {VERSION}, not {version!r}; write it again with `rcdn detect --json`"
+            f"{path}: version must be {VERSION}, not {shown(version)}; write it again with `rcdn detect --json`"
         )
     records = take(data, "images", list, str(path))
     failed = take(data, "errors", list, str(path))
@@ -146,13 +154,14 @@ def _image_record(image: ImageResult) -> dict[str, Any]:
         "axes": _optional(corners.axes),
         "sigma": _optional(corners.sigma),
     }
-    return {
+    record = {
         "path": image.path,
         "width": int(image.width),
         "height": int(image.height),
         "corners": {k: v for k, v in found.items() if v is not None},
         "boards": [_board_record(board) for board in image.boards],
     }
+    return record | ({"warnings": list(image.warnings)} if image.warnings else {})
 
 
 def _board_record(board: Board) -> dict[str, Any]:
@@ -166,6 +175,8 @@ def _board_record(board: Board) -> dict[str, Any]:
         "response": _optional(board.response),
         "status": _names(board.status),
         "sigma": _optional(board.sigma),
+        "target": None if board.target is None else target_record(board.target),
+        "ids": None if board.ids is None else board.ids.tolist(),
     }
     return {k: v for k, v in record.items() if v is not None}
 
@@ -175,11 +186,11 @@ def _board_record(board: Board) -> dict[str, Any]:
 
 def _common(record: dict[str, Any], where: str) -> dict[str, Any]:
     """The fields that corners and boards share. Without a status a corner counts as refined."""
-    xy = numbers(record, "xy", where, finite=True)
+    xy = numbers(record, "xy", where, finite=True, within=POSITION)
     names = take(record, "status", list, where) if "status" in record else ["refined"] * len(xy)
     known = {name: number for number, name in _STATUS.items()}
     if unknown := [n for n in names if not isinstance(n, str) or n not in known]:
-        raise FormatError(f"{where}: 'status' can't be {unknown[0]!r}; it is one of {', '.join(known)}")
+        raise FormatError(f"{where}: 'status' can't be {shown(unknown[0])}; it is one of {', '.join(known)}")
     return {
         "xy": xy,
         "response": numbers(record, "response", where) if "response" in record else np.full(len(xy), np.nan),
@@ -190,14 +201,21 @@ def _common(record: dict[str, Any], where: str) -> dict[str, Any]:
 
 def _image(record: Any, where: str) -> ImageResult:
     path = take(record, "path", str, where)
-    size = take(record, "width", int, where), take(record, "height", int, where)
+    given = take(record, "width", int, where), take(record, "height", int, where)
+    try:
+        size = whole_size(given, "'width' and 'height'")
+    except RcdnError as error:
+        raise FormatError(f"{where}: {error}") from error
     corners = take(record, "corners", dict, where)
     boards = [_board(b, size, f"{where}.boards[{k}]") for k, b in enumerate(take(record, "boards", list, where))]
+    warnings = take(record, "warnings", list, where) if "warnings" in record else []
+    if not all(isinstance(text, str) for text in warnings):
+        raise FormatError(f"{where}: 'warnings' must hold texts")
     where += ".corners"
     axes = numbers(corners, "axes", where) if "axes" in corners else None
     common = _common(corners, where)
     try:
-        return ImageResult(path, *size, Corners(axes=axes, **common), tuple(boards))
+        return ImageResult(path, *size, Corners(axes=axes, **common), tuple(boards), tuple(warnings))
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
 
@@ -206,7 +224,7 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
     orientation: Orientation = take(record, "orientation", str, where)
     if orientation not in get_args(Orientation):
         raise FormatError(f"{where}: 'orientation' must be one of {', '.join(get_args(Orientation))}")
-    ij = numbers(record, "ij", where, finite=True)
+    ij = numbers(record, "ij", where, finite=True, within=LABEL)
     if (ij != np.floor(ij)).any():
         raise FormatError(f"{where}: 'ij' must hold whole numbers")
     pattern: Any = take(record, "pattern", str, where) if "pattern" in record else "checker"
@@ -214,7 +232,11 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
         raise FormatError(f"{where}: 'pattern' must be one of {', '.join(get_args(Pattern))}")
     common = _common(record, where)
     try:
-        board = Board(ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, **common)
+        target = target_of(record["target"]) if "target" in record else None
+        ids = numbers(record, "ids", where, finite=True) if "ids" in record else None
+        board = Board(
+            ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, target=target, ids=ids, **common
+        )
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
     if take(record, "size", list, where) != list(board.size) or take(record, "complete", bool, where) != board.complete:

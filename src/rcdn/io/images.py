@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-import re
-import struct
+import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
 
 from rcdn.errors import ImageError, OutputError
-from rcdn.io.files import is_video, write_bytes
+from rcdn.io.decode import decode
+from rcdn.io.files import is_special, is_video, write_bytes
+from rcdn.io.headers import known
+from rcdn.io.quiet import quiet_opencv
+from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
+from rcdn.types.ranges import SIDE
 
-# One or three channels (no alpha), every depth, and pixels as stored: not turned by an EXIF orientation.
-_DECODE = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _STRETCH = (0.1, 99.9)
 _STRETCH_SAMPLES = 1 << 22
+MOST_PIXELS = 1 << 31
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
-_TIFF_ORIENTATION = 0x0112
-# A JPEG marker that isn't a stuffed byte (FF00), a restart (FFD0..FFD7) or padding (FFFF).
-_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+_HEAD = 32  # bytes that say which format it is
+_PIECE = 1 << 24  # bytes that are read at once
 
 
 def read_image(path: str | Path) -> Array:
@@ -31,17 +33,18 @@ def read_image(path: str | Path) -> Array:
     Pixels as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not composited; of
     several pages the first. Deeper files are treated as `as_grey` treats their array: 16 bits are stretched.
     Raises ImageError, naming the path and the fix: not there, a folder, may not be read, empty, truncated, not a
-    picture. (A JPEG without its end marker, or a PNG without its last chunk, counts as truncated.)
+    picture, damaged (as far as that shows: docs/decisions/0025-damaged-pictures.md), over 250 megapixels (or what the environment
+    variable RCDN_MAX_MEGAPIXELS allows). (A JPEG without its end marker, or a PNG without its last chunk, counts as truncated.) A pipe
+    is read to its end.
     """
-    data = _read_bytes(path)
-    _refuse_truncated(data, path)
-    try:
-        image = cv2.imdecode(np.frombuffer(_without_tiff_orientation(data), np.uint8), _DECODE)
-    except cv2.error as error:
-        raise ImageError(f"{path}: OpenCV can't decode it ({error.err}); convert it to an 8-bit PNG") from error
-    if image is None:
-        raise ImageError(f"{path}: not a picture that can be read, or a damaged one; convert it to PNG or JPEG")
-    return as_grey(image, str(path))
+    return as_grey(decode(_read_bytes(path), path), str(path))
+
+
+def read_named_image(path: str | Path) -> Array:
+    """`read_image` for a name that stands in a file: files only. A pipe or a device there could block or never end, and is refused."""
+    if is_special(path):
+        raise ImageError(f"{path}: a pipe or a device, not a file; check the name")
+    return read_image(path)
 
 
 def as_grey(image: Any, name: str = "image") -> Array:
@@ -76,22 +79,31 @@ def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
         yield str(path), read_image(path)
         return
     _open_check(path)
-    video = cv2.VideoCapture(str(path))
-    try:
-        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        index = 0
-        while video.isOpened():
-            there, frame = video.read()
-            if not there:
-                break
-            yield f"{path}#{index:06d}", as_grey(frame, f"{path}#{index:06d}")
-            index += 1
-    finally:
-        video.release()
+    if not Path(path).is_file():
+        raise ImageError(f"{path}: a pipe or device, and videos are read from files only; save it as a file")
+    index = 0
+    for index, frame in enumerate(_video(str(path)), 1):
+        yield f"{path}#{index - 1:06d}", as_grey(frame, f"{path}#{index - 1:06d}")
     if index == 0:
         raise ImageError(
             f"{path}: the video can't be opened or holds no frame; convert it to MP4 (H.264) or AVI (MJPEG)"
         )
+
+
+def _video(path: str) -> Iterator[Array]:
+    with quiet_opencv():
+        video = cv2.VideoCapture(path)
+    try:
+        check_size(path, *(int(video.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)))
+        video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        while video.isOpened():
+            with quiet_opencv():
+                there, frame = video.read()
+            if not there:
+                return
+            yield frame
+    finally:
+        video.release()
 
 
 def write_image(path: str | Path, image: Array) -> None:
@@ -111,16 +123,33 @@ def write_image(path: str | Path, image: Array) -> None:
 
 
 def _read_bytes(path: str | Path) -> bytes:
+    """The bytes of a picture: of a file, or what comes through a pipe, never more than a picture may have."""
     _open_check(path)
     try:
-        data = Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            head = file.read(_HEAD)
+            if not head:
+                raise ImageError(f"{path}: the file is empty; copy or record it again")
+            if not known(head):
+                raise ImageError(f"{path}: not a picture that can be read, or a damaged one; convert it to PNG or JPEG")
+            return _rest(file, head, str(path))
     except PermissionError as error:
         raise ImageError(f"{path}: may not be read; check its permissions") from error
     except OSError as error:
         raise ImageError(f"{path}: can't be read ({error.strerror or error}); check the file and its disk") from error
-    if not data:
-        raise ImageError(f"{path}: the file is empty; copy or record it again")
-    return data
+
+
+def _rest(file: BinaryIO, head: bytes, name: str) -> bytes:
+    most = most_bytes()
+    if os.fstat(file.fileno()).st_size > most:
+        raise too_many_bytes(name)
+    pieces, size = [head], len(head)
+    while piece := file.read(_PIECE):  # a pipe doesn't say how much there will be
+        pieces.append(piece)
+        size += len(piece)
+        if size > most:
+            raise too_many_bytes(name)
+    return b"".join(pieces)
 
 
 def _open_check(path: str | Path) -> None:
@@ -134,54 +163,6 @@ def _open_check(path: str | Path) -> None:
         raise ImageError(f"{path}: is a folder; name a picture in it")
 
 
-def _refuse_truncated(data: bytes, path: str | Path) -> None:
-    """Decoders fill the missing part of a JPEG with grey and only warn: that would look like a picture."""
-    whole = True
-    if data.startswith(b"\xff\xd8\xff"):
-        whole = _jpeg_is_whole(data)
-    elif data.startswith(b"\x89PNG\r\n\x1a\n"):
-        whole = _png_is_whole(data)
-    if not whole:
-        raise ImageError(f"{path}: the file is truncated (its end is missing); copy or export it again")
-
-
-def _jpeg_is_whole(data: bytes) -> bool:
-    """True if the end marker is there. Segments are skipped by length: an embedded thumbnail has its own end."""
-    pos = 2
-    while marker := _JPEG_MARKER.search(data, pos):
-        pos, code = marker.end(), data[marker.end() - 1]
-        if code == 0xD9:
-            return True
-        if code != 0x01:  # every other marker here is followed by its segment's length
-            pos += int.from_bytes(data[pos : pos + 2], "big")
-    return False
-
-
-def _png_is_whole(data: bytes) -> bool:
-    pos = 8
-    while pos + 8 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, pos)
-        if kind == b"IEND":
-            return True
-        pos += 12 + length
-    return False
-
-
-def _without_tiff_orientation(data: bytes) -> bytes:
-    """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no switch to ignore it."""
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
-    if order is None or len(data) < 8:
-        return data
-    start = struct.unpack_from(f"{order}I", data, 4)[0]
-    if start + 2 > len(data):
-        return data
-    count = struct.unpack_from(f"{order}H", data, start)[0]
-    for entry in range(start + 2, min(start + 2 + 12 * count, len(data) - 11), 12):
-        if struct.unpack_from(f"{order}H", data, entry)[0] == _TIFF_ORIENTATION:
-            return data[: entry + 8] + struct.pack(f"{order}H", 1) + data[entry + 10 :]
-    return data
-
-
 def _channels(image: Any, name: str) -> Array:
     """`image` as (H, W) or (H, W, 3), or ImageError."""
     if image is None:
@@ -190,6 +171,8 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} is a path; read it first, with rcdn.read_image")
     if not isinstance(image, np.ndarray):
         raise ImageError(f"{name} must be a numpy array, not {type(image).__name__}; convert it, e.g. with np.asarray")
+    if np.ma.is_masked(image):
+        raise ImageError(f"{name} has masked pixels; fill them first, e.g. with image.filled(0)")
     if image.ndim == 3 and image.shape[2] == 1:
         image = image[:, :, 0]
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
@@ -197,7 +180,11 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} has shape {image.shape}; it must be {wanted}")
     if image.size == 0:
         raise ImageError(f"{name} is empty: its shape is {image.shape}; it needs at least one pixel")
-    return image[:, :, :3] if image.ndim == 3 else image
+    if max(image.shape[:2]) > SIDE or image.size > MOST_PIXELS:
+        raise ImageError(
+            f"{name} has shape {image.shape}: its sides can be {SIDE} px at most, and {MOST_PIXELS} pixels in all"
+        )
+    return np.asarray(image[:, :, :3] if image.ndim == 3 else image)
 
 
 def _plain_dtype(image: Array, name: str) -> Array:
@@ -205,6 +192,7 @@ def _plain_dtype(image: Array, name: str) -> Array:
     kind = image.dtype.kind
     if kind not in "buif":
         raise ImageError(f"{name} has dtype {image.dtype}; it must be uint8, uint16, another integer, float or bool")
+    image = np.require(image, requirements="A")
     if kind == "b":
         return image.astype(np.uint8) * np.uint8(255)
     if kind == "f":

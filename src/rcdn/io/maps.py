@@ -13,12 +13,16 @@ from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.files import check_writable, write_bytes
 from rcdn.types import Array, Camera, StereoCalibration
 
+MOST_PIXELS = 1 << 28
+"""of a picture that is undistorted: its maps take 2 GB"""
+
 
 def write_maps(path: str | Path, camera: Camera) -> None:
     """Write `map_x` and `map_y` (H, W) float32, px, for `cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR)`, and the `K` (3, 3) of the
     pinhole camera whose picture that gives, of the same size; whole or not at all. Pixels that the camera didn't see are far outside.
     Raises OutputError as `write_bytes`.
     """
+    _check_size(path, camera)
     flat = undistorted_camera(camera)
     _write(path, K=flat.K, **_maps(camera, flat, None))
 
@@ -29,6 +33,8 @@ def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration)
     found = StereoCameras.of(pair)
     if (turns := found.rectification) is None:
         raise FormatError(f"{path}: this pair has no rectification; calibrate it with `rcdn calibrate --stereo`")
+    for camera in (found.left, found.right):
+        _check_size(path, camera)
     target = Path(path)
     files = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
     for file in files:
@@ -38,6 +44,13 @@ def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration)
         flat = Camera(P[:, :3], np.zeros(0), camera.image_size, "pinhole")
         _write(file, K=flat.K, R=R, P=P, Q=turns.Q, **_maps(camera, flat, R))
     return files
+
+
+def _check_size(path: str | Path, camera: Camera) -> None:
+    """Raise FormatError if the maps would not fit into the memory of a usual machine."""
+    width, height = camera.image_size
+    if width * height > MOST_PIXELS:
+        raise FormatError(f"{path}: maps of {width}×{height} px are too large; {MOST_PIXELS} pixels are the most")
 
 
 def _maps(camera: Camera, flat: Camera, R: Array | None) -> dict[str, Array]:

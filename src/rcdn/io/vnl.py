@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rcdn.errors import FormatError, ImageError
+from rcdn.errors import FormatError, ImageError, shown
 from rcdn.io.fields import read_text
 from rcdn.io.files import write_chunks
 from rcdn.io.formats import DECIMALS, ImageResult, rounded
-from rcdn.io.images import read_image
+from rcdn.io.images import read_named_image
 from rcdn.types import Array, Board, Corners, Orientation, Status, usual_size
+from rcdn.types.ranges import POSITION
 
 DECIDED = 3.0
 """The guess of the grid's columns stands if its lines are this many times straighter than any other guess's."""
@@ -52,7 +53,9 @@ def read_vnl(path: str | Path) -> dict[str, Array]:
         except ValueError:
             values = []
         if len(values) not in (2, 3):
-            raise FormatError(f"{path}: line {number} must be `filename x y level`, not {line.strip()!r}")
+            raise FormatError(f"{path}: line {number} must be `filename x y level`, not {shown(line.strip())}")
+        if any(abs(v) > POSITION for v in values):
+            raise FormatError(f"{path}: line {number}: positions must lie within ±{POSITION:g} px")
         level = values[2:] or [values[0] * 0]
         rows.setdefault(fields[0], []).append([*values[:2], *level])
     arrays = {name: np.array(r) for name, r in rows.items()}
@@ -171,7 +174,7 @@ def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
     reason = ""
     for place in (Path(name), Path(path).parent / name):
         try:
-            height, width = read_image(place).shape
+            height, width = read_named_image(place).shape
             return width, height
         except ImageError as error:
             reason = reason or str(error)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.errors import present
 from rcdn.peers.base import Find, Grid, Peer, lattice, not_installed, version_of
 from rcdn.types import Array
 
@@ -32,10 +33,8 @@ def _java() -> Any:
     import jpype
 
     if not jpype.isJVMStarted():
-        spec = find_spec("pyboof")  # not imported: it would start a server
-        assert spec is not None
-        assert spec.submodule_search_locations is not None
-        jar = Path(spec.submodule_search_locations[0]) / "PyBoof-all.jar"
+        spec = present(find_spec("pyboof"), "the package pyboof")  # not imported: it would start a server
+        jar = Path(present(spec.submodule_search_locations, "the folder of pyboof")[0]) / "PyBoof-all.jar"
         jpype.startJVM("-Xmx1g", "-XX:+UseSerialGC", classpath=[str(jar)], interrupt=False)  # Ctrl-C is Python's
         jpype.JClass("boofcv.concurrency.BoofConcurrency").USE_CONCURRENT = False
     return jpype

@@ -48,7 +48,7 @@ def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
     if not good.any():
         return board
     xy = np.where(good[:, None], fit.xy, board.xy)
-    lost = np.maximum(DOUBTFUL * median(_sigma(fit.cov)[good]), np.hypot(*(fit.xy - board.xy).T) / np.sqrt(2))
+    lost = np.maximum(DOUBTFUL * median(_sigma(fit.cov)[good]), np.linalg.norm(fit.xy - board.xy, axis=1) / np.sqrt(2))
     cov = np.where(good[:, None, None], fit.cov, (np.nan_to_num(lost, nan=1.0) ** 2)[:, None, None] * np.eye(2))
     if geometry:
         xy, cov = smooth(board.ij, xy, cov, good)
@@ -63,7 +63,7 @@ def _sigma(cov: Array) -> Array:
 def _good(board: Board, fit: Fit) -> Array:
     """Fits (M,) that may be believed."""
     pitch = nearest_pitch(board.xy)
-    move = np.hypot(*(fit.xy - board.xy).T)
+    move = np.linalg.norm(fit.xy - board.xy, axis=1)
     contrast = fit.state[:, CONTRAST] * (1 - 2.0 * (board.ij.sum(axis=1) % 2))
     typical = median(contrast)
     good = np.isfinite(fit.xy).all(axis=1) & np.isfinite(fit.cov).all(axis=(1, 2)) & (fit.kept > KEPT)
@@ -77,5 +77,5 @@ def _astray(board: Board, fit: Fit) -> Array:
     """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
     xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
     alone, every = lattice(board.ij, xy, own=0.0), np.arange(len(xy))
-    after, before = (np.hypot(*alone(every, at).T) for at in (xy, board.xy))
+    after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))
     return np.asarray(after > ASTRAY[0] * before + ASTRAY[1])

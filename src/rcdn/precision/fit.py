@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp, log
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median, medians
 from rcdn.native import bind
-from rcdn.precision.lattice import Lattice, lattice, misfit
+from rcdn.precision.lattice import Lattice, Maps, lattice, misfit
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN, SHIFT, crossing
 from rcdn.precision.prior import Prior, board_mean, board_prior, first_prior
 from rcdn.precision.spread import SHARE, spreads
-from rcdn.precision.window import frames, parts
+from rcdn.precision.window import frames
 from rcdn.types import Array
 
 BLURS = np.array([0.5, 0.8, 1.2, 2.0, 3.2, 5.0])
@@ -31,8 +34,30 @@ part of them does, this share squared (shadow edges and covers, as rendered)"""
 CROOKED = 0.012
 """error of a corner, × how far its neighbours lie off its map (measured on bent boards and barrels)"""
 
-_fit = bind("rcdn_fit", "pnddddDddrnnnDDnDDrD", result=True)
-_levels = bind("rcdn_fit_levels", "pnddddndD", result=True)
+
+class Settings(NamedTuple):
+    """How the kernel fits, see `fit_round`."""
+
+    noise: float
+    steps: int
+    robust: bool
+    board: bool
+    tell: bool
+    share: float
+
+
+class Found(NamedTuple):
+    """What the kernel finds, see `Round`."""
+
+    variance: Array
+    kept: Array
+    own: Array
+    unit: Array
+    scores: Array
+
+
+_fit = bind("rcdn_fit", Maps, Settings, Found)
+_levels = bind("rcdn_fit_levels", Maps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +77,14 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """State (N, COUNT); of the inverse normal matrix the diagonal `own` (N, COUNT) and the shift's `unit` (N, 2, 2); variance
-    (N,), share of pixels (N,), and sums (N, 2) for `spreads`."""
+    """State (N, COUNT); variance (N,); share of pixels (N,); of the inverse normal matrix the diagonal `own` (N, COUNT) and the shift's
+    `unit` (N, 2, 2); and sums (N, 2) for `spreads`."""
 
     state: Array
-    own: Array
-    unit: Array
     variance: Array
     kept: Array
+    own: Array
+    unit: Array
     scores: Array
 
 
@@ -88,7 +113,7 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
         state[:, SHIFT], state[:, CURVE] = maps(every, xy), 0
         if first:
             prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
-            frame = frames(maps, xy, rim, float(np.exp(median(state[:, BLUR]))))
+            frame = frames(maps, xy, rim, float(exp(median(state[:, BLUR]))))
         else:
             prior = Prior(board_mean(ij, done.state), prior.sd)
     return Fit(xy, _covariance(maps, ij, xy, done), done.state, done.variance, done.kept)
@@ -97,8 +122,7 @@ def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
 def levels(grey: Array, frame: Array, maps: Lattice, blurs: Array) -> Array:
     """Residual variance, grey level and contrast (K, N, 3) of straight edges of `blurs` (K,) px in each of N windows `frame`."""
     out = np.empty((len(blurs), len(frame), 3))
-    if _levels(grey, len(frame), frame, *parts(maps), len(blurs), blurs, out):
-        raise MemoryError
+    _levels(grey, maps.maps, frame, blurs, out)
     return out
 
 
@@ -122,25 +146,23 @@ def fit_round(
     `board`: the next corners have edges too. `tell`: `own` and `unit` are wanted, and `scores` from blocks whose sides are `share` of a square's,
     if not 0; they are 0 otherwise.
     """
-    n, state = len(frame), state.copy()
-    own, unit, scores, variance, kept = (np.zeros((n, *tail)) for tail in ((COUNT,), (2, 2), (2,), (), ()))
-    if _fit(
-        grey, n, frame, *parts(maps), state, prior.mean, prior.sd**-2.0, noise, steps, robust, board, variance, kept,
-        tell, own, unit, share, scores,
-    ):  # fmt: skip
-        raise MemoryError
-    return Round(state, own, unit, variance, kept, scores)
+    state = state.copy()
+    found = Found(*(np.zeros((len(frame), *tail)) for tail in ((), (), (COUNT,), (2, 2), (2,))))
+    settings = Settings(noise, steps, robust, board, tell, share)
+    _fit(grey, maps.maps, frame, state, prior.mean, 1 / prior.sd**2, settings, found)
+    return Round(state, *found)
 
 
 def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
-    odd = np.maximum(1 - done.kept / median(done.kept), 0)
-    extra = (ODD * odd**2) ** 2 + (CROOKED * misfit(maps, ij, xy, noise)) ** 2
+    usual = median(done.kept)
+    odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
+    extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise))
     cov = cov + extra[:, None, None] * np.eye(2)
-    jacobian = np.linalg.inv(maps.with_slopes(np.arange(len(xy)), xy)[1])
-    return np.asarray(jacobian @ cov @ jacobian.swapaxes(1, 2))
+    jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
+    return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
 
 
 def _rim(ij: Array) -> Array:
@@ -153,6 +175,6 @@ def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Ar
     typical = medians(found[..., 0])
     best = int(np.argmin(typical))
     state = np.zeros((len(xy), COUNT))
-    state[:, BLUR] = np.log(BLURS[best])
+    state[:, BLUR] = log(BLURS[best])
     state[:, [MEAN, CONTRAST]] = found[best, :, 1:]
     return float(BLURS[best]), state, float(typical[best])

@@ -3,30 +3,41 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from rcdn.geometry import homography
+from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
-from rcdn.native import bind
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
-_neighbours = bind("rcdn_lattice_neighbours", "nlnnnII")
-_lattice = bind("rcdn_lattice", "nddnirrdDD")
-_map = bind("rcdn_lattice_map", "nnlddddDD")
-_pixels = bind("rcdn_lattice_pixels", "nldndddD", result=True)
+_neighbours = bind("rcdn_lattice_neighbours")
+_lattice = bind("rcdn_lattice")
 
 REACH = 2
 """neighbours up to this many squares away tell a corner's map"""
 FAR = 0.05
 """weight of those two squares away against those next to it"""
-TERMS = 6
+TERMS = constants("lattice")["TERMS"]
 STIFF = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
 """pull of the terms towards 0: of the quadratic ones it decides where neighbours lack on one side"""
 RING = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
 """steps to a corner's neighbours and itself, in the order of `neighbours`"""
 HORIZON = 0.1
 """least ratio of depths on the board under which its homography is not used"""
+
+
+class Maps(NamedTuple):
+    """A `Lattice` as kernels take it."""
+
+    flat: Array
+    origin: Array
+    terms: Array
+
+
+_map, _pixels = bind("rcdn_lattice_map", Maps), bind("rcdn_lattice_pixels", Maps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +56,17 @@ class Lattice:
         """Board coordinates (K, ..., 2), squares from corner `which` (K,), of pixels `xy` (K, ..., 2)."""
         return self.with_slopes(which, xy)[0]
 
+    @property
+    def maps(self) -> Maps:
+        """As kernels take it."""
+        return Maps(*(np.ascontiguousarray(a, np.float64) for a in (self.flat, self.origin, self.terms)))
+
     def with_slopes(self, which: Array, xy: Array) -> tuple[Array, Array]:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
         uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
-        _map(
-            len(which), xy[..., 0].size // max(len(which), 1), which, xy, self.flat, self.origin, self.terms, uv, slopes
-        )
+        each = (len(which), xy[..., 0].size // max(len(which), 1), 2)
+        _map(self.maps, which, xy.reshape(each), uv.reshape(each), slopes.reshape(*each, 2))
         return uv, slopes
 
     def pixels(self, which: Array, uv: Array, start: Array, repeats: int = 4) -> Array:
@@ -61,17 +76,22 @@ class Lattice:
         """
         xy = np.array(start, float, order="C")
         which, uv = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(uv, float)
-        if not _pixels(len(which), which, uv, repeats, self.flat, self.origin, self.terms, xy):
+        if not _pixels(self.maps, which, uv, repeats, xy):
             raise np.linalg.LinAlgError("a map folds")
         return xy
 
 
 def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
-    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map."""
+    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
+
+    Raises LinAlgError for positions that aren't finite, as fits of a board in a line become: LAPACK would print of them.
+    """
     xy = np.ascontiguousarray(xy, float)
+    if not np.isfinite(xy).all():
+        raise np.linalg.LinAlgError("positions are not finite")
     flat, near = _rectifier(ij, xy), neighbours(ij)
     origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
-    _lattice(len(xy), xy, flat, 2 * REACH + 1, near, own, FAR, STIFF, origin, terms)
+    _lattice(xy, flat, REACH, near, own, FAR, STIFF, origin, terms)
     return Lattice(flat, origin, terms)
 
 
@@ -92,15 +112,14 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
 def _rectifier(ij: Array, xy: Array) -> Array:
     """Homography from pixels to squares; an affine map where the homography has its horizon on the board."""
     try:
-        flat = np.linalg.inv(homography(ij, xy))
-        depth = xy @ flat[2, :2] + flat[2, 2]
+        flat = inverse(homography(ij, xy))
+        depth = (xy * flat[2, :2]).sum(axis=1) + flat[2, 2]
         low, high = float(depth.min()), float(depth.max())
         if max(low, -high) > HORIZON * max(-low, high):
             return flat
     except np.linalg.LinAlgError:
         pass
-    affine = np.linalg.lstsq(np.column_stack([xy, np.ones(len(xy))]), ij.astype(float), rcond=None)[0].T
-    return np.ascontiguousarray(np.vstack([affine, [0, 0, 1]]))
+    return np.ascontiguousarray(np.vstack([affine(xy, ij), [0, 0, 1]]))
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Array:
@@ -108,5 +127,5 @@ def neighbours(ij: Array, reach: int = REACH) -> Array:
     ij = np.ascontiguousarray(ij - ij.min(axis=0), np.int64)
     grid = np.empty(ij.max(axis=0) + 1 + 2 * reach, np.int32)
     near = np.empty((len(ij), (2 * reach + 1) ** 2), np.int32)
-    _neighbours(len(ij), ij, reach, *grid.shape, grid, near)
+    _neighbours(ij, reach, grid, near)
     return near

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.native import constants
 from rcdn.types import Array
 
-SHIFT, TURN, CURVE, BLUR, BLEED = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8), slice(8, 9)
-MEAN, CONTRAST, LIGHT = 9, 10, slice(11, 15)
-COUNT = 15
+_C = constants("fit")
+COUNT, MEAN, CONTRAST = _C["COUNT"], _C["MEAN"], _C["CONTRAST"]
+SHIFT, TURN, CURVE = slice(0, 2), slice(2, 4), slice(4, _C["BLUR"])
+BLUR, BLEED, LIGHT = slice(_C["BLUR"], _C["BLEED"]), slice(_C["BLEED"], MEAN), slice(CONTRAST + 1, COUNT)
 """The parameters: shift of both edges, squares; their turns, squares a square; their curvatures, squares a square²; log of
 their blurs, px; bleed, px; grey level and contrast; slopes of the level along u and v, of the contrast along u and v."""
 

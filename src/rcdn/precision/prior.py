@@ -18,13 +18,15 @@ MAD = 1.4826
 """standard deviation of a normal distribution, × its median absolute deviation"""
 DOUBT = 1.25
 """the spread that noise explains, with what chance adds to it, × its variance"""
-PAIRS = np.array([(2, 3), (4, 5), (6, 7), (8, 8), (11, 12), (13, 14)])
+PAIRS = np.array(
+    [(s.start, s.stop - 1) for s in (TURN, CURVE, BLUR, BLEED)] + np.arange(COUNT)[LIGHT].reshape(2, 2).tolist()
+)
 """parameters that stray alike"""
 FEW = 8
 """corners of a kind whose spread is not measured"""
 
 
-_slopes = bind("rcdn_lattice_slopes", "nidD")
+_slopes = bind("rcdn_lattice_slopes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,8 @@ def board_mean(ij: Array, state: Array) -> Array:
 
 def _mean(near: Array, state: Array) -> Array:
     mean = np.zeros_like(state)
-    mean[:, 6:9] = medians(state[:, 6:9].T)
+    edges = slice(BLUR.start, BLEED.stop)
+    mean[:, edges] = medians(state[:, edges].T)
     mean[:, LIGHT] = _light(near, state)
     return mean
 
@@ -96,5 +99,5 @@ def _spread(stray: Array, variance: Array, least: Array) -> Array:
 def _light(near: Array, state: Array) -> Array:
     """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9)."""
     slopes = np.empty((len(state), 4))
-    _slopes(len(state), near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)
+    _slopes(near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)
     return slopes

@@ -16,7 +16,7 @@ from numpy.polynomial.legendre import legvander
 
 from rcdn.geometry import homography
 from rcdn.geometry.median import median
-from rcdn.native import bind
+from rcdn.native import bind, constants
 from rcdn.types import Array
 
 LEAST_CORNERS, LEAST_LINES = 16, 4
@@ -34,9 +34,9 @@ FREE = 1e3
 MISFIT = 3.5
 """standard deviations off the smooth board beyond which a corner doesn't belong to it"""
 
-HOMOGRAPHY = 8
+HOMOGRAPHY = constants("smooth")["FREE"]
 """parameters of a homography"""
-TILE = 8
+TILE = constants("smooth")["PANEL"]
 """kernels take polynomials by so many, and matrices with so many columns more"""
 FEW = 24
 """polynomials, those of low degrees, with which the coarse grid of widths is judged"""
@@ -46,16 +46,17 @@ CANDIDATES = 4
 Spot = tuple[int, int, int]
 STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 """to the neighbours of a place"""
-CHUNK = 128
+CHUNK = constants("smooth")["CHUNK"]
 """corners whose posterior a kernel reckons at once"""
 
-_PRIORS = np.array(WIDTHS)[:, None] * np.array(DECAYS)[:, None, None] ** (np.arange(TOTAL + 1) - 2.0)
+_POWERS = np.cumprod([[1 / (decay * decay), *[decay] * TOTAL] for decay in DECAYS], axis=1)
+_PRIORS = np.array(WIDTHS)[:, None] * _POWERS[:, None]
 """standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
 
-_tangent = bind("rcdn_smooth_tangent", "nddDD")
-_normal = bind("rcdn_smooth_normal", "nnddddrrDDD")
-_evidence = bind("rcdn_smooth_evidence", "nndndDD")
-_settle = bind("rcdn_smooth_posterior", "nnddddrddDDDDD")
+_tangent = bind("rcdn_smooth_tangent")
+_normal = bind("rcdn_smooth_normal")
+_evidence = bind("rcdn_smooth_evidence")
+_settle = bind("rcdn_smooth_posterior")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ class Evidence:
             size = HOMOGRAPHY + bent
             gram, rest, fixed = np.empty((size + 1, size + TILE)), np.empty((bent + 2, bent + TILE)), np.empty(1)
             _normal(
-                len(s.off), len(s.degree), s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, FREE * self.scale,
+                s.tangent, s.bent, s.off, s.cov, ROUGH[rough] * self.scale, FREE * self.scale,
                 gram, rest, fixed,
             )  # fmt: skip
             if not np.isfinite(fixed[0]):
@@ -111,7 +112,7 @@ class Evidence:
             root = self._roots(list(group), terms)
             _, rest, fixed = self.normal(rough)
             out = np.empty(len(root))
-            _evidence(len(self.sheet.degree), terms, rest, len(root), root, self._work, out)
+            _evidence(rest, root, self._work, out)
             known += (out + fixed).tolist()
         return known
 
@@ -139,7 +140,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
         flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
-        alien = beyond > 2 * MISFIT**2
+        alien = beyond > 2 * MISFIT * MISFIT
         if not alien.any() or not again:
             break
         out = np.flatnonzero(use)[alien]
@@ -155,11 +156,11 @@ def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, A
     base, sheet = sheet_of(ij, xy, cov)
     full = Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
     best = likeliest(full)
-    count, terms, root = len(xy), len(sheet.degree), full.root(best)
+    count, root = len(xy), full.root(best)
     work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
     moved, known, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
     _settle(
-        count, terms, sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.normal(best[0])[0],
+        sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.normal(best[0])[0],
         root, work, moved, known, off, beyond,
     )  # fmt: skip
     return base + moved, known, off, beyond
@@ -168,7 +169,7 @@ def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, A
 def sheet_of(ij: Array, xy: Array, cov: Array) -> tuple[Array, Sheet]:
     """Positions (N, 2) px by a homography, and what may lead away from them."""
     base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, HOMOGRAPHY))
-    _tangent(len(xy), ij.astype(float), homography(ij, xy), base, tangent)
+    _tangent(ij.astype(float), homography(ij, xy), base, tangent)
     at = ij - ij.min(axis=0)
     columns, rows = at.max(axis=0).tolist()
     along, down, degree = _pairs(min(DEGREE, columns), min(DEGREE, rows))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.geometry.elementary import exp, log
 from rcdn.types import Array
 
 SHARE = 1 / 3
@@ -32,7 +33,8 @@ def spreads(scores: Array, variance: Array) -> Array:
     """
     white = np.maximum(scores[:, 1] * variance, 1e-12)
     factor = max(float(scores[:, 0].sum() / white.sum()), 1e-3)
-    log = float(np.log(factor))
-    log *= (SPILL if log > 0 else 1.0) * log**2 / (log**2 + DOUBT**2)
-    factor = float(np.exp(log))
+    power = float(log(factor))
+    square = power * power
+    power *= (SPILL if power > 0 else 1.0) * square / (square + DOUBT * DOUBT)
+    factor = float(exp(power))
     return np.asarray(variance * factor * np.maximum(1, scores[:, 0] / white / factor / LOUD))

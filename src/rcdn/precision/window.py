@@ -13,19 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.geometry.median import median
-from rcdn.native import bind
-from rcdn.precision.lattice import Lattice
+from rcdn.native import bind, constants
+from rcdn.precision.lattice import Lattice, Maps
 from rcdn.types import Array
 
-FRAME = 13
-"""numbers that tell a window, see `frames`"""
-THIN = 12
-"""the last of them: every how many-th pixel is taken"""
-FULL = 3968
+FRAME, CENTRE, THIN = (constants("fit")[name] for name in ("FRAME", "CENTRE", "THIN"))
+"""numbers that tell a window, see `frames`; where its centre begins; the last: every how many-th pixel is taken"""
+FULL = constants("fit")["MOST"]
 """pixels that no window exceeds"""
 
-_frames = bind("rcdn_fit_frames", "nddddbrD", result=True)
-_windows = bind("rcdn_fit_windows", "pnddddnLF", result=True)
+_frames, _windows = bind("rcdn_fit_frames", Maps), bind("rcdn_fit_windows", Maps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +43,6 @@ class Windows:
     mask: Array
 
 
-def parts(maps: Lattice) -> tuple[Array, Array, Array]:
-    """The maps as kernels take them: homography, origins, terms."""
-    flat, origin, terms = (np.ascontiguousarray(a, np.float64) for a in (maps.flat, maps.origin, maps.terms))
-    return flat, origin, terms
-
-
 def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.inf) -> Array:
     """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2), squares; centre (2) and
     half size (2) of a box that holds the window, px; and every how many-th pixel is taken.
@@ -60,7 +51,7 @@ def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.i
     than `most` pixels, every second, third, … is taken. Raises LinAlgError where a map folds.
     """
     out = np.empty((len(xy), FRAME))
-    if _frames(len(xy), *parts(maps), np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
+    if _frames(maps.maps, np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
         raise np.linalg.LinAlgError("a map folds on a corner")
     out[:, THIN] = max(1, round(median(out[:, THIN]) / most))
     return out
@@ -69,7 +60,6 @@ def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.i
 def windows(grey: Array, maps: Lattice, frame: Array) -> Windows:
     """The pixels of `grey` (H, W) in the windows `frame` (N, FRAME), as `maps` see them. Those outside the picture have no mask."""
     count, out = np.empty(len(frame), np.int64), np.zeros((8, len(frame), FULL), np.float32)
-    if _windows(grey, len(frame), frame, *parts(maps), FULL, count, out):
-        raise MemoryError
+    _windows(grey, maps.maps, frame, count, out)
     x, y, value, u, v, gu, gv, mask = out[..., : max(int(count.max(initial=0)), 1)]
-    return Windows(frame[:, 8:10].astype(np.int64), np.stack([x, y]), value, u, v, gu, gv, mask > 0)
+    return Windows(frame[:, CENTRE : CENTRE + 2].astype(np.int64), np.stack([x, y]), value, u, v, gu, gv, mask > 0)

@@ -10,11 +10,9 @@ from __future__ import annotations
 import dataclasses
 import json
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from rcdn.errors import ConfigError
 from rcdn.types import Array, Camera, CameraModel, Pattern
 
 
@@ -166,36 +164,3 @@ class BoardTruth:
     visible: Array
     ignore: Array
     pitch: Array
-
-
-_NESTED: dict[str, Any] = {
-    "boards": BoardSpec, "covers": Cover, "shadows": Cover, "bend": Bend, "light": Light,
-    "sensor": Sensor, "background": Background,
-}  # fmt: skip
-
-
-def scene_from_json(text: str) -> Scene:
-    """The scene that `Scene.to_json` wrote. Raises ConfigError for anything else."""
-    try:
-        return _build(Scene, json.loads(text))
-    except (TypeError, ValueError, KeyError) as error:
-        raise ConfigError(f"scene: this is not a scene written by rcdn: {error}") from error
-
-
-def _build(cls: Any, values: Any) -> Any:
-    if not isinstance(values, dict):
-        raise TypeError(f"{cls.__name__} must be an object, not {values!r}")
-    out: dict[str, Any] = {}
-    for key, value in values.items():
-        nested = _NESTED.get(key)
-        if nested is not None and isinstance(value, dict):
-            out[key] = _build(nested, value)
-        elif nested is not None and isinstance(value, list):
-            out[key] = tuple(_build(nested, v) for v in value)
-        else:
-            out[key] = _tuples(value)
-    return cls(**out)
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

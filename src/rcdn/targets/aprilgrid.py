@@ -14,7 +14,12 @@ from rcdn.types import AprilGrid, Array
 
 SAMPLES = 32
 FRAMES = (Frame(2, filling=True), Frame(1, filling=True))
-NAMES = {"DICT_APRILTAG_16h5": "tag16h5", "DICT_APRILTAG_25h9": "tag25h9", "DICT_APRILTAG_36h10": "tag36h10", "DICT_APRILTAG_36h11": "tag36h11"}
+NAMES = {
+    "DICT_APRILTAG_16h5": "tag16h5",
+    "DICT_APRILTAG_25h9": "tag25h9",
+    "DICT_APRILTAG_36h10": "tag36h10",
+    "DICT_APRILTAG_36h11": "tag36h11",
+}
 MOST_COLUMNS = 64
 CANDIDATES = 4
 
@@ -30,14 +35,13 @@ class GridReading:
     margin: float
 
 
-def read_aprilgrid(grey: Array, grid: Array, gap: float, goes_on: Array) -> GridReading | None:
-    """`grid` (2 R, 2 C, 2) px: the corners of R × C tags, NaN where unknown; `goes_on` (4,): might the board go on beyond its right, upper, left and
-    lower side? None if no numbering is certain."""
+def read_aprilgrid(grey: Array, grid: Array) -> GridReading | None:
+    """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if no numbering is certain."""
     lifted = _lifted(rectified(grey, grid, SAMPLES))
-    seen = np.isfinite(lifted).all(axis=(2, 3))
+    seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
     if seen.sum() < 2:
         return None
-    found: list[tuple[float, AprilGrid, int, int, int]] = []
+    found: list[tuple[float, str, int, int, int, int]] = []
     for frame in FRAMES:
         for side in (4, 5, 6):
             look = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
@@ -53,7 +57,30 @@ def read_aprilgrid(grey: Array, grid: Array, gap: float, goes_on: Array) -> Grid
         return None
     margin = found[0][0] - (found[1][0] if len(found) > 1 else 0.0)
     bits, name, border, turns, columns, lowest = found[0]
-    return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap, goes_on)
+    return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
+
+
+def gap_of(grid: Array) -> float:
+    """Usual distance of tags over their side, of corners `grid` (2 R, 2 C, 2)."""
+    ratios = []
+    for lines in (grid, grid.swapaxes(0, 1)):
+        step = np.linalg.norm(np.diff(lines, axis=1), axis=2)
+        side, between = step[:, ::2], step[:, 1::2]
+        ratios.append((2 * between / (side[:, :-1] + side[:, 1:])).ravel())
+    known = np.concatenate(ratios)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if len(known) else 0.3
+
+
+def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Array:
+    """Whether the next tags beyond the right, upper, left and lower side, (4,) bool, would lie outside of the picture (H, W): they may be there."""
+    out = []
+    for turns in range(4):  # each side in turn becomes the right one
+        turned = np.rot90(grid, -turns)
+        next_line = turned[:, -1] + 1.6 * (turned[:, -1] - turned[:, -2])
+        known = next_line[np.isfinite(next_line[:, 0])]
+        out.append(not ((known >= 0) & (known < np.array(shape[::-1]))).all())
+    return np.array(out)
 
 
 def _lifted(cells: Array) -> Array:
@@ -67,13 +94,17 @@ def _lifted(cells: Array) -> Array:
         values = np.stack([padded[rows + a, columns + b] for a, b in steps])
         known = np.isfinite(values)
         usual = float(np.median(values[known])) if known.any() else np.nan
-        return np.where(known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), usual)
+        return np.where(
+            known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), usual
+        )
 
     dark, white = around(((-1, -1), (-1, 1), (1, -1), (1, 1))), around(((-1, 0), (1, 0), (0, -1), (0, 1)))
     return np.asarray((cells[::2, ::2] - dark[..., None, None]) / (white - dark)[..., None, None])
 
 
-def _numberings(ratios: Array, seen: Array, bits: Array, name: str, border: int) -> list[tuple[float, str, int, int, int, int]]:
+def _numberings(
+    ratios: Array, seen: Array, bits: Array, name: str, border: int
+) -> list[tuple[float, str, int, int, int, int]]:
     """(evidence, family, border, turns, columns, number of the tag at the bottom left of the upright grid) of the likeliest numberings."""
     out = []
     for turns in range(4):
@@ -87,7 +118,9 @@ def _numberings(ratios: Array, seen: Array, bits: Array, name: str, border: int)
             continue
         surest = np.argsort(-gain.max(axis=1))[:8]
         tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]
-        k, columns = (a.ravel() for a in np.meshgrid(np.arange(tag.size), np.arange(width, MOST_COLUMNS + 1), indexing="ij"))
+        k, columns = (
+            a.ravel() for a in np.meshgrid(np.arange(tag.size), np.arange(width, MOST_COLUMNS + 1), indexing="ij")
+        )
         square = np.repeat(surest, tag.shape[1])[k]
         lowest = tag.ravel()[k] - column[square] - columns * up[square]
         choice = np.unique(np.stack([columns, lowest], axis=1)[lowest >= 0], axis=0)
@@ -96,12 +129,23 @@ def _numberings(ratios: Array, seen: Array, bits: Array, name: str, border: int)
         number = choice[:, 1:] + column + choice[:, :1] * up
         valid = (number < len(bits)).all(axis=1)
         score = np.where(valid, gain[np.arange(len(row)), np.minimum(number, len(bits) - 1)].sum(axis=1), -np.inf)
-        out += [(float(score[m]), name, border, turns, int(choice[m, 0]), int(choice[m, 1])) for m in np.argsort(-score)[:2]]
+        out += [
+            (float(score[m]), name, border, turns, int(choice[m, 0]), int(choice[m, 1])) for m in np.argsort(-score)[:2]
+        ]
     return out
 
 
 def _placed(
-    bits: float, margin: float, name: str, border: int, turns: int, columns: int, lowest: int, seen: Array, gap: float, goes_on: Array
+    bits: float,
+    margin: float,
+    name: str,
+    border: int,
+    turns: int,
+    columns: int,
+    lowest: int,
+    seen: Array,
+    gap: float,
+    goes_on: Array,
 ) -> GridReading | None:
     """The place of the grid on its board: one whose tags are counted from 0 if that can be, else a whole board that begins with any."""
     height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]

@@ -18,7 +18,8 @@ from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_m
 from rcdn.types import Array, Charuco
 
 ACCEPT = 46.0
-"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁶ layouts (4 turns, 10 families, 2 parities, 62 widths, 2 000 places, 4 rims)"""
+"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁶ layouts (4 turns, 10 families, 2 parities,
+62 widths, 2,000 places, 4 rims)"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
 COVERED = 0.05
@@ -66,7 +67,9 @@ def read_charuco(squares: Array, marked: Array, inner: Array, aspect: float) -> 
         look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            ratios[marked] = evidence(modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border)
+            ratios[marked] = evidence(
+                modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border
+            )
             scored += [_Scores.of(ratios, marked, look, f, turns) for f in families(side) for turns in range(4)]
     return _best(sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), inner)
 
@@ -79,17 +82,24 @@ def _open_sides(marked: Array) -> Array:
 
 
 def _best(scored: list[_Scores], inner: Array) -> Reading | None:
-    """The most likely layout, if it is certain; boards that begin with marker 0 first, then whole boards that begin with any."""
-    for any_first in (False, True):
-        layouts: list[_Layout] = []
-        for scores in scored:
-            if layouts and scores.hope < layouts[0].bits - MARGIN:
-                break  # nothing that is left comes near the best
-            layouts = sorted([*layouts, *filter(_possible(inner), scores.layouts(any_first))], key=lambda x: -x.bits)
-        if layouts and layouts[0].bits > ACCEPT:
-            margin = layouts[0].bits - layouts[1].bits if len(layouts) > 1 else layouts[0].bits
-            return _reading(layouts[0], inner, margin) if margin > MARGIN else None
-    return None
+    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier."""
+    usual, whole = (_likeliest(scored, inner, any_first) for any_first in (False, True))
+    from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
+    layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
+    if not layouts or layouts[0].bits < ACCEPT:
+        return None
+    margin = layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
+    return _reading(layouts[0], inner, margin) if margin > MARGIN else None
+
+
+def _likeliest(scored: list[_Scores], inner: Array, any_first: bool) -> list[_Layout]:
+    layouts: list[_Layout] = []
+    for scores in scored:
+        if layouts and scores.hope < layouts[0].bits - MARGIN:
+            break  # nothing that is left comes near the best
+        found = filter(_possible(inner), scores.layouts(any_first))
+        layouts = sorted([*layouts, *found], key=lambda x: -x.bits)
+    return layouts
 
 
 def _rows(layout: _Layout, inner: Array) -> int | None:
@@ -175,7 +185,10 @@ class _Scores:
     def _parts_of_boards(self) -> Array:
         """Candidate layouts (M, 5): column and row of the first square, columns, parity, first marker."""
         square, marker = self._anchors()
-        k, columns, odd = (a.ravel() for a in np.meshgrid(np.arange(len(square)), np.arange(2, MOST_COLUMNS + 1), [0, 1], indexing="ij"))
+        k, columns, odd = (
+            a.ravel()
+            for a in np.meshgrid(np.arange(len(square)), np.arange(2, MOST_COLUMNS + 1), [0, 1], indexing="ij")
+        )
         column, row = place_of(marker[k], columns, odd.astype(bool))
         u, v = column - self.column[square[k]], row - self.row[square[k]]
         # the outermost squares that were sampled may lie beyond the board

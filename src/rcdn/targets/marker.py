@@ -73,7 +73,8 @@ def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearanc
 def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_sides: Array | None = None) -> Array:
     """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
 
-    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is if the marker's border is darker then.
+    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
+    if the marker's border is darker then.
     """
     values = _modules(squares, look, side, frame, np.zeros((len(squares), 4)))
     if open_sides is None or not open_sides.any():
@@ -82,7 +83,9 @@ def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_side
     other = _modules(squares[ends], look, side, frame, open_sides[ends].astype(float))
     border = ~inner_modules(values.shape[-1], frame.border)
     with np.errstate(invalid="ignore"):
-        better = np.nan_to_num(np.abs(other[:, border])).sum(axis=1) < np.nan_to_num(np.abs(values[ends][:, border])).sum(axis=1)
+        better = np.nan_to_num(np.abs(other[:, border])).sum(axis=1) < np.nan_to_num(
+            np.abs(values[ends][:, border])
+        ).sum(axis=1)
     values[np.flatnonzero(ends)[better]] = other[better]
     return values
 
@@ -90,7 +93,9 @@ def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_side
 def _modules(squares: Array, look: Appearance, side: int, frame: Frame, beyond: Array) -> Array:
     """`modules` of squares beyond whose sides (K, 4) it is white by that share."""
     x = _middles(squares.shape[-1])
-    (near_x, solve_x), (near_y, solve_y) = (_unmixing(x, look.ratio, blur, side + 2 * frame.border) for blur in look.blur)
+    (near_x, solve_x), (near_y, solve_y) = (
+        _unmixing(x, look.ratio, blur, side + 2 * frame.border) for blur in look.blur
+    )
     along_x, along_y = (np.array([blur]) for blur in look.blur)
     around = _around(x, np.array([look.ratio]), along_x, along_y, frame)
     across, down = _box(x, 1.0, along_x)[0], _box(x, 1.0, along_y)[0]
@@ -107,7 +112,8 @@ def _modules(squares: Array, look: Appearance, side: int, frame: Frame, beyond: 
 
 
 def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, Array]:
-    """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool, and what takes these to modules (count, ·)."""
+    """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool; and what takes
+    these to modules (count, ·)."""
     edges = 0.5 + ratio * (np.arange(count + 1) / count - 0.5)
     steps = 0.5 * erf((x[:, None] - edges) / (np.sqrt(2.0) * blur))
     near = np.abs(x - 0.5) < ratio / 2 + blur

@@ -47,15 +47,17 @@ class PuzzleReading:
 
 
 def read_puzzle(grey: Array, grid: Array, seen: Array) -> PuzzleReading | None:
-    """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners and of which some were `seen`;
-    None if it is none, or if that is not certain."""
+    """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners, and some
+    were `seen`; None if it is none, or if that is not certain."""
     along_x, along_y = circles(grey, grid, seen)
     if not along_x.any() and not along_y.any():
         return None
     found = []
     for turns in range(4):
         x, y = (np.rot90(a, turns) for a in ((along_x, along_y) if turns % 2 == 0 else (along_y, along_x)))
-        total = np.tile(_votes(y, CODE_1), (PUZZLE // 3, 3)) + np.tile(_votes(x.T, CODE_2), (PUZZLE // 3, 3)).T  # [row, column]
+        total = (
+            np.tile(_votes(y, CODE_1), (PUZZLE // 3, 3)) + np.tile(_votes(x.T, CODE_2), (PUZZLE // 3, 3)).T
+        )  # [row, column]
         best = int(total.argmax())
         bits = float(total.flat[best])
         total.flat[best] = -np.inf

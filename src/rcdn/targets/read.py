@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from rcdn.targets.aprilgrid import read_aprilgrid
 from rcdn.targets.charuco import read_charuco
 from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares
-from rcdn.types import Array, Board, Charuco, PuzzleBoard
+from rcdn.types import Array, Board, PuzzleBoard, Target
 
 SAMPLES = 32
 """a square's side on the raster"""
@@ -24,6 +25,8 @@ def identified(grey: Array, board: Board) -> Board:
 
     `grey` (H, W), 0..255. Wrong at most once in a million boards whose squares hold random dots.
     """
+    if board.pattern == "aprilgrid":
+        return _tags(grey, board)
     if board.pattern != "checker" or min(board.size) < 2:
         return board
     grid, found = grid_with_ring(board)
@@ -49,7 +52,9 @@ def _marked(squares: Array, inner: Array) -> Array | None:
     known = [c & inner & np.isfinite(level) for c in colours]
     if min(k.sum() for k in known) < 1:
         return None
-    rim = np.concatenate([squares[:, :, :1, :].reshape(*inner.shape, -1), squares[:, :, -1:, :].reshape(*inner.shape, -1)], axis=2).mean(axis=2)
+    rim = np.concatenate(
+        [squares[:, :, :1, :].reshape(*inner.shape, -1), squares[:, :, -1:, :].reshape(*inner.shape, -1)], axis=2
+    ).mean(axis=2)
     contrast = abs(float(np.median(rim[known[0]])) - float(np.median(rim[known[1]])))
     noise = [float(np.median(spread[k])) for k in known]
     more = int(np.argmax(noise))
@@ -71,13 +76,32 @@ def _dark(squares: Array, marked: Array, inner: Array) -> Array:
     return np.where(known.any(axis=0), mean, np.median(level[usable]))
 
 
-def _placed(board: Board, target: Charuco | PuzzleBoard, turns: int, place: tuple[int, int]) -> Board:
-    """The board turned upright, its first corner at `place` (column, row) of the target, row by row again."""
+def _tags(grey: Array, board: Board) -> Board:
+    """A lattice of tags with the numbers of an AprilGrid."""
+    columns, rows = (2 * (n // 2 + 1) for n in board.ij.max(axis=0).tolist())
+    grid, index = np.full((rows, columns, 2), np.nan), np.full((rows, columns), -1)
+    i, j = board.ij.T
+    grid[j, i], index[j, i] = board.xy, np.arange(len(board))
+    reading = read_aprilgrid(grey, grid)
+    if reading is None:
+        return board
+    column, row = reading.place
+    index = np.rot90(index, reading.turns)[::-1, ::-1]  # from the bottom right
+    wide = 2 * reading.target.columns
+    return _relabelled(board, reading.target, index, (wide - 2 * column - index.shape[1], 2 * row))
+
+
+def _placed(board: Board, target: Target, turns: int, place: tuple[int, int]) -> Board:
+    """The board turned upright, its first corner at `place` (column, row) of the target."""
     columns, rows = board.size
     index = np.full((rows, columns), -1)
     i, j = (board.ij - board.ij.min(axis=0)).T
     index[j, i] = np.arange(len(board))
-    index = np.rot90(index, turns)
+    return _relabelled(board, target, np.rot90(index, turns), place)
+
+
+def _relabelled(board: Board, target: Target, index: Array, place: tuple[int, int]) -> Board:
+    """The corners `index` (R, C) of a board, −1 for none, row by row, the first of them at `place` of the target."""
     row, column = np.nonzero(index >= 0)
     order = index[row, column]
     ij = np.stack([column, row], axis=1) + np.array(place)

@@ -12,7 +12,8 @@ FAR = -1e6
 
 
 def grid_with_ring(board: Board) -> tuple[Array, Array]:
-    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others are predicted by those beside them."""
+    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others are
+    predicted by those beside them."""
     grid = np.pad(board.grid(), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     found = np.isfinite(grid[..., 0])
     for _ in range(max(grid.shape)):
@@ -38,7 +39,8 @@ def _predicted(grid: Array) -> Array:
 
 
 def rectified(grey: Array, grid: Array, samples: int) -> Array:
-    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32, NaN outside of the picture."""
+    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32, NaN outside
+    of the picture."""
     rows, columns = grid.shape[0] - 1, grid.shape[1] - 1
     down, across = _linear(rows, samples), _linear(columns, samples)
     xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
@@ -86,5 +88,12 @@ def _sampled(grey: Array, xy: Array, step: float) -> Array:
         ratio = np.ones(2)
     at = ((xy - low + 0.5) * ratio - 0.5).astype(np.float32)
     nothing = float("nan")
-    out = cv2.remap(part.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=nothing)
+    out = cv2.remap(
+        part.astype(np.float32),
+        at[..., 0],
+        at[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=nothing,
+    )
     return np.asarray(out)

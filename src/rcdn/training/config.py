@@ -8,17 +8,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, FormatError, shown
+from rcdn.io.fields import read_text
 from rcdn.training.loss import LOSSES
 from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
+
+LONGEST = 120
+"""letters of a run's name"""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
     """One training run.
 
-    `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
+    `name`: of the run's folder; `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
     `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
     `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
@@ -51,12 +55,22 @@ class TrainConfig:
     pool: PoolConfig = field(default_factory=PoolConfig)
 
     def __post_init__(self) -> None:
+        for key, name in (("name", self.name), ("teacher", self.teacher or "none")):
+            if (
+                name in ("", ".", "..")
+                or not name.isprintable()
+                or any(c in name for c in "/\\:")
+                or len(name) > LONGEST
+            ):
+                raise ConfigError(
+                    f"config: {key} must be the bare name of a folder in the runs' folder, without / and \\, not {name!r}"
+                )
         for key, known in _CHOICES.items():
             if getattr(self, key) not in known:
-                raise ConfigError(f"config: {key} must be one of {sorted(known)}, not {getattr(self, key)!r}")
-        for key, least in _LEAST.items():
-            if not getattr(self, key) >= least:
-                raise ConfigError(f"config: {key} must be at least {least}, not {getattr(self, key)!r}")
+                raise ConfigError(f"config: {key} must be one of {sorted(known)}, not {shown(getattr(self, key))}")
+        for key, (least, most) in _RANGES.items():
+            if not least <= getattr(self, key) <= most:
+                raise ConfigError(f"config: {key} must be in [{least}, {most}], not {shown(getattr(self, key))}")
         if not self.rate > 0 or not self.ema < 1:
             raise ConfigError(f"config: rate must be above 0 and ema below 1, not {self.rate} and {self.ema}")
         if self.teacher and (self.start or self.batch_norm):
@@ -73,7 +87,10 @@ class TrainConfig:
 _CHOICES: dict[str, Any] = {
     "architecture": ARCHITECTURES, "loss": LOSSES, "normalisation": ("minmax", "local"), "optimiser": ("sgd", "adamw"),
 }  # fmt: skip
-_LEAST = {"batch": 1, "steps": 1, "validate_every": 1, "seed": 0, "decay": 0, "clip": 0, "ema": 0, "frozen": 0}
+_RANGES = {
+    "batch": (1, 100_000), "side": (1, 10_000), "steps": (1, 10**9), "validate_every": (1, 10**9), "seed": (0, 2**32 - 1),
+    "rate": (0, 100), "decay": (0, 100), "clip": (0, 1e6), "ema": (0, 1), "frozen": (0, 10**9),
+}  # fmt: skip
 
 
 def read_config(path: Path) -> TrainConfig:
@@ -84,21 +101,27 @@ def read_config(path: Path) -> TrainConfig:
     values = _read(path)
     if (recipe := values.pop("recipe", None)) is not None:
         if not isinstance(recipe, str):
-            raise ConfigError(f"config: recipe must be the name of a file, not {recipe!r}")
+            raise ConfigError(f"config: recipe must be the name of a file, not {shown(recipe)}")
         values = _read(path.parent / recipe) | values
     values.setdefault("name", path.stem)
     pool = values.get("pool", {})
     if not isinstance(pool, dict):
-        raise ConfigError(f"config: pool must be a table, [pool], not {pool!r}")
+        raise ConfigError(f"config: pool must be a table, [pool], not {shown(pool)}")
     values["pool"] = _checked(PoolConfig, pool, "pool.")
     return _checked(TrainConfig, values, "")
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"config: {path} can't be read: {error}") from error
+        return tomllib.loads(read_text(path))
+    except FormatError as error:
+        raise ConfigError(f"config: {error}") from error
+    except (ValueError, RecursionError) as error:  # of TOML, and of numbers and dates in it
+        raise ConfigError(f"config: {path} is not TOML: {shown(str(error))}") from error
+
+
+MOST = 2**63
+"""whole numbers of TOML are smaller; Python reads larger ones, too"""
 
 
 def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:
@@ -107,10 +130,10 @@ def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:
     known = {f.name for f in dataclasses.fields(cls)}
     for key, value in values.items():
         if key not in known:
-            raise ConfigError(f"config: unknown key {prefix + key!r}; known: {sorted(known)}")
+            raise ConfigError(f"config: unknown key {shown(prefix + key)}; known: {sorted(known)}")
         wanted = types.get(key)
-        if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+        if wanted is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < MOST:
             values[key] = float(value)
         elif wanted in (int, str, bool, float) and type(value) is not wanted:
-            raise ConfigError(f"config: {prefix + key} must be of type {wanted.__name__}, not {value!r}")
+            raise ConfigError(f"config: {prefix + key} must be of type {wanted.__name__}, not {shown(value)}")
     return cls(**values)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from rcdn.synthetic import HARD, random_scene, render
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, folded, load_run, parameter_count
+from rcdn.training.quantise import quantised, sidecar_text
 from rcdn.training.ranges import ranges
 from rcdn.training.validate import torch_response
 from rcdn.types import Array
@@ -93,16 +93,23 @@ def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | No
     """
     if image is None:
         image = render(random_scene(np.random.default_rng(7), HARD, (317, 203)), samples=2)
-    config = facts["training"]
-    model = ResponseModel(data, config["normalisation"], net.architecture.margins, net.architecture.cell, facts)
+    config, model = facts["training"], response_model(net, data, facts)
     expected = torch_response(net, image, config["loss"], config["normalisation"])
     return float(np.abs(model.by_onnx_runtime(image, tile=128) - expected).max())
 
 
-def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
-    """Write `target` (.onnx) and its .json; returns the provenance and the largest difference to torch.
+def response_model(net: CornerNet, data: bytes, facts: dict[str, Any]) -> ResponseModel:
+    """What runs the ONNX file `data` in ONNX Runtime."""
+    arch = net.architecture
+    return ResponseModel(data, facts["training"]["normalisation"], arch.margins, arch.cell, facts)
 
-    Raises RcdnError, and writes nothing, if `run` holds no trained network or that difference is above 1e-4.
+
+def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
+    """Write `target` (.onnx), its .json, and for a network that the compiled kernel knows its 8-bit weights (.npz); returns the provenance and the
+    largest difference to torch.
+
+    Raises RcdnError, and writes nothing, if `run` holds no trained network, if that difference is above 1e-4, or if the 8-bit weights answer
+    otherwise than the network (`quantise.BOUNDS`).
     """
     if target.suffix != ".onnx":
         raise ConfigError(f"export: the name of the file must end in .onnx, not {target}")
@@ -119,6 +126,9 @@ def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
             f"export: ONNX Runtime and torch differ by {gap:.1e}, more than {PARITY:.0e}; nothing was written. "
             "Check the versions of torch, onnx and onnxruntime"
         )
+    if found := quantised(response_model(net, data, facts)):
+        content, facts["quantised"] = found
+        write_bytes(target.with_suffix(".npz"), content)
     write_bytes(target, data)
-    write_text(target.with_suffix(".json"), json.dumps(facts, indent=1) + "\n")
+    write_text(target.with_suffix(".json"), sidecar_text(facts))
     return facts, gap

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import csv
 import dataclasses
+import io
 import json
 import math
+import pickle
 import sys
 import time
 from functools import partial
@@ -20,13 +23,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch.utils.tensorboard import SummaryWriter
 
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.children import end_with_parent
+from rcdn.errors import ConfigError, OutputError, RcdnError
 from rcdn.io import write_text
 from rcdn.provenance import commit
+from rcdn.training.alone import alone
 from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import machine
-from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, without_norms
+from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, read_report, without_norms
 from rcdn.training.samples import Batches, Pool, batch, make_pool
 from rcdn.training.validate import validate
 
@@ -51,8 +56,8 @@ def train(
     A run that was killed goes on from its last checkpoint with the batches it would have seen; without `resume` the
     folder's old run is removed. `overfit`: train and validate on that many crops only, always anew, in
     `name`-overfit (sanity check: F1 must go to 1). `workers`: processes that make batches, 0 = none.
-    Raises ConfigError if the folder holds a run of other settings, DeadNetError if the positives' mean response stays
-    under 1e-3.
+    Raises ConfigError if the folder holds a run of other settings, or if another process trains there; OutputError if a checkpoint can't be
+    written; DeadNetError if the positives' mean response stays under 1e-3.
     """
     fabric = fabric or Fabric(accelerator="auto", devices="auto")
     fabric.launch()
@@ -64,6 +69,16 @@ def train(
     _check_same(config, folder, resume)
     with fabric.rank_zero_first():  # one process renders, the others wait and then read
         pool = make_pool(config.pool, runs, progress=lambda n, total: print(f"rendering pool: {n}/{total}", flush=True))
+    with alone(folder) if fabric.is_global_zero else contextlib.nullcontext():
+        _learn(config, runs, pool, bool(overfit), workers, resume, fabric)
+    return folder
+
+
+def _learn(
+    config: TrainConfig, runs: Path, pool: Pool, overfit: bool, workers: int, resume: bool, fabric: Fabric
+) -> None:
+    folder = runs / config.name
+    _check_same(config, folder, resume)  # again: another process may have begun it meanwhile
     fabric.seed_everything(config.seed, verbose=False)
     net = build(config.architecture, config.batch_norm).to(memory_format=torch.channels_last)
     if config.start:
@@ -76,7 +91,7 @@ def train(
     state: dict[str, Any] = {"model": model, "optimiser": optimiser, "schedule": schedule, "ema": average}
     state |= {"step": 0, "seconds": 0.0}
     if resume and (folder / "last.pt").exists():
-        fabric.load(folder / "last.pt", state)
+        _restore(fabric, folder / "last.pt", state)
     fabric.barrier()
     if fabric.is_global_zero:
         _clear_after(state["step"], folder)
@@ -86,7 +101,17 @@ def train(
         run.go(loader)
     finally:
         run.close()
-    return folder
+
+
+def _restore(fabric: Fabric, path: Path, state: dict[str, Any]) -> None:
+    """Fill `state` from a checkpoint: numbers and tensors only, since pickles may hold code that runs on being read."""
+    try:
+        fabric.load(path, state, weights_only=True)
+    except (EOFError, KeyError, TypeError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise RcdnError(
+            f"{path} is no checkpoint of `rcdn train` that fits: {reason}; begin anew with --fresh"
+        ) from error
 
 
 def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
@@ -101,7 +126,7 @@ def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
     """Raise ConfigError rather than go on with other settings than those that a run was begun with."""
     if not resume or not (folder / "last.pt").exists():
         return
-    before: dict[str, Any] = json.loads((folder / "run.json").read_text())["config"]
+    before: dict[str, Any] = read_report(folder)["config"]
     now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # changes nothing that is learnt
     changed = [key for key in now if before.get(key, now[key]) != now[key]]
     if changed:
@@ -115,6 +140,7 @@ def _clear_after(step: int, folder: Path) -> None:
     """Make room for a run that goes on from `step`: what is logged of later steps goes; of step 0, everything."""
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "metrics.csv"
+    (folder / "new.pt").unlink(missing_ok=True)  # of a run that was killed while it wrote
     if step and log.exists():
         head, *rows = log.read_text().splitlines()
         write_text(log, "\n".join([head, *(row for row in rows if int(row.split(",")[0]) <= step)]) + "\n")
@@ -135,7 +161,12 @@ def _optimiser(
 
 def _loader(config: TrainConfig, pool: Pool, start: int, workers: int, fabric: Fabric) -> Any:
     make = partial(_numbered, pool, config, fabric.global_rank)
-    return torch.utils.data.DataLoader(Batches(make, start, config.steps), batch_size=None, num_workers=workers)
+    batches = Batches(make, start, config.steps)
+    return torch.utils.data.DataLoader(batches, batch_size=None, num_workers=workers, worker_init_fn=_start_worker)
+
+
+def _start_worker(_: int) -> None:
+    end_with_parent()
 
 
 def _numbered(pool: Pool, config: TrainConfig, rank: int, step: int) -> Any:
@@ -233,20 +264,31 @@ class _Run:
         if self.fabric.is_global_zero:
             row |= validate(self.state["ema"], self.config, self.overfit)
             self._log(row)  # before the checkpoint: a run killed in between logs this step again
-        self.fabric.save(self.folder / "new.pt", self.state)
+        self._save(self.folder / "new.pt")
         if self.fabric.is_global_zero:
             (self.folder / "new.pt").replace(self.folder / "last.pt")
         self.fabric.barrier()
         self.loss_sum, self.positive_sum, self.count, self.clock = 0.0, 0.0, 0, time.perf_counter()
 
+    def _save(self, path: Path) -> None:
+        try:
+            self.fabric.save(path, self.state)
+        except (OSError, RuntimeError) as error:  # torch says of a full disk what it likes
+            path.unlink(missing_ok=True)
+            reason = str(error).strip().splitlines()[0]
+            raise OutputError(
+                f"{path}: can't be written: {reason}; make room, then say the same command again: it goes on from its last checkpoint"
+            ) from error
+
     def _log(self, row: dict[str, Any]) -> None:
-        path = self.folder / "metrics.csv"
-        new = not path.exists()
-        with path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, row)
-            if new:
-                writer.writeheader()
-            writer.writerow(row)
+        path, line = self.folder / "metrics.csv", io.StringIO()
+        writer = csv.DictWriter(line, row, lineterminator="\n")
+        if not path.exists():
+            writer.writeheader()
+        writer.writerow(row)
+        write_text(
+            path, (path.read_text() if path.exists() else "") + line.getvalue()
+        )  # whole: a row half written is read as a row
         for key, value in row.items():
             self.events.add_scalar(key, value, row["step"])
         self.events.flush()

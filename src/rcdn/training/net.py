@@ -184,10 +184,22 @@ def parameter_count(net: nn.Module) -> int:
 
 def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
     """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
-    try:
-        report = json.loads((folder / "run.json").read_text())
-        net = build(report["config"]["architecture"], report["config"].get("batch_norm", False))
-    except (OSError, ValueError, KeyError) as error:
-        raise RcdnError(f"{folder} is not the folder of a run of `rcdn train`: {error}") from error
+    report = read_report(folder)
+    config = report["config"]
+    net = build(config["architecture"], config.get("batch_norm") is True)
     load_average(net, folder / "last.pt")
     return net.eval(), report
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """What `run.json` says of a run. Raises RcdnError if it isn't what `rcdn train` wrote."""
+    try:
+        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        config, metrics = report["config"], report["metrics"]
+        texts = [config["architecture"], config["loss"], config["normalisation"], config["pool"]["ranges"]]
+        counts = [config["steps"], config["validate_every"], metrics["step"]]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError) as error:
+        raise RcdnError(f"{folder} is not the folder of a run of `rcdn train`: {error}") from error
+    if not all(isinstance(v, str) for v in texts) or not all(type(v) is int for v in counts):
+        raise RcdnError(f"{folder} is not the folder of a run of `rcdn train`: run.json has another form")
+    return dict(report)

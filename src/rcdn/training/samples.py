@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import io
 import json
 import multiprocessing
 import os
@@ -17,8 +18,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rcdn.children import end_with_parent
 from rcdn.corners.normalise import normalise
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, shown
+from rcdn.io import write_bytes, write_text
 from rcdn.synthetic import PRESETS, random_crop
 from rcdn.training.loss import Targets
 from rcdn.training.net import Architecture
@@ -26,6 +29,7 @@ from rcdn.types import Array
 
 CHUNK = 1000
 MOST_LABELS = 512
+LIMITS = {"count": (1, 10**8), "size": (1, 10_000), "seed": (0, 10**9)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,9 +47,10 @@ class PoolConfig:
 
     def __post_init__(self) -> None:
         if self.ranges not in PRESETS:
-            raise ConfigError(f"config: pool.ranges must be one of {sorted(PRESETS)}, not {self.ranges!r}")
-        if min(self.count, self.size) < 1 or self.seed < 0:
-            raise ConfigError("config: pool.count and pool.size must be at least 1, and pool.seed at least 0")
+            raise ConfigError(f"config: pool.ranges must be one of {sorted(PRESETS)}, not {shown(self.ranges)}")
+        for key, (least, most) in LIMITS.items():
+            if not least <= getattr(self, key) <= most:
+                raise ConfigError(f"config: pool.{key} must be in [{least}, {most}], not {shown(getattr(self, key))}")
 
 
 class Pool:
@@ -79,6 +84,7 @@ _backgrounds: list[Array] = []
 
 
 def _start_worker(folder: str) -> None:
+    end_with_parent()
     cv2.setNumThreads(1)
     _backgrounds[:] = load_backgrounds(folder)
 
@@ -91,9 +97,9 @@ def _render_chunk(config: PoolConfig, numbers: range, path: Path) -> Path:
         image, label = random_crop(seed, config.size, PRESETS[config.ranges], _backgrounds)
         images[k] = image
         labels[k, : len(label)] = label[:MOST_LABELS]
-    part = path.with_suffix(f".{os.getpid()}.part.npz")  # two trainings may render one pool
-    np.savez(part, images=images, labels=labels)
-    part.replace(path)
+    data = io.BytesIO()
+    np.savez(data, images=images, labels=labels)
+    write_bytes(path, data.getvalue())  # whole: two trainings may render one pool, and any may be killed
     return path
 
 
@@ -113,7 +119,7 @@ def make_pool(
     """
     folder = pool_folder(config, root)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "pool.json").write_text(json.dumps(dataclasses.asdict(config), indent=1))
+    write_text(folder / "pool.json", json.dumps(dataclasses.asdict(config), indent=1))
     starts = range(0, config.count, CHUNK)
     chunks = {folder / f"{s:08d}.npz": range(s, min(s + CHUNK, config.count)) for s in starts}
     todo = [(numbers, path) for path, numbers in chunks.items() if not path.exists()]

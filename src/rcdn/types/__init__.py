@@ -9,6 +9,7 @@ from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelS
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 from rcdn.types.correction import LensCorrection
+from rcdn.types.limits import Warnings, allowed
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
@@ -37,6 +38,8 @@ __all__ = [
     "StereoCalibration",
     "Target",
     "Verdict",
+    "Warnings",
+    "allowed",
     "plane_points",
     "usual_size",
 ]

@@ -12,13 +12,64 @@ from rcdn.errors import RcdnError
 Array = NDArray[Any]
 
 
-def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...]) -> None:
-    array = np.array(value, dtype=dtype)
+MOST = 100_000_000
+"""numbers in an array of a value"""
+
+
+def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...], within: float = np.inf) -> None:
+    """Set `owner.name` to `value` as an array of `dtype` and shape (N, *tail) that nobody can change; NaN may be in it.
+
+    Raises RcdnError for another shape, for what holds no numbers of that type, and for numbers beyond ±`within`.
+    """
+    called = f"{type(owner).__name__}.{name}"
+    array = _numbers(value, np.dtype(dtype), called)
     if array.size == 0:
         array = array.reshape((0, *tail))
     if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
-        raise RcdnError(
-            f"{type(owner).__name__}.{name} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}"
-        )
+        raise RcdnError(f"{called} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}")
+    if array.size and within < np.inf and (array.max() > within or array.min() < -within or _beyond(array, within)):
+        raise RcdnError(f"{called} must lie within ±{within:g}")
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
+
+
+def shape_of(value: Any, called: str) -> tuple[int, ...]:
+    """The shape of what is an array or can become one. Raises RcdnError for rows of unequal length."""
+    try:
+        return np.shape(value)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise RcdnError(f"{called} must hold numbers in rows of equal length: {error}") from error
+
+
+def _beyond(array: Array, within: float) -> bool:
+    """As the largest and the smallest tell it where there is no NaN, which hides both."""
+    return bool(np.isnan(array.max()) and (np.abs(array) > within).any())
+
+
+def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
+    """A copy of `value` with every number unchanged, as a plain array of native byte order."""
+    if np.ma.is_masked(value):
+        raise RcdnError(
+            f"{called} must not have masked values; leave them out, or fill them with NaN where it may be unknown"
+        )
+    try:
+        raw = np.asarray(value)
+        if raw.size > MOST:
+            raise RcdnError(f"{called} holds {raw.size} numbers, more than {MOST}; leave some out")
+        kept = raw.dtype.kind in "buif" or raw.size == 0
+        if not kept and raw.dtype.kind != "O":
+            raise TypeError(f"not {raw.dtype}")
+        if kept and (raw.dtype == dtype or dtype.kind == "f"):
+            return np.array(raw, dtype=dtype)
+        if dtype.kind == "f":
+            return np.array(value, dtype=dtype)
+        plain = raw if kept else np.array(value, dtype=float)
+        with np.errstate(invalid="ignore"):
+            array = plain.astype(dtype)
+        whole = bool((array == plain).all())
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise RcdnError(f"{called} must hold numbers in rows of equal length: {error}") from error
+    if not whole:
+        kind = "true or false" if dtype.kind == "b" else f"whole numbers ({dtype})"
+        raise RcdnError(f"{called} must hold {kind}")
+    return array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.base import Array, freeze
+from rcdn.types.base import Array, freeze, shape_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,10 +19,12 @@ class BoardShape:
     offsets: Array
 
     def __post_init__(self) -> None:
-        found = np.shape(self.offsets)
+        found = shape_of(self.offsets, "BoardShape.offsets")
         if len(found) != 3 or found[2] != 3:
             raise RcdnError(f"BoardShape.offsets must have shape (rows, columns, 3), not {found}")
         freeze(self, "offsets", self.offsets, np.float64, found[1:])
+        if not np.isfinite(self.offsets).all():
+            raise RcdnError("BoardShape.offsets must be finite")
 
     @property
     def size(self) -> tuple[int, int]:

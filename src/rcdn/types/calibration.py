@@ -12,6 +12,7 @@ from rcdn.types.base import Array, freeze
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.camera import Camera, Pose
 from rcdn.types.corners import Orientation
+from rcdn.types.ranges import LABEL, POSITION
 
 Level = Literal["good", "fair", "unsure", "bad"]
 LEVELS: tuple[Level, ...] = ("good", "fair", "unsure", "bad")
@@ -40,8 +41,8 @@ class BoardView:
     settled: bool = True
 
     def __post_init__(self) -> None:
-        freeze(self, "ij", self.ij, np.int64, (2,))
-        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
+        freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "sigma", self.sigma, np.float64, ())
         freeze(self, "residuals", self.residuals, np.float64, (2,))
         freeze(self, "used", self.used, np.bool_, ())

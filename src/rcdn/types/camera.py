@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, shown
 from rcdn.types.base import Array, freeze
 from rcdn.types.correction import LensCorrection
+from rcdn.types.ranges import whole_size
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
 
@@ -43,8 +44,9 @@ class Camera:
     def __post_init__(self) -> None:
         freeze(self, "K", self.K, np.float64, (3,))
         freeze(self, "distortion", self.distortion, np.float64, ())
-        if self.model not in LENS:
-            raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {self.model!r}")
+        if not isinstance(self.model, str) or self.model not in LENS:
+            raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
+        object.__setattr__(self, "image_size", whole_size(self.image_size, "Camera.image_size"))
         if self.K.shape != (3, 3) or not np.isfinite(self.K).all():
             raise RcdnError(f"Camera.K must be a finite (3, 3) matrix, not {self.K.tolist()}")
         allowed = (4, 5) if self.model == "brown" else (len(LENS[self.model]),)

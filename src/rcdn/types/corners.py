@@ -6,17 +6,18 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, shown
 from rcdn.types.base import Array, freeze
-from rcdn.types.target import Target
+from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
+from rcdn.types.target import AprilGrid, Target
 
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
-Pattern = Literal["checker", "deltille"]
-"""What a board is made of: squares of two colours, or equilateral triangles of two colours (a deltille)."""
+Pattern = Literal["checker", "deltille", "aprilgrid"]
+"""What a board is made of: squares of two colours, equilateral triangles of two colours (a deltille), or tags with small squares between them."""
 ROW = 0.5 * 3**0.5
 """height of a triangle of a deltille, the distance of its rows, edges"""
 
@@ -26,6 +27,8 @@ def plane_points(ij: Array, pattern: Pattern = "checker") -> Array:
 
     A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Labels need not be whole.
     """
+    if pattern == "aprilgrid":
+        raise RcdnError("where the corners of an AprilGrid lie depends on its gap: ask its target (Board.points)")
     if pattern == "checker":
         return np.asarray(ij, np.float64)
     i, j = np.moveaxis(np.asarray(ij, np.float64), -1, 0)
@@ -45,6 +48,12 @@ class Status(IntEnum):
     """Refined, and found because its board predicted it."""
 
 
+def _freeze_status(owner: Any) -> None:
+    freeze(owner, "status", owner.status, np.uint8, ())
+    if len(owner.status) and owner.status.max() > max(Status):
+        raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {max(Status):d}")
+
+
 @dataclass(frozen=True, eq=False)
 class Corners:
     """X-corners of one image, sorted by response (falling), then x, then y.
@@ -60,9 +69,9 @@ class Corners:
     sigma: Array | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, "xy", self.xy, np.float64, (2,))
+        freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.axes is not None:
             freeze(self, "axes", self.axes, np.float64, (2,))
         if self.sigma is not None:
@@ -93,7 +102,8 @@ class Board:
     (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
     `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
     `response` (M,), `status` (M,) as in `Corners`. `pattern`: of a `deltille`, i and j run along two edges of a triangle, 60° apart, and
-    nothing says where the board ends: it is never `complete`. `target`, `ids` (M,): the coded target that was read, and the corners' numbers as
+    nothing says where the board ends: it is never `complete`; of an `aprilgrid` they
+    count the tags' corners, two a tag. `target`, `ids` (M,): the coded target that was read, and the corners' numbers as
     that target's own tools count them; `ij` is then the place on the target. Both None of a plain board.
     """
 
@@ -109,10 +119,13 @@ class Board:
     ids: Array | None = None
 
     def __post_init__(self) -> None:
-        freeze(self, "xy", self.xy, np.float64, (2,))
-        freeze(self, "ij", self.ij, np.int64, (2,))
+        for name, known in (("orientation", get_args(Orientation)), ("pattern", get_args(Pattern))):
+            if getattr(self, name) not in known:
+                raise RcdnError(f"Board.{name} must be one of {', '.join(known)}, not {shown(getattr(self, name))}")
+        freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
+        freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
         freeze(self, "response", self.response, np.float64, ())
-        freeze(self, "status", self.status, np.uint8, ())
+        _freeze_status(self)
         if self.sigma is not None:
             freeze(self, "sigma", self.sigma, np.float64, ())
         if self.ids is not None:
@@ -121,8 +134,15 @@ class Board:
             raise RcdnError("Board.ids must have one row a corner, and come with a target")
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
+        if self.sigma is not None and len(self.sigma) != len(self.xy):
+            raise RcdnError(f"Board.sigma has {len(self.sigma)} rows, but xy has {len(self.xy)}")
         if len(np.unique(self.ij @ (1, 1 << 20))) != len(self.ij):
             raise RcdnError("Board.ij must not hold a label twice")
+        object.__setattr__(self, "image_size", whole_size(self.image_size, "Board.image_size"))
+        if self.size[0] * self.size[1] > BOX:
+            raise RcdnError(
+                f"Board.ij spans {self.size[0]}×{self.size[1]} labels, more than {BOX}; are they column and row?"
+            )
 
     def __len__(self) -> int:
         return len(self.xy)
@@ -138,11 +158,13 @@ class Board:
     @property
     def complete(self) -> bool:
         """True if no label of the bounding grid is missing; False of a deltille."""
-        return self.pattern == "checker" and len(self) == self.size[0] * self.size[1]
+        return self.pattern != "deltille" and len(self) == self.size[0] * self.size[1]
 
     @property
     def points(self) -> Array:
-        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles); see `plane_points`."""
+        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles, sides of tags); see `plane_points`."""
+        if isinstance(self.target, AprilGrid):
+            return self.target.plane(self.ij)
         return plane_points(self.ij, self.pattern)
 
     def grid(self) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.base import Array, freeze
+from rcdn.types.base import Array, freeze, shape_of
 
 DEGREE = 3
 """of the splines"""
@@ -29,7 +29,7 @@ class LensCorrection:
     extent: Array
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.control)
+        shape = shape_of(self.control, "LensCorrection.control")
         if len(shape) != 3 or shape[2] != 2 or min(shape[:2]) <= DEGREE:
             raise RcdnError(f"LensCorrection.control must have shape (rows ≥ 4, columns ≥ 4, 2), not {shape}")
         freeze(self, "control", self.control, np.float64, shape[1:])

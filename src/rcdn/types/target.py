@@ -7,9 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, shown
 from rcdn.types.base import Array
 
+MOST = 1000
+"""squares or tags of a side, and first numbers, at most"""
 PUZZLE = 501
 """columns and rows of the PuzzleBoard's master code"""
 
@@ -32,6 +34,14 @@ class Charuco:
     inverted: bool = False
     kind: ClassVar[str] = "charuco"
 
+    def __str__(self) -> str:
+        extra = (
+            ("legacy",) * self.legacy
+            + ("inverted",) * self.inverted
+            + (f"from marker {self.first_id}",) * (self.first_id > 0)
+        )
+        return " ".join((f"ChArUco {self.columns}x{self.rows or '?'} {self.dictionary}", *extra))
+
     def ids(self, ij: Array) -> Array:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
@@ -47,6 +57,9 @@ class PuzzleBoard:
 
     kind: ClassVar[str] = "puzzleboard"
 
+    def __str__(self) -> str:
+        return "PuzzleBoard"
+
     def ids(self, ij: Array) -> Array:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
@@ -54,8 +67,8 @@ class PuzzleBoard:
 
 @dataclass(frozen=True)
 class AprilGrid:
-    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags over their
-    side; `border`: width of a tag's black border, bits; `first_id`: the tag at the bottom left.
+    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags
+    over their side; `border`: width of a tag's black border, bits; `first_id`: the tag at the bottom left.
 
     Corners are numbered as Kalibr numbers them: row by row upwards from the bottom left, 2 · columns a row. A corner's `ij` counts from the bottom
     right, i to the left and j upwards, so that it is right-handed like every label; it lies at `plane(ij)`.
@@ -68,6 +81,10 @@ class AprilGrid:
     border: int = 2
     first_id: int = 0
     kind: ClassVar[str] = "aprilgrid"
+
+    def __str__(self) -> str:
+        extra = f" from tag {self.first_id}" if self.first_id else ""
+        return f"AprilGrid {self.columns}x{self.rows or '?'} {self.family}{extra}"
 
     def ids(self, ij: Array) -> Array:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
@@ -92,26 +109,28 @@ def target_of(record: Any) -> Target:
     """The target of a `target_record`. Raises RcdnError if it is none."""
     kind = _KINDS.get(str(record.get("kind"))) if isinstance(record, dict) else None
     if kind is None:
-        raise RcdnError(f"a target has a kind, one of {', '.join(_KINDS)}, not {record!r}")
+        raise RcdnError(f"a target has a kind, one of {', '.join(_KINDS)}, not {shown(record)}")
     names = {f.name for f in fields(kind)}
     try:
         target = kind(**{name: value for name, value in record.items() if name in names})
     except TypeError as error:
         raise RcdnError(f"a target of kind {kind.kind} needs the fields {', '.join(sorted(names))}") from error
-    if isinstance(target, Charuco):
-        _check(target)
+    _check(target)
     return target
 
 
-def _check(target: Charuco) -> None:
-    whole = {"columns": target.columns, "rows": target.rows, "first_id": target.first_id}
-    for name, value in whole.items():
-        least = 0 if name == "first_id" else 2
-        if name == "rows" and value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= 1000:
-            raise RcdnError(f"target.{name} must be a whole number from {least} to 1000, not {value!r}")
-    if not isinstance(target.dictionary, str):
-        raise RcdnError(f"target.dictionary must be a name such as DICT_4X4_50, not {target.dictionary!r}")
-    if isinstance(target.marker, bool) or not isinstance(target.marker, int | float) or not 0 < target.marker < 1:
-        raise RcdnError(f"target.marker must lie between 0 and 1, not {target.marker!r}")
+def _check(target: Target) -> None:
+    """Raise RcdnError unless the fields of a target can be those of a print."""
+    for name, value in asdict(target).items():
+        if name in ("columns", "rows", "first_id", "border"):
+            least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)
+            if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= MOST):
+                raise RcdnError(f"target.{name} must be a whole number from {least} to {MOST}, not {shown(value)}")
+        elif name in ("marker", "gap"):
+            if type(value) not in (int, float) or not 0 < value < 1:
+                raise RcdnError(f"target.{name} must lie between 0 and 1, not {shown(value)}")
+        elif name in ("legacy", "inverted"):
+            if type(value) is not bool:
+                raise RcdnError(f"target.{name} must be true or false, not {shown(value)}")
+        elif not isinstance(value, str):
+            raise RcdnError(f"target.{name} must be a name, not {shown(value)}")

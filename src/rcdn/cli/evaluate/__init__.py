@@ -8,7 +8,18 @@ from __future__ import annotations
 
 import typer
 
-from rcdn.cli.evaluate import calibration, deltille, detection, figures, sieve, sweep, table4, tables, verdicts
+from rcdn.cli.evaluate import (
+    calibration,
+    deltille,
+    detection,
+    figures,
+    sieve,
+    sweep,
+    table4,
+    tables,
+    verdicts,
+    worst_case,
+)
 
 app = typer.Typer(
     no_args_is_help=True, help="Measure: every figure in the docs comes from one of these.", rich_markup_mode=None
@@ -19,6 +30,7 @@ app.command("detections")(detection.detections)
 app.command("recovery")(detection.recovery)
 app.command("sweep")(sweep.sweep)
 app.command("sieve")(sieve.sieve)
+app.command("worst-case")(worst_case.worst_case)
 app.command("calibration")(calibration.calibration)
 app.command("repeatability")(calibration.repeatability)
 app.command("trust")(calibration.trust)

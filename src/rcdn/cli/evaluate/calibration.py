@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rcdn.cli.evaluate._table import Json, bar, check_files, show
+from rcdn.errors import present
 
 
 def calibration(
@@ -52,8 +53,7 @@ def calibration(
     from rcdn.io import write_text
 
     check_files(json, markdown)
-    opened = open_cache(DetectorConfig(), cache)
-    assert opened is not None
+    opened = present(open_cache(DetectorConfig(), cache), "the cache")
     folder = opened.folder
     names = [name.strip() for name in detectors.split(",") if name.strip()]
     found, missing = suite.contestants(names, fingerprint, lambda salt: Cache(folder, salt))

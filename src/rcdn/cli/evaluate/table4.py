@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.cli.evaluate._table import Json, bar, check_files, write_csv
+from rcdn.errors import present
 
 
 def table4(
@@ -69,8 +70,7 @@ def table4(
     from rcdn.evaluation.paper import table4_work as work
 
     check_files(json, csv, markdown)
-    opened = open_cache(DetectorConfig(), cache)
-    assert opened is not None
+    opened = present(open_cache(DetectorConfig(), cache), "the cache")
     asked = (fingerprint, partial(Cache, opened.folder))
     found, missing = contestants([n.strip() for n in detectors.split(",") if n.strip()], *asked)
     count, texts, many = suite.FULL_VIEWS if full else views, sets or suite.NAMES, workers or usable_cores()

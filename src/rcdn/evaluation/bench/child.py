@@ -82,7 +82,8 @@ class Child:
     def time(self, image: Array, size: Size) -> Timing:
         """Detect in `image` (H, W) uint8 once. Raises Broken."""
         answer = self._ask((image, size), PATIENCE)
-        assert isinstance(answer, Timing)
+        if not isinstance(answer, Timing):
+            raise Broken(f"an answer of type {type(answer).__name__}")
         return answer
 
     def memory(self) -> Memory | None:

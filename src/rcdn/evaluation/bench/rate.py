@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.children import end_with_parent
 from rcdn.evaluation.bench.child import limited
 from rcdn.evaluation.bench.pictures import rendered
 
@@ -29,7 +30,7 @@ def rate(count: int) -> list[Row]:
 
     `count`: rounds; there are at least `ROUNDS`.
     """
-    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         return pool.submit(_measured, max(count, ROUNDS)).result()
 
 

@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from rcdn.children import end_with_parent
 from rcdn.config import DetectorConfig
 from rcdn.evaluation.bench.child import limited
 from rcdn.evaluation.bench.pictures import rendered
@@ -113,7 +114,7 @@ def stages(
     Runs of several threads have no stages: theirs overlap.
     """
     rows = []
-    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         for size in sizes:
             for kind in ("board", "clutter"):
                 if tell:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.calibration.usable import FEWEST_CORNERS
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, present
 from rcdn.evaluation.calibration.detectors import OURS, Contestant
 from rcdn.evaluation.calibration.pictures import Common, Found, common, handedness, look, whole
 from rcdn.evaluation.calibration.protocol import (
@@ -129,8 +129,8 @@ def largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
     if not usable:
         return None
     grid = max(usable, key=lambda g: len(g.xy))
-    assert grid.ij is not None
-    ij = grid.ij - grid.ij.min(axis=0)
+    ij = present(grid.ij, "the labels of a grid")
+    ij = ij - ij.min(axis=0)
     cols, rows = ij.max(axis=0) + 1
     full = np.full((rows, cols, 2), np.nan)
     full[ij[:, 1], ij[:, 0]] = grid.xy

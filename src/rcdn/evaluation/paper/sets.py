@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import ConfigError, FormatError
+from rcdn.errors import ConfigError, FormatError, present
 from rcdn.evaluation.sweep.pictures import placed
 from rcdn.io import as_grey, read_image
 from rcdn.synthetic import Background, BoardSpec, Light, Scene, Sensor, render, truth
@@ -121,8 +121,7 @@ def shots(wanted: PictureSet, data: Path | None = None, most: int | None = None)
     count = min(wanted.total, most or wanted.total)
     if wanted.recipe is not None:
         return [_rendered(wanted, k) for k in range(count)]
-    assert data is not None
-    return _photographs(wanted, data, count)
+    return _photographs(wanted, present(data, "the folder of photographs"), count)
 
 
 def missing(wanted: PictureSet, data: Path | None) -> str | None:
@@ -172,10 +171,10 @@ def _rendered(wanted: PictureSet, index: int) -> Shot:
 
 def scene(wanted: PictureSet, index: int) -> Scene:
     """Picture `index` of a rendered set: one board, wholly visible. The same arguments give the same scene."""
-    assert wanted.recipe is not None
+    recipe = present(wanted.recipe, "the recipe of a set")
     rng = np.random.default_rng([FIRST, list(SETS).index(wanted.name), index])
-    made = _empty(rng, wanted.recipe)
-    return replace(made, boards=(_board(rng, wanted.recipe, made),))
+    made = _empty(rng, recipe)
+    return replace(made, boards=(_board(rng, recipe, made),))
 
 
 def _empty(rng: Rng, r: Recipe) -> Scene:

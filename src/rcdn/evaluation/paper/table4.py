@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, present
 from rcdn.evaluation.calibration import SETS, CameraSet, Contestant, chosen
 from rcdn.evaluation.calibration.detectors import OURS
 from rcdn.evaluation.calibration.pictures import Found, common, look, whole
@@ -177,8 +177,8 @@ class _Job:
 
 def _jobs(one: PaperSet, detectors: Sequence[Contestant]) -> list[_Job]:
     """Look at all pictures of a set; the rows that they give."""
-    assert one.data is not None
-    found = [look(camera, one.data, detectors) for camera in one.cameras]
+    data = present(one.data, "the data of a set")
+    found = [look(camera, data, detectors) for camera in one.cameras]
     wholes = {d.name: _wholes(one, found, d.name) for d in detectors}
     counts = {n: {"pictures": sum(len(f.names) for f in found), "whole": len(w)} for n, w in wholes.items()}
     stereo = len(one.cameras) == len(one.truth) == 2

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.calibration import calibrate_stereo
-from rcdn.errors import CalibrationError
+from rcdn.errors import CalibrationError, present
 from rcdn.evaluation.calibration.protocol import (
     FEWEST,
     Half,
@@ -150,8 +150,7 @@ def corner_errors(parts: Sequence[Boards]) -> tuple[float, float, float]:
 def _against_truth(part: Boards, done: Half) -> tuple[Array, ...]:
     """Errors of a camera and of the poses held out: focal lengths (2,), centre (1,), px; rotation (n,), degrees; translation of the
     board's middle (n,), share of its distance; model (n · M,), px."""
-    truth = part.truth
-    assert truth is not None
+    truth = present(part.truth, "the truth of a set")
     camera, index = done.state.cameras[0], [part.index[k] for k in done.others]
     off = camera.K - truth.camera.K
     T, known = done.state.poses[done.others], truth.T[index]

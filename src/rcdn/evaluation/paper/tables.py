@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std, Threshold
 from rcdn.corners.response import load_model
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, present
 from rcdn.evaluation.paper.cache import TableCache, digest, open_cache
 from rcdn.evaluation.paper.networks import NETWORKS
 from rcdn.evaluation.paper.published import CROSS_ENTROPY, SQUARED, TABLE2, TABLE3
@@ -129,8 +129,7 @@ def look(shot: Shot, lines: Sequence[Line], load: Load, cache: TableCache | None
     found = {line: None if cache is None else cache.get(line.row, shot, repr(line.rule(column))) for line in lines}
     image = shot.image() if any(xy is None for xy in found.values()) else None
     for row in dict.fromkeys(line.row for line, xy in found.items() if xy is None):
-        assert image is not None
-        response = load(row)(image)
+        response = load(row)(present(image, "the picture"))
         mine = [line for line, xy in found.items() if line.row == row and xy is None]
         new = {line: _found(response, line.rule(column)) for line in mine}
         found |= new

@@ -8,13 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import numpy as np
-
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
 from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import read_text
+from rcdn.io.fields import is_rigid, read_text
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Camera, StereoCalibration
 
@@ -24,6 +22,7 @@ __all__ = [
     "Rectification",
     "StereoCameras",
     "camera_format",
+    "check_lens",
     "lens_fit",
     "read_camera",
     "read_cameras",
@@ -83,6 +82,18 @@ def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None =
     return fit
 
 
+def check_lens(path: str | Path, camera: Camera, format: CameraFormat | None = None, stereo: bool = False) -> None:
+    """Raise FormatError if the format of `camera_format(path, format)` can't hold a camera with such a lens, or (`stereo`) no pair."""
+    kind = _FORMATS[camera_format(path, format)]
+    if stereo and kind.stereo_texts is None:
+        raise _no_pair(kind)
+    kind.text(camera)
+
+
+def _no_pair(kind: Format) -> FormatError:
+    return FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
+
+
 def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
     """What a file in the format of `camera_format(path, format)` holds of a camera with a `correction`: the best fit of the format's lens
     models (mrcal: of its splined stereographic one) over the frame, and how far it is off; None if it holds the camera as it is.
@@ -115,7 +126,8 @@ def read_camera(path: str | Path, format: CameraFormat | None = None, name: str 
         return next(iter(cameras.values()))
     if name not in cameras:
         raise FormatError(
-            f"{path}: holds the cameras {', '.join(cameras)}; name one of them" + (f", not {name!r}" if name else "")
+            f"{path}: holds the cameras {', '.join(cameras)}; name one of them"
+            + (f", not {shown(name)}" if name else "")
         )
     return cameras[name]
 
@@ -136,7 +148,7 @@ def write_stereo(
     """
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
-        raise FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
+        raise _no_pair(kind)
     found = StereoCameras.of(pair)
     left, right = (_side(path, kind, side, format) for side in (("left", found.left), ("right", found.right)))
     fits = [left[1], right[1]]
@@ -187,8 +199,7 @@ def read_stereo(left: str | Path, right: str | Path | None = None, format: Camer
         pair = kind.stereo([(data, str(path)) for (_, data), path in zip(found, paths, strict=True)])
     except RcdnError as error:
         raise error if isinstance(error, FormatError) else FormatError(f"{left}: {error}") from error
-    R = pair.T_right_left[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-5) or np.linalg.det(R) < 0:
+    if not is_rigid(pair.T_right_left):
         raise FormatError(f"{left}: the pose of the right camera is no rotation and translation; export it again")
     return pair
 
@@ -197,21 +208,31 @@ def _known(format: str) -> CameraFormat:
     for known in get_args(CameraFormat):
         if format == known:
             return known
-    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {format!r}")
+    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {shown(format)}")
+
+
+MOST = 4_000_000
+"""letters of a camera file that isn't JSON: what is larger is none, and its YAML would take minutes to read"""
 
 
 def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
     """The format of a file, by what is in it, and its data."""
     text = read_text(path)
     if format is not None:
-        return format, _FORMATS[_known(format)].load(str(path), text)
+        return format, _parsed(_known(format), path, text)
     lines = (line.strip() for line in text.splitlines())
     first = next((line for line in lines if line and not line.startswith("#")), "")
     for kind, sign in _SIGNS.items():
         if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
-            return _known(kind), _FORMATS[kind].load(str(path), text)
-    data = yaml_text.load(str(path), text) if text.strip() else None
+            return _known(kind), _parsed(kind, path, text)
+    data = _parsed("opencv", path, text) if text.strip() else None  # YAML, whatever its kind
     return _yaml_kind(data, path), data
+
+
+def _parsed(kind: str, path: str | Path, text: str) -> Any:
+    if len(text) > MOST and kind != "json":
+        raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")
+    return _FORMATS[kind].load(str(path), text)
 
 
 # what the first line that isn't a comment begins with

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError
+from rcdn.geometry import lens_trouble
 from rcdn.geometry.fit_lens import nearest
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import take
 from rcdn.types import Array, Camera, CameraModel
+from rcdn.types.ranges import whole_size
 
 HOLDERS = {
     "pinhole": "opencv, ros, kalibr, colmap, mrcal or json",
@@ -75,8 +77,6 @@ def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit
 
 def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], model: CameraModel) -> Camera:
     """A camera from the numbers of a file, checked."""
-    if min(size) < 1:
-        raise FormatError(f"{where}: the image size must be positive, not {size[0]}×{size[1]}")
     lower = np.array([K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1])
     if not np.isfinite(K).all() or K[0, 0] <= 0 or K[1, 1] <= 0 or lower.any():
         raise FormatError(
@@ -85,9 +85,17 @@ def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], mo
     if not np.isfinite(distortion).all():
         raise FormatError(f"{where}: the distortion must hold finite numbers")
     try:
-        return Camera(K, np.asarray(distortion, float), size, model)
+        whole = whole_size(size, "the image size")
+        return usable(Camera(K, np.asarray(distortion, float), whole, model), where)
     except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
+        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
+
+
+def usable(camera: Camera, where: str) -> Camera:
+    """The camera of a file, if something can be computed with it."""
+    if trouble := lens_trouble(camera):
+        raise FormatError(f"{where}: {trouble}; calibrate it again")
+    return camera
 
 
 def matrix(fx: float, fy: float, cx: float, cy: float) -> Array:

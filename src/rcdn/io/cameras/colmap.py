@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import Format, coefficients, make_camera, matrix, opencv_lens, pinhole_numbers
 from rcdn.io.cameras.yaml_text import digits
 from rcdn.types import Array, Camera
@@ -60,10 +60,10 @@ def _load(path: str, text: str) -> list[tuple[str, list[str]]]:
 
 def _camera(fields: list[str], where: str) -> Camera:
     if not LINE.fullmatch(" ".join(fields)):
-        raise FormatError(f"{where} must be `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, not {' '.join(fields)!r}")
+        raise FormatError(f"{where} must be `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, not {shown(' '.join(fields))}")
     name = fields[1]
     if name not in _MODELS:
-        raise FormatError(f"{where}: rcdn doesn't know the lens model {name}; it reads {', '.join(_MODELS)}")
+        raise FormatError(f"{where}: rcdn doesn't know the lens model {shown(name)}; it reads {', '.join(_MODELS)}")
     focal, lens, model = _MODELS[name]
     try:
         width, height, values = int(fields[2]), int(fields[3]), [float(f) for f in fields[4:]]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import (
     Format,
     coefficients,
@@ -21,7 +21,7 @@ from rcdn.io.cameras.base import (
 )
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow, load
-from rcdn.io.fields import numbers, take, two_whole_numbers
+from rcdn.io.fields import numbers, rigid, take, two_whole_numbers
 from rcdn.types import Array, Camera
 
 TITLE = "Kalibr's camchain"
@@ -63,7 +63,9 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
 
 def names(data: Any) -> list[str]:
     """Names of the cameras in a camchain, in its order."""
-    found = [k for k in data if isinstance(k, str) and re.fullmatch(r"cam\d+", k)] if isinstance(data, dict) else []
+    found = (
+        [k for k in data if isinstance(k, str) and re.fullmatch(r"cam[0-9]{1,9}", k)] if isinstance(data, dict) else []
+    )
     return sorted(found, key=lambda name: int(name[3:]))
 
 
@@ -71,11 +73,11 @@ def _camera(record: Any, where: str) -> Camera:
     kind, lens = take(record, "camera_model", str, where), take(record, "distortion_model", str, where)
     if kind != "pinhole":
         raise FormatError(
-            f"{where}: 'camera_model' must be pinhole, not {kind!r}, which rcdn doesn't know; calibrate again"
+            f"{where}: 'camera_model' must be pinhole, not {shown(kind)}, which rcdn doesn't know; calibrate again"
         )
     if lens not in _LENGTHS:
         raise FormatError(
-            f"{where}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {lens!r}; calibrate again"
+            f"{where}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {shown(lens)}; calibrate again"
         )
     K = matrix(*numbers(record, "intrinsics", where, finite=True, shape=(4,)))
     size = two_whole_numbers(record, "resolution", where)
@@ -100,7 +102,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
         raise FormatError(f"{files[1][1]}: {TITLE} holds both cameras in one file; give that one only")
     left, right = pair_of(_cameras(data, path), path)
     second = names(data)[1]
-    T = numbers(data[second], "T_cn_cnm1", f"{path}: {second}", finite=True, shape=(4, 4))
+    T = rigid(data[second], "T_cn_cnm1", f"{path}: {second}")
     return StereoCameras(left, right, T)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.geometry.splined import Splined, camera_of, splined_of
 from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras, motion
@@ -25,7 +25,7 @@ _LENGTHS = {
 }
 _NAMES = {n: name for name, n in _LENGTHS.items()}
 SPLINED = "LENSMODEL_SPLINED_STEREOGRAPHIC"
-_SPLINED = re.compile(SPLINED + r"_order=(\d+)_Nx=(\d+)_Ny=(\d+)_fov_x_deg=(\d+)")
+_SPLINED = re.compile(SPLINED + r"_order=(\d{1,9})_Nx=(\d{1,9})_Ny=(\d{1,9})_fov_x_deg=(\d{1,9})")
 _POSE = ("extrinsics", "rt_cam_ref")
 
 
@@ -87,7 +87,7 @@ def _load(path: str, text: str) -> Any:
     try:
         return ast.literal_eval(text.strip())
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError) as error:
-        raise FormatError(f"{path}: not a .cameramodel ({error}); export it again") from error
+        raise FormatError(f"{path}: not a .cameramodel ({shown(str(error))}); export it again") from error
 
 
 def _camera(data: Any, path: str) -> Camera:
@@ -96,7 +96,7 @@ def _camera(data: Any, path: str) -> Camera:
         return _splined_camera(data, path, [int(n) for n in splined.groups()])
     if name not in _LENGTHS:
         raise FormatError(
-            f"{path}: rcdn doesn't know the lens model {name}; make it one of {', '.join(_LENGTHS)} or {SPLINED}_order=3_… "
+            f"{path}: rcdn doesn't know the lens model {shown(name)}; make it one of {', '.join(_LENGTHS)} or {SPLINED}_order=3_… "
             "with mrcal-convert-lensmodel"
         )
     values, size = _numbers(data, path, 4 + _LENGTHS[name])

@@ -9,10 +9,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
-from rcdn.io.cameras.base import Format, make_camera, pair_of
+from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.io.cameras.base import Format, make_camera, pair_of, usable
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import numbers, read_json, take, two_whole_numbers
+from rcdn.io.fields import numbers, read_json, rigid, take, two_whole_numbers
 from rcdn.types import Camera, CameraModel, LensCorrection
 
 TITLE = "rcdn's JSON"
@@ -46,7 +46,7 @@ def camera_of(owner: Any, where: str) -> Camera:
     where = f"{where}: camera"
     model: CameraModel = take(record, "model", str, where)
     if model not in get_args(CameraModel):
-        raise FormatError(f"{where}: 'model' must be one of {', '.join(get_args(CameraModel))}, not {model!r}")
+        raise FormatError(f"{where}: 'model' must be one of {', '.join(get_args(CameraModel))}, not {shown(model)}")
     size = two_whole_numbers(record, "image_size", where)
     K = numbers(record, "K", where, finite=True, shape=(3, 3))
     camera = make_camera(where, K, numbers(record, "distortion", where, finite=True, shape=(-1,)), size, model)
@@ -59,9 +59,10 @@ def _corrected(camera: Camera, record: dict[str, Any], where: str) -> Camera:
     extent = numbers(found, "extent", where, finite=True, shape=(2,))
     control = numbers(found, "control", where, finite=True)
     try:
-        return replace(camera, correction=LensCorrection(control, extent))
+        corrected = replace(camera, correction=LensCorrection(control, extent))
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
+    return usable(corrected, where)
 
 
 def to_text(kind: str, record: dict[str, Any]) -> str:
@@ -75,7 +76,7 @@ def load(path: str, text: str) -> Any:
     version = data.get("version") if isinstance(data, dict) else None
     if version != VERSION:
         raise FormatError(
-            f"{path}: version must be {VERSION}, not {version!r}; write it again with `rcdn calibrate --json`"
+            f"{path}: version must be {VERSION}, not {shown(version)}; write it again with `rcdn calibrate --json`"
         )
     return data
 
@@ -108,7 +109,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 def _pair(data: Any, path: str) -> StereoCameras:
     """The pair of a pair's file or of a stereo calibration."""
     left, right = pair_of(cameras(data, path), path)
-    T = numbers(data, "T_right_left", path, finite=True, shape=(4, 4))
+    T = rigid(data, "T_right_left", path)
     if "R_left" not in data:
         return StereoCameras(left, right, T)
     turns = {name: numbers(data, name, path, finite=True, shape=shape) for name, shape in SHAPES.items()}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import Format, coefficients, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
 from rcdn.io.cameras.yaml_text import block_matrix, load
@@ -63,7 +63,7 @@ def _camera(data: Any, path: str) -> Camera:
     D = numbers(record, "data", where, finite=True, shape=(-1,))
     kind = data.get("distortion_model") or {5: "plumb_bob", 8: "rational_polynomial"}.get(len(D))
     if not isinstance(kind, str) or kind not in _LENGTHS:
-        raise FormatError(f"{path}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {kind!r}")
+        raise FormatError(f"{path}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {shown(kind)}")
     if len(D) not in _LENGTHS[kind]:
         raise FormatError(f"{where}: {kind} takes {_LENGTHS[kind][-1]} numbers, not {len(D)}")
     if kind == "equidistant":
@@ -81,6 +81,10 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     if P_right[0, 0] <= 0 or P_right[1, 1] <= 0 or not P_right[:2, 3].any():
         raise FormatError(
             f"{files[1][1]}: 'projection_matrix' has no baseline; give the right camera of a stereo calibration"
+        )
+    if P_right[1, 0] or P_right[2, :2].any() or P_right[2, 2] != 1:
+        raise FormatError(
+            f"{files[1][1]}: 'projection_matrix' must be a camera's (fx 0 cx, 0 fy cy, 0 0 1); export it again"
         )
     shift = np.linalg.solve(P_right[:, :3], P_right[:, 3])
     T = motion(R_right.T @ R_left, R_right.T @ shift)

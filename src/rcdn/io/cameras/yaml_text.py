@@ -11,6 +11,10 @@ import yaml  # type: ignore[import-untyped]
 
 from rcdn.errors import FormatError
 from rcdn.types import Array
+from rcdn.types.ranges import LARGEST
+
+MOST = 1_000_000
+"""values in a file: a short text can say any number of them by aliases"""
 
 
 class Matrix(dict[str, Any]):
@@ -18,9 +22,12 @@ class Matrix(dict[str, Any]):
 
     def array(self, where: str) -> Array:
         try:
-            return np.array(self["data"], dtype=float).reshape(int(self["rows"]), int(self["cols"]))
+            array = np.array(self["data"], dtype=float).reshape(int(self["rows"]), int(self["cols"]))
         except (KeyError, ValueError, TypeError, OverflowError) as error:
             raise FormatError(f"{where} must have rows, cols and as many numbers in data; export it again") from error
+        if (np.isfinite(array) & (np.abs(array) > LARGEST)).any():
+            raise FormatError(f"{where} must hold numbers within ±{LARGEST:g}")
+        return array
 
 
 class _Loader(yaml.SafeLoader):
@@ -38,10 +45,26 @@ def load(path: str, text: str) -> Any:
     """The value of a YAML file, OpenCV's matrices as `Matrix`. Raises FormatError with the line of the trouble."""
     plain = re.sub(r"\A%YAML[: ]1\.\d[^\n]*\n", "", text)  # OpenCV's head is not YAML's
     try:
-        return yaml.load(plain, _Loader)
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
+        value = yaml.load(plain, _Loader)
+    except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
         reason = " ".join(str(error).split()).replace('"<unicode string>", ', "") or type(error).__name__
-        raise FormatError(f"{path}: not YAML ({reason}); mend that line, or export the file again") from error
+        raise FormatError(f"{path}: not YAML ({reason[:300]}); mend that line, or export the file again") from error
+    if _holds(value) > MOST:
+        raise FormatError(f"{path}: its aliases (*) say more than {MOST} values; export the file again")
+    return value
+
+
+def _holds(value: Any) -> int:
+    """How many values there are, those behind an alias counted wherever it stands; not beyond MOST."""
+    many, waiting = 0, [value]
+    while waiting and many <= MOST:
+        many += 1
+        found = waiting.pop()
+        if isinstance(found, dict):
+            waiting += [*found.keys(), *found.values()]
+        elif isinstance(found, (list, tuple, set)):
+            waiting += found
+    return many
 
 
 def digits(value: float) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rcdn.calibration.comparison import Comparison
+from rcdn.errors import present
 from rcdn.io import write_text
 from rcdn.report.calibration import sections, verdict
 from rcdn.report.calibration.charts import legend
@@ -194,18 +195,18 @@ def _difference_figure(found: Comparison) -> Html:
 
 
 def _ratio_figure(found: Comparison) -> Html:
-    assert found.agreement is not None
+    agreement = present(found.agreement, "Comparison.agreement")
     sensor = Sensor(found.cameras[0].image_size)
-    field, step, _ = _field(found, found.agreement.ratio, sensor)
+    field, step, _ = _field(found, agreement.ratio, sensor)
     levels = np.array([0.5, 1, 1.5, 2, 3, 5])
     levels = levels[: max(int(np.searchsorted(levels, np.nanmax(field))), 2)]
     art = sensor.draw(
-        f"Difference divided by what both calibrations state: {number(found.agreement.rms, 2)} RMS over the area.",
+        f"Difference divided by what both calibrations state: {number(agreement.rms, 2)} RMS over the area.",
         _bands(field, levels, step),
         _outlines(found, sensor),
     )
     text = (
-        f"1 is expected by chance; an RMS over {number(found.agreement.expected, 2)} has a probability of 1 %. Neighbours move together, so a large "
+        f"1 is expected by chance; an RMS over {number(agreement.expected, 2)} has a probability of 1 %. Neighbours move together, so a large "
         "patch over 2 is no rarity."
     )
     return sections.figure("Difference ÷ what both state", each([art, legend(*band_marks(levels, ""))]), text)

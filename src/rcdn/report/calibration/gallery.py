@@ -21,7 +21,7 @@ def gallery(calibration: Calibration, show: Pictures | None, budget: int, key: s
     chosen = pictures.with_jpegs(pictures.worth_showing(every), show, budget)
     most = pictures.DOTS // max(len(chosen), 1)
     names = [v.name for v in calibration.views]
-    parts: list[Html | None] = [_gallery_legend(chosen), _gallery_words(every, chosen, show is not None)]
+    parts: list[Html | None] = [_gallery_legend(chosen), _gallery_words(every, chosen, show)]
     for title, group in (("Left out", [s for s in chosen if s.out]), ("Used", [s for s in chosen if not s.out])):
         if group:
             parts.append(tag(f"h{level}", f"{title} ({len(group)})"))
@@ -30,14 +30,16 @@ def gallery(calibration: Calibration, show: Pictures | None, budget: int, key: s
     return tag("div", *parts, class_="views")
 
 
-def _gallery_words(every: list[Shot], chosen: list[Shot], asked: bool) -> Html | None:
+def _gallery_words(every: list[Shot], chosen: list[Shot], show: Pictures | None) -> Html | None:
     words = []
     if len(chosen) < len(every):
         words.append(
             f"{len(chosen)} of {len(every)} pictures are shown, to keep the page small: those with left-out views and the worst first."
         )
-    if asked and (blank := sum(s.jpeg is None for s in chosen)):
+    if show is not None and (blank := sum(s.jpeg is None for s in chosen)):
         words.append(f"{counted(blank, 'photograph')} couldn’t be shown; the corners are drawn alone.")
+    if left_out := getattr(show, "left_out", ""):
+        words.append(left_out)
     return tag("p", " ".join(words), class_="soft") if words else None
 
 

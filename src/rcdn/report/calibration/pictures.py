@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from rcdn.errors import present
 from rcdn.geometry import project, unproject
 from rcdn.geometry.undistort import resized, undistorted_camera, undistortion_maps
 from rcdn.io import as_grey
@@ -16,7 +17,7 @@ from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, 
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 Pictures = Callable[[str], Array | None]
-"""The photograph (H, W) of a view's name, or None."""
+"""The photograph (H, W) of a view's name, or None. An attribute `left_out` of it is a sentence for the page, on what it doesn't give."""
 
 WIDTHS = (960, 760, 560, 480, 400, 320, 240, 180, 128)
 """px that thumbnails may be wide; the widest that fits is taken"""
@@ -103,8 +104,7 @@ def shrunk(grey: Array, size: tuple[int, int]) -> Array:
 def _with_jpeg(shot: Shot, read: tuple[Array, tuple[int, int]] | None, width: int) -> Shot:
     if read is None:
         return shot
-    small = _small(read[0], width)
-    assert small is not None
+    small = present(_small(read[0], width), "a picture")
     return replace(shot, size=read[1], jpeg=jpeg(small[0], THUMB_QUALITY))
 
 

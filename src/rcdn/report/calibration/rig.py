@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from rcdn.calibration.stereo_verdict import baseline_std
+from rcdn.errors import present
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration import charts, page, sections
 from rcdn.report.calibration.markup import Html, coordinate, each, number, segments, tag, value_and_std
@@ -84,7 +87,6 @@ def _from_above(stereo: StereoCalibration) -> Html:
 
 def _board_line(view: BoardView, spacing: float) -> Array:
     """The board's longer middle line from above, (2, 2): (x, z) of its ends, m."""
-    assert view.pose is not None
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     middle = (low + high) / 2
     across = high - low
@@ -93,12 +95,11 @@ def _board_line(view: BoardView, spacing: float) -> Array:
         if across[0] >= across[1]
         else [[middle[0], low[1], 0], [middle[0], high[1], 0]]
     )
-    return np.asarray(transform(view.pose, np.array(ends) * spacing)[:, [0, 2]])
+    return np.asarray(transform(present(view.pose, "the pose of a view"), np.array(ends) * spacing)[:, [0, 2]])
 
 
-def _wedge(to: object, T: Array, calibration: Calibration, reach: float, name: str) -> Html:
+def _wedge(to: Callable[[Array], Array], T: Array, calibration: Calibration, reach: float, name: str) -> Html:
     """A camera as a dot with the two edges of its field of view."""
-    assert callable(to)
     camera = calibration.camera
     cy = camera.K[1, 2]
     rays = unproject(camera, np.array([[-0.5, cy], [camera.image_size[0] - 0.5, cy]]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from rcdn.calibration.board_points import pattern_of
 from rcdn.calibration.view_facts import tilts
+from rcdn.errors import present
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
 from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag
@@ -90,8 +91,9 @@ def space_figure(
 
 def outline(view: BoardView, spacing: float, pattern: Pattern = "checker") -> Array:
     """(4, 3) m, camera coordinates: the outer corners of a view's board, one square beyond its outermost corners seen."""
-    assert view.pose is not None
-    return rectangle(view.pose, view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, spacing, pattern)
+    return rectangle(
+        present(view.pose, "the pose of a view"), view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, spacing, pattern
+    )
 
 
 def rectangle(pose: Pose, low: Array, high: Array, spacing: float, pattern: Pattern = "checker") -> Array:

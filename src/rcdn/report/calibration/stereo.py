@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS
 from rcdn.calibration.stereo_verdict import baseline_std, judge_stereo
+from rcdn.errors import present
 from rcdn.geometry import unproject
 from rcdn.io import as_grey, write_text
 from rcdn.report.calibration import charts, gallery, page, pictures, rig, sections, style, verdict
@@ -226,11 +227,10 @@ def _rectified_pair(
     level = None
     sides = ((stereo.left, stereo.R_left, stereo.P_left, a, ka), (stereo.right, stereo.R_right, stereo.P_right, b, kb))
     for name, (calibration, R, P, view, rows), picture in zip(("Left", "Right"), sides, found, strict=True):
-        assert picture is not None
         camera = calibration.camera
         factor = min(1.0, pictures.SAMPLE_WIDTH / max(camera.image_size))
         size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
-        small = pictures.shrunk(as_grey(picture), size)
+        small = pictures.shrunk(as_grey(present(picture, "a picture")), size)
         flat = Camera(P[:, :3], np.zeros(0), camera.image_size, "pinhole")
         image = pictures.undistort(small, pictures.resized(camera, size), pictures.resized(flat, size), R)
         ratio = np.array(size) / np.array(camera.image_size)

@@ -1,0 +1,92 @@
+"""Where a board ends: one or two corners beyond its rim make no column or row where the picture shows that rim beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.boards.edges import edge_contrast
+from rcdn.boards.fill import SEEN, Spots, with_sense
+from rcdn.boards.graph import Field
+from rcdn.boards.grow import SHOWN, SHOWN_WEAK
+from rcdn.boards.local import Grid, windows
+from rcdn.boards.validate import STEPS, is_full
+from rcdn.types import Array
+
+FEW = 2
+"""corners that are no evidence for a column by themselves: a dark background makes as many where it meets a white margin as a square would"""
+LEAST_ENDS = 2
+"""places of a column at which the board must be seen to end before it"""
+CLEAR = 0.4
+"""squares to the frame within which a crossing may go unseen"""
+
+
+def cut_at_rim(field: Field, grid: Grid, sign: int, free: Array) -> bool:
+    """Drop outermost columns and rows of one or two corners if at as many of their other places, and two at least, the board is seen to end.
+
+    In place; `free` (N,) bool: corners that are in no board, updated. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
+    Returns whether a corner was dropped. Columns that the frame or a cover cuts stay: it hides the edges that lead to what it hides.
+    """
+    before = len(grid)
+    while sign and not is_full(grid) and any([_cut_side(field, grid, sign, free, np.array(step)) for step in STEPS]):
+        pass
+    return len(grid) < before
+
+
+def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Array) -> bool:
+    """Drop the line of corners on the side from which the step `inward` (2,) leads into the grid, if it is none of the board's."""
+    labels = grid.labels
+    depth = labels @ inward
+    line = labels[depth == depth.min()]
+    if not 0 < len(line) <= FEW:
+        return False
+    spots = labels[depth == depth.min() + 1] - inward
+    spots = spots[windows(labels, spots, 0)[:, 0] < 0]
+    if _ends(field, grid, sign, spots, inward).sum() < max(len(line), LEAST_ENDS):
+        return False
+    for u, v in line.tolist():
+        corner = grid.at.pop((u, v))
+        if corner < len(free):
+            free[corner] = True
+    return True
+
+
+def _ends(field: Field, grid: Grid, sign: int, spots: Array, inward: Array) -> Array:
+    """How plainly the picture shows at each of the empty `spots` (K, 2), a step before a corner each, that the board ends there: 0, ½ or 1.
+
+    The edge that leads there from the corner is seen, about as plainly as the one on the corner's other side, but no crossing at its end. It
+    counts half where the edge can't be followed to its end, through noise or since a cover or the dark begins there.
+    """
+    near, behind = _Known(grid, spots + inward), _Known(grid, spots + 2 * inward)
+    guess, inner = grid.predictions(spots), grid.predictions(spots + inward)
+    some = np.intersect1d(with_sense(guess), with_sense(inner))
+    some = some[near.has[some] & behind.has[some] & _clear(field.grey, guess.maps[some])]
+    start, end = near.xy[some], guess.xy[some]
+    # the sides of an edge change their colours in each corner
+    usual = -np.median(edge_contrast(field.grey, behind.xy[some], start), axis=1)
+    whole, far = (_share(edge_contrast(field.grey, at, end), usual) for at in (start, 0.5 * (start + end)))
+    shown = np.where(whole >= SHOWN_WEAK, np.where(far >= SHOWN, 1.0, 0.5), 0.0)
+    here = Spots(spots[some], guess.take(some)).look(field.grey, sign)[1]
+    there = Spots(spots[some] + inward, inner.take(some)).look(field.grey, sign)[1]
+    crossed = ((here >= SEEN * there) | (there <= 0)).all(axis=1)
+    return np.where(crossed, 0.0, shown)
+
+
+def _share(contrast: Array, usual: Array) -> Array:
+    """The least of the thirds of `contrast` (K, 3), share of what is `usual` (K,)."""
+    return (contrast / np.where(usual == 0, np.inf, usual)[:, None]).min(axis=1)
+
+
+class _Known:
+    """Which `spots` (K, 2) of a grid have corners, `has` (K,), and where these are, `xy` (K, 2) px."""
+
+    def __init__(self, grid: Grid, spots: Array) -> None:
+        rows = windows(grid.labels, spots, 0)[:, 0]
+        self.has, self.xy = rows >= 0, grid.xy[grid.corners[rows]]
+
+
+def _clear(grey: Array, maps: Array) -> Array:
+    """Which predicted corners (K,), of `maps` (K, 6) as in `Predictions`, lie far enough from the picture's frame."""
+    height, width = grey.shape
+    reach = CLEAR * np.maximum(np.abs(maps[:, 2:4]), np.abs(maps[:, 4:]))
+    xy = maps[:, :2]
+    return np.asarray(((xy >= reach) & (xy <= np.array([width - 1, height - 1]) - reach)).all(axis=1))

@@ -1,0 +1,49 @@
+"""Arguments of the public functions, checked: an error names the argument and what it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+from rcdn.errors import ConfigError, shown
+from rcdn.geometry.usable_lens import number_trouble
+from rcdn.types import Board, Camera
+from rcdn.types.ranges import SPACING, in_words, is_spacing
+
+
+def check_spacing(spacing: float) -> None:
+    """Raise ConfigError unless `spacing` can be the side of a square."""
+    if not is_spacing(spacing):
+        raise ConfigError(
+            f"spacing is the side of one square in metres and must be positive, {in_words(*SPACING)} (25 mm: 0.025), not {shown(spacing)}"
+        )
+
+
+def check_boards(boards: Any, name: str = "boards") -> None:
+    """Raise ConfigError unless `boards` is a list of boards."""
+    if not isinstance(boards, Sequence):
+        raise ConfigError(f"{name} must be a list of boards, not {type(boards).__name__}")
+    for k, board in enumerate(boards):
+        check_board(board, f"{name}[{k}]")
+
+
+def check_board(board: Any, name: str = "board") -> None:
+    """Raise ConfigError unless it is one."""
+    if not isinstance(board, Board):
+        raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
+
+
+def check_camera(camera: Any, name: str = "camera") -> None:
+    """Raise ConfigError unless it is a camera whose numbers can be those of a lens."""
+    if not isinstance(camera, Camera):
+        raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}")
+    if trouble := number_trouble(camera):
+        raise ConfigError(f"{name}.{trouble}")
+
+
+def texts(values: Any, name: str) -> list[str]:
+    """A list of text; one text is a list of one. Raises ConfigError for anything else."""
+    found = [values] if isinstance(values, str) else list(values) if isinstance(values, Collection) else [None]
+    if not all(isinstance(v, str) for v in found):
+        raise ConfigError(f"{name} must be a list of text, not {shown(values)}")
+    return [v for v in found if isinstance(v, str)]

@@ -1,0 +1,79 @@
+"""Points and boxes of the plane, sorted into square cells: what lies in a box is found without looking at all of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.types import Array
+
+EACH = 16
+"""points of a cell, about"""
+AWAY = -1e5
+"""px; points put away, far off any picture, are in no box"""
+
+
+class PointCells:
+    """`points` (N, 2) sorted into square cells of about `EACH` points."""
+
+    def __init__(self, points: Array) -> None:
+        self.points = points
+        rows = np.flatnonzero((points > AWAY).all(axis=1))
+        at = points[rows]
+        self._low = at.min(axis=0) if len(at) else np.zeros(2)
+        span = at.max(axis=0) - self._low if len(at) else np.zeros(2)
+        each = EACH / max(len(at), 1)
+        self._size = max(float(np.sqrt(span.prod() * each)), float(span.max()) * each, 1e-3)
+        self._count = (span / self._size).astype(np.int64) + 1
+        column, row = self._cell(at)
+        cell = row * self._count[0] + column
+        order = np.argsort(cell, kind="stable")
+        self._order = rows[order]
+        self._first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=int(self._count.prod())))])
+
+    def _cell(self, at: Array) -> Array:
+        return np.clip((at - self._low) // self._size, 0, self._count - 1).astype(np.int64).T
+
+    def share(self, low: Array, high: Array) -> float:
+        """Which share of all cells a box touches."""
+        (left, top), (right, bottom) = self._cell(low).tolist(), self._cell(high).tolist()
+        return (right - left + 1) * (bottom - top + 1) / float(self._count.prod())
+
+    def inside(self, low: Array, high: Array) -> Array:
+        """Rows, rising, of the points in a box, its `low` (2,) and `high` (2,) corner included."""
+        if not (high >= low).all():
+            return np.zeros(0, np.int64)
+        (left, top), (right, bottom) = self._cell(low).tolist(), self._cell(high).tolist()
+        columns = int(self._count[0])
+        lines = range(top * columns, (bottom + 1) * columns, columns)
+        found = np.concatenate([self._order[self._first[k + left] : self._first[k + right + 1]] for k in lines])
+        at = self.points[found]
+        return np.sort(found[((at >= low) & (at <= high)).all(axis=1)])
+
+
+class BoxCells:
+    """Boxes `low`, `high` (N, 2), each listed in all cells that it touches. Cells are as large as the boxes' usual area."""
+
+    def __init__(self, low: Array, high: Array) -> None:
+        self.low, self.high = low, high
+        span = high - low
+        extent = high.max(axis=0) - low.min(axis=0) if len(low) else np.ones(2)
+        side = float(np.sqrt(span.prod(axis=1).mean())) if len(low) else 1.0
+        self._size = max(
+            side, float(span.mean(axis=0).max(initial=0)), float(extent.max()) / (4 * max(len(low), 1)), 1e-3
+        )
+        self._held: dict[tuple[int, int], list[int]] = {}
+        for box in range(len(low)):
+            for cell in self._cells(low[box], high[box]):
+                self._held.setdefault(cell, []).append(box)
+
+    def _cells(self, low: Array, high: Array) -> list[tuple[int, int]]:
+        (left, top), (right, bottom) = ((a // self._size).astype(int).tolist() for a in (low, high))
+        return [(i, j) for i in range(left, right + 1) for j in range(top, bottom + 1)]
+
+    def touched(self, low: Array, high: Array) -> list[int]:
+        """Numbers, rising, of the boxes that have a point in common with the box from `low` (2,) to `high` (2,)."""
+        near = {box for cell in self._cells(low, high) for box in self._held.get(cell, ())}
+        some = np.array(sorted(near), np.int64)
+        if not len(some):
+            return []
+        return some[((self.low[some] <= high) & (self.high[some] >= low)).all(axis=1)].tolist()

@@ -1,0 +1,45 @@
+"""Products and inverses of small matrices by plain sums, in one order: those of a BLAS differ in the last bits from processor to processor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.types import Array
+
+
+def product(a: Array, b: Array) -> Array:
+    """a · b of matrices (..., n, m) and (..., m, k)."""
+    return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
+
+
+def inverse(m: Array) -> Array:
+    """Inverses of matrices (..., 2, 2) or (3, 3), by cofactors. Raises LinAlgError where a determinant is 0."""
+    if m.shape[-1] == 2:
+        a, b, c, d = m[..., 0, 0], m[..., 0, 1], m[..., 1, 0], m[..., 1, 1]
+        cofactors, det = np.stack([d, -b, -c, a], axis=-1).reshape(m.shape), a * d - b * c
+    else:
+        rows = [_cross(m[1], m[2]), _cross(m[2], m[0]), _cross(m[0], m[1])]
+        cofactors, det = np.stack(rows, axis=1), (m[0] * rows[0]).sum()
+    if (det == 0).any():
+        raise np.linalg.LinAlgError("singular matrix")
+    return np.asarray(cofactors / np.asarray(det)[..., None, None])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.roll(a, -1) * np.roll(b, -2) - np.roll(a, -2) * np.roll(b, -1)
+
+
+def affine(src: Array, dst: Array) -> Array:
+    """The affine map (2, 3) that takes `src` (N, 2) to `dst` (N, 2) best, by least squares: `dst` = map[:, :2] · `src` + map[:, 2].
+
+    Raises LinAlgError where all of `src` are one point or points are not finite.
+    Points on one line are told nothing about the direction across, and the map is flat there.
+    """
+    middle, to = src.mean(axis=0), dst.mean(axis=0)
+    off = (src - middle).T
+    normal = product(off, off.T)
+    slopes = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
+    out = np.column_stack([slopes, to - (slopes * middle).sum(axis=1)])
+    if not np.isfinite(out).all():
+        raise np.linalg.LinAlgError("affine map: points are not finite")
+    return out

@@ -1,0 +1,30 @@
+"""OpenCV's own lines on stderr, held back while we use it: what went wrong is in our error."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import cv2
+
+_SILENT = 0
+_lock = threading.Lock()
+_users, _before = 0, 0
+
+
+@contextmanager
+def quiet_opencv() -> Iterator[None]:
+    """Silence OpenCV's log within the block, and give the program its level back after the last of several threads."""
+    global _users, _before
+    with _lock:
+        if _users == 0:
+            _before = cv2.utils.logging.setLogLevel(_SILENT)
+        _users += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _users -= 1
+            if _users == 0:
+                cv2.utils.logging.setLogLevel(_before)

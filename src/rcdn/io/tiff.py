@@ -1,0 +1,89 @@
+"""TIFFs as far as OpenCV's reader leaves something to do: their size, their orientation, and strips that are missing or damaged."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+WIDTH, HEIGHT, COMPRESSION, ORIENTATION = 256, 257, 259, 274
+STRIPS, STRIP_BYTES, TILES, TILE_BYTES = 273, 279, 324, 325
+_WANTED = frozenset({WIDTH, HEIGHT, COMPRESSION, STRIPS, STRIP_BYTES, TILES, TILE_BYTES})
+_VALUES = {3: "H", 4: "I", 16: "Q"}  # types of whole numbers
+_DEFLATE = ([8], [32946])
+_MOST_TAGS = 4096
+_PIECE = 1 << 20  # bytes that are inflated at once
+
+
+def tags(data: bytes) -> dict[int, list[int]]:
+    """Whole numbers of the first page by tag: sizes and places; all of a tag that comes twice. Raises struct.error where the file is cut."""
+    order = "<" if data[:2] == b"II" else ">"
+    big = data[2:4] in (b"+\0", b"\0+")
+    place, room, step = (f"{order}Q", 8, 20) if big else (f"{order}I", 4, 12)
+    at = struct.unpack_from(place, data, 8 if big else 4)[0]
+    count = struct.unpack_from(place if big else f"{order}H", data, at)[0]
+    first = at + (8 if big else 2)
+    found: dict[int, list[int]] = {}
+    for entry in range(first, first + step * min(count, _MOST_TAGS), step):
+        tag, kind = struct.unpack_from(f"{order}HH", data, entry)
+        if kind not in _VALUES or tag not in _WANTED:
+            continue
+        many = struct.unpack_from(place, data, entry + 4)[0]
+        size = many * struct.calcsize(_VALUES[kind])
+        if size > len(data):
+            raise struct.error("more values than the file holds")
+        value = entry + step - room
+        if size > room:
+            value = struct.unpack_from(place, data, value)[0]
+        found.setdefault(tag, []).extend(struct.unpack_from(f"{order}{many}{_VALUES[kind]}", data, value))
+    return found
+
+
+def damage(data: bytes) -> str:
+    """What is missing or damaged of the first page's pixels, as far as it shows: "" if nothing does.
+
+    libtiff passes over such strips. Looked at are their places and, where they are deflated, their data and checksums. LZW and raw strips
+    have none.
+    """
+    try:
+        found = tags(data)
+    except struct.error:
+        return ""  # libtiff says what it makes of that
+    places, sizes = (
+        found.get(STRIPS, []) + found.get(TILES, []),
+        found.get(STRIP_BYTES, []) + found.get(TILE_BYTES, []),
+    )
+    parts = list(zip(places, sizes, strict=False))
+    if any(place + size > len(data) for place, size in parts):
+        return "strips lie beyond its end"
+    if found.get(COMPRESSION) in _DEFLATE:
+        room = 32 * max(found.get(WIDTH, [0])) * max(found.get(HEIGHT, [0]))  # no pixel takes more bytes
+        return next(
+            (reason for place, size in parts if (reason := _uninflatable(data[place : place + size], room))), ""
+        )
+    return ""
+
+
+def _uninflatable(strip: bytes, room: int) -> str:
+    inflater, done = zlib.decompressobj(), 0
+    try:
+        while strip and not inflater.eof and done <= room:
+            done += len(inflater.decompress(strip, _PIECE))
+            strip = inflater.unconsumed_tail
+    except zlib.error as error:
+        return f"a strip can't be inflated ({error})"
+    return ""
+
+
+def as_stored(data: bytes) -> bytes:
+    """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no switch to ignore it."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
+    if order is None or len(data) < 8:
+        return data
+    start = struct.unpack_from(f"{order}I", data, 4)[0]
+    if start + 2 > len(data):
+        return data
+    count = struct.unpack_from(f"{order}H", data, start)[0]
+    for entry in range(start + 2, min(start + 2 + 12 * count, len(data) - 11), 12):
+        if struct.unpack_from(f"{order}H", data, entry)[0] == ORIENTATION:
+            return data[: entry + 8] + struct.pack(f"{order}H", 1) + data[entry + 10 :]
+    return data

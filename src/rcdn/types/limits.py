@@ -1,0 +1,24 @@
+"""Limits that keep the time for a picture in proportion to its size, and what to tell where they bite."""
+
+from __future__ import annotations
+
+
+def allowed(pixels: int, least: int, each: int) -> int:
+    """`each` a megapixel, but at least `least`."""
+    return max(least, each * pixels // 1_000_000)
+
+
+class Warnings:
+    """What was left out of one picture, each kind told once: by the first view that met it."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, str] = {}
+
+    def add(self, kind: str, text: str) -> None:
+        """Tell `text`, unless something of that kind was told."""
+        self._told.setdefault(kind, text)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """One line each."""
+        return tuple(self._told.values())

@@ -1,0 +1,67 @@
+"""How large numbers may be: stated once, for files and for arguments. What is beyond is a mistake, and no result could be right."""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+from typing import Any
+
+from rcdn.errors import ConfigError, RcdnError, shown
+
+POSITION = 1e7
+"""px: positions lie within ±POSITION"""
+SIDE = 1_000_000
+"""px: largest width and height of a picture"""
+LABEL = 100_000
+"""labels of corners lie within ±LABEL"""
+BOX = 4_000_000
+"""labels that the box around a board may hold, there or not: an array over them must fit into memory"""
+SPACING = (1e-6, 1e3)
+"""m: sides of a square"""
+FOCAL = (1e-9, 1e9)
+"""px: focal lengths"""
+COEFFICIENT = 1e12
+"""numbers of a lens model lie within ±COEFFICIENT: those of long focal lengths are large"""
+LARGEST = 1e100
+"""any other number lies within ±LARGEST, so that its square is a number"""
+
+
+def whole_size(value: Any, what: str) -> tuple[int, int]:
+    """(width, height) of a picture as two integers. Raises RcdnError, which opens with `what`, unless each is a whole number from 1 to SIDE."""
+    size = _two(value)
+    if size is None or min(size) < 1 or max(size) > SIDE:
+        raise RcdnError(f"{what} must be (width, height), whole numbers from 1 to {SIDE} px, not {shown(value)}")
+    return size
+
+
+def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
+    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, which opens with `what`, unless each is at least `least`."""
+    size = _two(value)
+    if size is None or min(size) < least or size[0] * size[1] > BOX:
+        raise ConfigError(f"{what} counts inner corners (columns, rows), at least {least} each, not {shown(value)}")
+    return size
+
+
+def _two(value: Any) -> tuple[int, int] | None:
+    """Two whole numbers, or None."""
+    try:
+        a, b = value
+        pair = int(a), int(b)
+        return pair if pair == (a, b) else None
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def is_spacing(value: Any) -> bool:
+    """Can `value` be the side of a square, m?"""
+    try:
+        return isinstance(value, Real) and SPACING[0] <= float(value) <= SPACING[1]
+    except OverflowError:
+        return False
+
+
+def in_words(low: float, high: float) -> str:
+    """A range as messages say it."""
+    if math.isfinite(low) and math.isfinite(high):
+        return f"in [{low:g}, {high:g}]"
+    return f"at least {low:g}" if math.isfinite(low) else f"at most {high:g}"

@@ -1,0 +1,47 @@
+"""`python -m tests.sanitized`: the kernels under address and undefined-behaviour sanitizers. See CONTRIBUTING.md."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+
+from tests.sanitized.build import BUILD, COMPILER, ROOT, library, runtime
+
+
+def main() -> int:
+    """Exit code: 0 if there is no finding (or no sanitizer, which is said), 1 if there is one."""
+    preload = runtime()
+    if preload is None:
+        print(f"skipped: {COMPILER} has no sanitizers (libasan, libubsan); install gcc, or name another compiler in CC")
+        return 0
+    began = time.monotonic()
+    built = library()
+    print(f"built {built} in {time.monotonic() - began:.0f} s", flush=True)
+    environment = os.environ | {
+        "LD_PRELOAD": " ".join(map(str, preload)),
+        "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:detect_stack_use_after_return=1",
+        "UBSAN_OPTIONS": "print_stacktrace=0",
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)]),
+        "PYTHONMALLOC": "malloc",
+    }
+    said = BUILD / "said.txt"
+    with said.open("wb") as file:
+        code = subprocess.run(
+            [sys.executable, "-m", "tests.sanitized.battery", str(built)], env=environment, cwd=ROOT, stderr=file
+        ).returncode
+    text = said.read_text(errors="replace")
+    found = {line for line in text.splitlines() if "runtime error: " in line or "ERROR: AddressSanitizer" in line}
+    places = {line.split(" runtime error")[0] for line in found}
+    if found or code:
+        print(text[-20_000:])
+    print(
+        f"{len(places)} findings in {time.monotonic() - began:.0f} s"
+        + (f"; the battery ended with {code}" if code else "")
+    )
+    return int(bool(found) or code != 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
