@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from rcdn.errors import ConfigError, shown
 
 if TYPE_CHECKING:
-    from rcdn.types import Pattern
+    pass
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
+Targets = Literal["auto", "plain"]
 Device = Literal["cpu", "cuda", "auto"]
 
 
@@ -176,6 +177,8 @@ class DetectorConfig:
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
+    `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards (docs/coded-boards.md); `plain`, the default, takes all boards
+    for plain ones.
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
@@ -197,7 +200,8 @@ class DetectorConfig:
     pyramid: bool = True
     min_corners: int = 9
     threads: int = 0
-    pattern: Pattern = "checker"
+    pattern: Literal["checker", "deltille"] = "checker"
+    target: Targets = "plain"
     device: Device = "cpu"
 
     def __post_init__(self) -> None:
@@ -213,9 +217,8 @@ class DetectorConfig:
             value = getattr(self, name)
             _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {shown(value)}")
         _one_of(self, "recovery", get_args(Recovery))
-        from rcdn.types import Pattern  # here, since the command line starts without NumPy
-
-        _one_of(self, "pattern", get_args(Pattern))
+        _one_of(self, "pattern", ("checker", "deltille"))
+        _one_of(self, "target", get_args(Targets))
         _require(
             self.pattern == "checker" or self.recovery == "graph",
             "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",

@@ -30,6 +30,7 @@ from rcdn.pyramid import (
     unexplained,
     whole_views,
 )
+from rcdn.targets import identified
 from rcdn.types import Array, Board, Corners, Warnings, allowed
 from rcdn.types.ranges import grid_size
 
@@ -93,10 +94,17 @@ class Detector:
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
         whole = [look.corners for look in looks if look.view.scale >= 1]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
-        if self.config.sharpen is None or self.config.pattern == "deltille":
-            return Detection(corners, boards, warnings.texts)
-        sharp = _sharpened(grey, boards, self.config.sharpen.geometry, warnings)
-        return Detection(_moved(corners, boards, sharp), sharp, warnings.texts)
+        if self.config.sharpen is not None and self.config.pattern == "checker":
+            sharp = _sharpened(grey, boards, self.config.sharpen.geometry, warnings)
+            corners, boards = _moved(corners, boards, sharp), sharp
+        return Detection(corners, self._with_targets(grey, boards), warnings.texts)
+
+    def _with_targets(self, grey: Array, boards: list[Board]) -> list[Board]:
+        """The boards with what their codes say; lattices of tags only if that is certain, since nothing else tells them from any other pattern."""
+        if self.config.target == "plain":
+            return boards
+        boards = [identified(grey, board) for board in boards]
+        return [board for board in boards if board.pattern != "aprilgrid" or board.target is not None]
 
     def _look(
         self, shape: tuple[int, ...], warnings: Warnings, view: View, part: Array, known: list[Board] | None = None
@@ -123,7 +131,9 @@ class Detector:
         if self.config.recovery == "growth":
             boards = find_boards_paper(part, found, self.config.min_corners)
         else:
-            boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0), warnings)
+            boards = find_boards(
+                part, found, self.config.min_corners, max(view.scale, 1.0), warnings, self.config.target == "auto"
+            )
         return _look_of(view, found, boards, shape)
 
     def _is_quiet(self, part: Array, cells: Array) -> bool:
@@ -147,7 +157,7 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
         fits = len(board) + PER_BOARD <= left
         left -= (len(board) + PER_BOARD) * fits
         passed += len(board) * (not fits)
-        out.append(sharpen(grey, board, geometry) if fits else board)
+        out.append(sharpen(grey, board, geometry) if fits and board.pattern == "checker" else board)
     if passed:
         warnings.add("fit", f"{passed:,} corners of boards have no sigma: they are too many for the last fit")
     return out

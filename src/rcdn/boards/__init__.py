@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sized as _Sized
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
+from rcdn.boards.alternating import alternating
 from rcdn.boards.fill import fill
 from rcdn.boards.graph import Field, Label, cells, label, links
 from rcdn.boards.grow import board_sign, grow
@@ -18,7 +20,7 @@ from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
-from rcdn.types import Array, Board, Status, Warnings, allowed
+from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
 
 Sized = TypeVar("Sized", bound=_Sized)
 __all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
@@ -32,18 +34,24 @@ ROOM = 4096
 
 
 def find_boards(
-    grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0, warnings: Warnings | None = None
+    grey: Array,
+    candidates: Candidates,
+    least: int = 9,
+    scale: float = 1.0,
+    warnings: Warnings | None = None,
+    tags: bool = False,
 ) -> list[Board]:
     """Boards among corners, the one with most corners first.
 
     `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells;
     `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives []. Only the largest of
-    many pieces, and of many boards, are looked at; `warnings` are told.
+    many pieces, and of many boards, are looked at; `warnings` are told. `tags`: lattices of tags, whose steps alternate, are boards, too.
     """
     field, told = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
     grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", told)
     free, boards = np.ones(len(field.xy), bool), []
+    lattices = alternating(field, grids, free) if tags else []
     parts, settled = _parts(field, grids, free)
     usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     whole = set(map(id, parts))
@@ -61,6 +69,7 @@ def find_boards(
                 continue
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
+    boards += [as_tag_board(field, candidates, at) for at in lattices]
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
@@ -155,8 +164,22 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
-    order = np.lexsort((new[:, 0], new[:, 1]))
-    index, new = index[order], new[order]
+    cols, rows = (new.max(axis=0) + 1).tolist()
+    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
+    return _labelled(field, candidates, grid.xy, index, new, turn)
+
+
+def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> Board:
+    """A right-handed grid of tags' corners, whose tags begin at even labels, as a board. Which corner is the first, its codes must say."""
+    ij, index = np.array(list(at)), np.array(list(at.values()))
+    ij -= ij.min(axis=0) // 2 * 2
+    return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
+
+
+def _labelled(field: Field, candidates: Candidates, xy: Array, index: Array, ij: Array, turn: Orientation) -> Board:
+    """A board of the corners `index` (M,), rows of `xy` (N, 2), labelled `ij` (M, 2)."""
+    order = np.lexsort((ij[:, 0], ij[:, 1]))
+    index, ij = index[order], ij[order]
     # filled corners were not seen; weak peaks are not known
     seen, known = index < len(field.xy), index < len(candidates.all)
     response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
@@ -164,7 +187,5 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)
     own = candidates.all.status[index[known]]
     status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
-    cols, rows = (new.max(axis=0) + 1).tolist()
     height, width = field.grey.shape
-    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
-    return Board(grid.xy[index], new, (width, height), response, status, turn)
+    return Board(xy[index], ij, (width, height), response, status, turn)

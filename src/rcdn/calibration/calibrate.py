@@ -13,7 +13,7 @@ from rcdn.calibration.advice import judged
 from rcdn.calibration.arguments import check_boards, check_spacing, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.cut import whole_size
-from rcdn.calibration.labels import Labelled, Size, orientation_of, settle
+from rcdn.calibration.labels import Coded, Labelled, Size, orientation_of, settle
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
@@ -94,8 +94,9 @@ def calibrate(
             leave_out,
         )
     image_size = one_size(boards, names)
-    whole = size or whole_size(boards)
-    labels = settle(boards, whole, strict=size is not None)
+    coded = Coded.of(boards)
+    whole = coded.size if coded else size or whole_size(boards)
+    labels = settle(boards, whole, size is not None, coded)
     task = usable(boards, labels, names, image_size, spacing, whole)
     start = first_camera(task.seen, image_size)
     task, T = with_poses(task, poses(start, task.seen))
@@ -120,6 +121,10 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
     if size is not None:
         grid_size(size, "size", 2)
+    if any(board.pattern == "aprilgrid" for board in boards):
+        raise ConfigError(
+            "boards: cameras can't be calibrated from AprilGrids yet; leave them out, or give their corners to Kalibr"
+        )
     if len({board.pattern for board in boards}) > 1:
         raise ConfigError("boards: some are of squares and some of triangles (deltilles); calibrate from one kind")
     for k, board in enumerate(boards):

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.io import ImageResult
 from rcdn.types import Board, Corners
+from rcdn.types.target import target_of, target_record
 
 
 def packed(result: ImageResult) -> dict[str, Any]:
@@ -20,14 +21,17 @@ def packed(result: ImageResult) -> dict[str, Any]:
 
 def _plain(value: Any) -> dict[str, Any]:
     """The fields of Corners or of a Board, arrays as lists."""
-    pairs = ((f.name, getattr(value, f.name)) for f in dataclasses.fields(value))
+    pairs = [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
+    pairs = [(name, target_record(v) if name == "target" and v is not None else v) for name, v in pairs]
     return {name: v.tolist() if hasattr(v, "tolist") else v for name, v in pairs}
 
 
 def unpacked(record: Any, name: str) -> ImageResult:
     """The result that was packed. Raises one of many errors if `record` has another form, or values that no detection has: the types check
     their ranges, and here is what holds of detections besides."""
-    corners, boards = Corners(**record["corners"]), tuple(Board(**board) for board in record["boards"])
+    read = lambda target: None if target is None else target_of(target)  # noqa: E731
+    corners = Corners(**record["corners"])
+    boards = tuple(Board(**board | {"target": read(board["target"])}) for board in record["boards"])
     if not all(np.isfinite(xy).all() for xy in (corners.xy, *(board.xy for board in boards))):
         raise ValueError("no positions")
     if not all((board.ij >= 0).all() for board in boards):

@@ -26,6 +26,21 @@ Pattern = Annotated[
 ]
 
 
+class TargetName(StrEnum):
+    """Whether codes on boards are read: `rcdn.config.Targets`."""
+
+    plain = "plain"
+    auto = "auto"
+
+
+Target = Annotated[
+    TargetName,
+    typer.Option(
+        help="auto: read ChArUco boards, AprilGrids and PuzzleBoards; nobody has to say which. plain: take all boards for plain ones."
+    ),
+]
+
+
 class GridSize(NamedTuple):
     """(columns, rows) of inner corners. Not a bare tuple: Typer would read two words for that."""
 

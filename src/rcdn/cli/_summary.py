@@ -26,6 +26,7 @@ class BriefBoard:
     complete: bool
     corners: int
     pattern: str
+    target: str = ""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def brief(result: ImageResult, lines: bool = False) -> Brief:
     """`result` in short; `lines`: with its line for the file."""
     from rcdn.io import image_line
 
-    boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern) for b in result.boards)
+    boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern, str(b.target or "")) for b in result.boards)
     return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "", result.warnings)
 
 
@@ -79,6 +80,8 @@ def status(image: Brief, wanted: Size | None) -> str:
 
 def board_text(board: BriefBoard, wanted: Size | None) -> str:
     """`9×6`, or `8×6 partial (41 of 48)`, or `deltille (98 corners)`; of a board that can't be part of the `wanted` one, what it is instead."""
+    if board.target:
+        return f"{board.target} ({board.corners} corners)"
     if board.pattern != "checker":
         return f"{board.pattern} ({board.corners} corners)"
     size = size_text(board.size)

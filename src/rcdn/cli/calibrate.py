@@ -18,7 +18,18 @@ from rcdn.cli._calibration_outputs import (
 )
 from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
 from rcdn.cli._group import FAILED
-from rcdn.cli._options import CacheFolder, Frames, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, PicturePlaces
+from rcdn.cli._options import (
+    CacheFolder,
+    Frames,
+    Jobs,
+    MaxMegapixels,
+    NoCache,
+    Pattern,
+    PatternName,
+    PicturePlaces,
+    Target,
+    TargetName,
+)
 from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
 from rcdn.cli._spacing import Spacing, check_length
@@ -55,6 +66,7 @@ def calibrate(
     force: Force = False,
     fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
+    target: Target = TargetName.plain,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     frames: Frames = 40,
@@ -89,7 +101,7 @@ def calibrate(
     outputs.check(inputs if pairs is None else [*inputs, pairs])
     outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
-    config = DetectorConfig.preset("auto", pattern=pattern.value)
+    config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.value)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     problem = Problem(spacing, model.value, flat, tuple(leave_out or ()), fix)
     found = (

@@ -16,7 +16,7 @@ import typer
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
-from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
+from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, Target, TargetName, parse_size
 from rcdn.cli._outputs import Outputs
 from rcdn.cli._progress import progress
 from rcdn.config import DetectorConfig
@@ -90,6 +90,7 @@ def detect(
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
     pattern: Pattern = PatternName.checker,
+    target: Target = TargetName.plain,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     threads: Annotated[
@@ -135,7 +136,9 @@ def detect(
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
     _check_pattern(pattern, board, vnl)
-    config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value)
+    config = DetectorConfig.preset(
+        preset.value, threads=threads, pattern=pattern.value, target=target.value, device=device.value
+    )
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
         run = _Run(_summary.Tally(board), outputs)

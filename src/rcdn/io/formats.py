@@ -16,6 +16,7 @@ from rcdn.io.fields import numbers, read_json, read_text, take
 from rcdn.io.files import write_chunks
 from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
 from rcdn.types.ranges import LABEL, POSITION, whole_size
+from rcdn.types.target import target_of, target_record
 
 VERSION = 1
 DECIMALS = 4
@@ -174,6 +175,8 @@ def _board_record(board: Board) -> dict[str, Any]:
         "response": _optional(board.response),
         "status": _names(board.status),
         "sigma": _optional(board.sigma),
+        "target": None if board.target is None else target_record(board.target),
+        "ids": None if board.ids is None else board.ids.tolist(),
     }
     return {k: v for k, v in record.items() if v is not None}
 
@@ -229,7 +232,11 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
         raise FormatError(f"{where}: 'pattern' must be one of {', '.join(get_args(Pattern))}")
     common = _common(record, where)
     try:
-        board = Board(ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, **common)
+        target = target_of(record["target"]) if "target" in record else None
+        ids = numbers(record, "ids", where, finite=True) if "ids" in record else None
+        board = Board(
+            ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, target=target, ids=ids, **common
+        )
     except RcdnError as error:
         raise FormatError(f"{where}: {error}") from error
     if take(record, "size", list, where) != list(board.size) or take(record, "complete", bool, where) != board.complete:

@@ -191,7 +191,7 @@ def _draw_board(canvas: _Canvas, board: Board, colour: Colour) -> None:
     side = float(np.median(lengths)) if pairs else 20.0 * canvas.unit
     radius = float(np.clip(0.2 * side, 2.5 * canvas.unit, 6 * canvas.unit))
     if pairs:
-        beside = _cells_beside if board.pattern == "checker" else _triangles_beside
+        beside = _triangles_beside if board.pattern == "deltille" else _cells_beside
         outline = np.array([beside(at, board.ij[a], board.ij[b]) < 2 for a, b in pairs])
         bare = _shortened(segments, lengths, radius)
         canvas.lines(bare[~outline], colour, canvas.unit)
@@ -209,7 +209,7 @@ def _shortened(segments: Array, lengths: Array, radius: float) -> Array:
 
 def _neighbours(at: dict[tuple[int, int], int], pattern: Pattern) -> list[tuple[int, int]]:
     """Pairs of row numbers of corners next to each other along i or along j, of a deltille also along j − i."""
-    steps = ((1, 0), (0, 1)) if pattern == "checker" else ((1, 0), (0, 1), (-1, 1))
+    steps = ((1, 0), (0, 1), (-1, 1)) if pattern == "deltille" else ((1, 0), (0, 1))
     return [(k, at[n]) for (i, j), k in at.items() for d, e in steps if (n := (i + d, j + e)) in at]
 
 
@@ -253,6 +253,8 @@ def _unit_vector(v: Array) -> Array:
 
 def _caption(number: int, board: Board) -> str:
     """For example `board 1: 9x6 complete, unique`. Plain ASCII: OpenCV's older fonts have nothing else."""
+    if board.target is not None:
+        return f"board {number}: {board.target}, {len(board)} corners"
     if board.pattern != "checker":
         return f"board {number}: {board.pattern}, {len(board)} corners, {board.orientation.replace('_', ' ')}"
     cols, rows = board.size

@@ -10,10 +10,12 @@ from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
 from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
+from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
     "LENS",
     "LEVELS",
+    "AprilGrid",
     "Array",
     "Board",
     "BoardShape",
@@ -21,6 +23,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "CameraModel",
+    "Charuco",
     "Corners",
     "LensCorrection",
     "Level",
@@ -29,9 +32,11 @@ __all__ = [
     "Pattern",
     "Pose",
     "PoseEstimate",
+    "PuzzleBoard",
     "Reason",
     "Status",
     "StereoCalibration",
+    "Target",
     "Verdict",
     "Warnings",
     "allowed",

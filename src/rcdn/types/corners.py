@@ -13,10 +13,11 @@ import numpy as np
 from rcdn.errors import RcdnError, shown
 from rcdn.types.base import Array, freeze
 from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
+from rcdn.types.target import AprilGrid, Target
 
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
-Pattern = Literal["checker", "deltille"]
-"""What a board is made of: squares of two colours, or equilateral triangles of two colours (a deltille)."""
+Pattern = Literal["checker", "deltille", "aprilgrid"]
+"""What a board is made of: squares of two colours, equilateral triangles of two colours (a deltille), or tags with small squares between them."""
 ROW = 0.5 * 3**0.5
 """height of a triangle of a deltille, the distance of its rows, edges"""
 
@@ -26,6 +27,8 @@ def plane_points(ij: Array, pattern: Pattern = "checker") -> Array:
 
     A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Labels need not be whole.
     """
+    if pattern == "aprilgrid":
+        raise RcdnError("where the corners of an AprilGrid lie depends on its gap: ask its target (Board.points)")
     if pattern == "checker":
         return np.asarray(ij, np.float64)
     i, j = np.moveaxis(np.asarray(ij, np.float64), -1, 0)
@@ -99,7 +102,9 @@ class Board:
     (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
     `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
     `response` (M,), `status` (M,) as in `Corners`. `pattern`: of a `deltille`, i and j run along two edges of a triangle, 60° apart, and
-    nothing says where the board ends: it is never `complete`.
+    nothing says where the board ends: it is never `complete`; of an `aprilgrid` they
+    count the tags' corners, two a tag. `target`, `ids` (M,): the coded target that was read, and the corners' numbers as
+    that target's own tools count them; `ij` is then the place on the target. Both None of a plain board.
     """
 
     xy: Array
@@ -110,6 +115,8 @@ class Board:
     orientation: Orientation
     sigma: Array | None = field(default=None)
     pattern: Pattern = "checker"
+    target: Target | None = None
+    ids: Array | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("orientation", get_args(Orientation)), ("pattern", get_args(Pattern))):
@@ -121,6 +128,10 @@ class Board:
         _freeze_status(self)
         if self.sigma is not None:
             freeze(self, "sigma", self.sigma, np.float64, ())
+        if self.ids is not None:
+            freeze(self, "ids", self.ids, np.int64, ())
+        if (self.ids is None) != (self.target is None) or (self.ids is not None and len(self.ids) != len(self.xy)):
+            raise RcdnError("Board.ids must have one row a corner, and come with a target")
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):
             raise RcdnError("Board.xy, ij, response and status must have one row a corner each")
         if self.sigma is not None and len(self.sigma) != len(self.xy):
@@ -147,11 +158,13 @@ class Board:
     @property
     def complete(self) -> bool:
         """True if no label of the bounding grid is missing; False of a deltille."""
-        return self.pattern == "checker" and len(self) == self.size[0] * self.size[1]
+        return self.pattern != "deltille" and len(self) == self.size[0] * self.size[1]
 
     @property
     def points(self) -> Array:
-        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles); see `plane_points`."""
+        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles, sides of tags); see `plane_points`."""
+        if isinstance(self.target, AprilGrid):
+            return self.target.plane(self.ij)
         return plane_points(self.ij, self.pattern)
 
     def grid(self) -> Array:

@@ -1,0 +1,146 @@
+"""Lattices whose steps are long and short in turn, as on AprilGrids: tags, and small squares between their corners.
+
+The link graph and the flood fill know no pitch, so that such a grid is labelled like any other. What differs is where the next corner lies: on the
+printed plane the corner (u, v) is at (place(u), place(v)), place(u) = ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.boards.graph import Field, Label
+from rcdn.geometry import homography
+from rcdn.geometry.elementary import exp, log
+from rcdn.geometry.matrices import product
+from rcdn.geometry.median import median
+from rcdn.geometry.near import nearest
+from rcdn.types import Array
+
+UNEVEN = float(log(1.5))
+"""log of the ratio of neighbouring steps from which on a lattice alternates"""
+AGREE = 0.85
+"""share of the steps that must alternate alike"""
+LEAST = 12
+"""corners of a grid that can be told to alternate"""
+ENOUGH = 400
+"""corners that are looked at to tell"""
+REACHES = (1.4, 2.4)
+"""sides of a tag within which corners predict the next one; the second where the first has too few"""
+FEW = 8
+"""corners that are too few for a prediction"""
+NEAR = 0.35
+"""how far from its predicted place a corner may lie, gaps"""
+ROUNDS = 100
+"""of growth by one corner to each side"""
+
+
+def alternating(field: Field, grids: list[dict[Label, int]], free: Array) -> list[dict[Label, int]]:
+    """Those of the `grids`, whole as far as corners are `free` (N,) bool, whose steps alternate, with labels at which long steps begin at even ones.
+
+    Their corners are free no more.
+    """
+    out = []
+    for grid in grids:
+        at = {spot: corner for spot, corner in grid.items() if free[corner]}
+        found = _evened(field.xy, at)
+        if found is not None:
+            whole = _completed(field, *found, free)
+            free[list(whole.values())] = False
+            if len(whole) >= LEAST:
+                out.append(whole)
+    return out
+
+
+def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] | None:
+    """The grid with long steps at even labels, and the gap, short over long step; None if its steps don't alternate along both axes."""
+    if len(at) < LEAST:
+        return None
+    ratios = [_ratios(xy, at, step) for step in ((1, 0), (0, 1))]
+    shift, size = [], 1.0
+    for ratio in ratios:
+        usual = median(ratio) if len(ratio) >= LEAST // 3 else 0.0
+        if abs(usual) < UNEVEN or (ratio * np.sign(usual) > UNEVEN).mean() < AGREE:
+            return None
+        shift.append(0 if usual > 0 else 1)
+        size += abs(usual) / 2
+    gap = float(exp(1.0 - size))
+    return {(u + shift[0], v + shift[1]): corner for (u, v), corner in at.items()}, gap
+
+
+def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
+    """log(step before ÷ step after) of corners with a neighbour on both sides, its sign changed where the step before begins at an odd label."""
+    triples = []
+    for (u, v), corner in at.items():
+        before, after = at.get((u - step[0], v - step[1])), at.get((u + step[0], v + step[1]))
+        if before is not None and after is not None:
+            triples.append((before, corner, after, (u * step[0] + v * step[1]) % 2))
+        if len(triples) == ENOUGH:
+            break
+    if not triples:
+        return np.zeros(0)
+    before, corner, after, odd = np.array(triples).T
+    one, two = (np.linalg.norm(xy[a] - xy[b], axis=1) for a, b in ((corner, before), (after, corner)))
+    return log(np.maximum(one, 1e-9) / np.maximum(two, 1e-9)) * np.where(odd, 1.0, -1.0)
+
+
+def place(labels: Array, gap: float) -> Array:
+    """Where labels (..., 2) lie on the printed plane, sides of a tag."""
+    labels = np.asarray(labels)
+    return np.asarray(labels // 2 * (1 + gap) + labels % 2)
+
+
+def _completed(field: Field, at: dict[Label, int], gap: float, free: Array) -> dict[Label, int]:
+    """The grid with all corners that lie where it goes on, as far as they are `free` (N,), without those that don't lie where the others say."""
+    at = dict(at)
+    usable = np.flatnonzero(free & (field.fit > 0))
+    for _ in range(ROUNDS if len(usable) else 0):
+        spots = sorted({s for u, v in at for s in ((u + 1, v), (u - 1, v), (u, v + 1), (u, v - 1))} - at.keys())
+        taken, new = set(at.values()), {}
+        for spot in spots:
+            guess = _predicted(field.xy, at, gap, spot)
+            if guess is None:
+                continue
+            distance, row = nearest(field.xy[usable], guess[0][None])
+            corner = int(usable[row[0, 0]])
+            if distance[0, 0] < NEAR * guess[1] and corner not in taken:
+                new[spot] = corner
+                taken.add(corner)
+        if not new:
+            break
+        at |= new
+    return {spot: corner for spot, corner in at.items() if _agrees(field.xy, at, gap, spot)}
+
+
+def _agrees(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> bool:
+    guess = _predicted(xy, at, gap, spot)
+    return guess is not None and float(np.linalg.norm(xy[at[spot]] - guess[0], axis=0)) < NEAR * guess[1]
+
+
+def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tuple[Array, float] | None:
+    """Where the corner of a spot should be, px, by the corners around it, and the gap there, px; None if they are too few."""
+    near = [
+        (u, v)
+        for u in range(spot[0] - 4, spot[0] + 5)
+        for v in range(spot[1] - 4, spot[1] + 5)
+        if (u, v) != spot and (u, v) in at
+    ]
+    if len(near) < FEW:
+        return None
+    labels = np.array(near)
+    where, here = place(labels, gap), place(np.array(spot), gap)
+    far = np.abs(where - here).max(axis=1)
+    close = next(
+        (c for reach in REACHES if (c := far < reach).sum() >= FEW and np.ptp(labels[c], axis=0).min() > 0), None
+    )
+    if close is None:
+        return None
+    known = xy[[at[u, v] for u, v in labels[close].tolist()]]
+    try:
+        to_picture = homography(where[close] - here, known)
+    except np.linalg.LinAlgError:
+        return None
+    spots = product(np.array([[0.0, 0, 1], [gap, 0, 1], [0, gap, 1]]), to_picture.T)
+    if not (np.abs(spots[:, 2]) > 1e-9).all():
+        return None
+    spots = spots[:, :2] / spots[:, 2:]
+    return spots[0], float(np.linalg.norm(spots[1:] - spots[0], axis=1).min())

@@ -1,0 +1,160 @@
+"""Reads AprilGrids: the tags' numbers, which run row by row upwards from the bottom left, under which all tags together are most likely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.targets.charuco import ACCEPT, MARGIN, gains
+from rcdn.targets.families import families
+from rcdn.targets.marker import Frame, appearance, evidence, modules
+from rcdn.targets.rectify import aspect_of, rectified
+from rcdn.types import AprilGrid, Array
+
+SAMPLES = 32
+FRAMES = (Frame(2, filling=True), Frame(1, filling=True))
+NAMES = {
+    "DICT_APRILTAG_16h5": "tag16h5",
+    "DICT_APRILTAG_25h9": "tag25h9",
+    "DICT_APRILTAG_36h10": "tag36h10",
+    "DICT_APRILTAG_36h11": "tag36h11",
+}
+MOST_COLUMNS = 64
+CANDIDATES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class GridReading:
+    """`turns` (quarters, counter-clockwise) that bring the grid upright; `place` (column, row from below) of the tag at its bottom left."""
+
+    target: AprilGrid
+    turns: int
+    place: tuple[int, int]
+    bits: float
+    margin: float
+
+
+def read_aprilgrid(grey: Array, grid: Array) -> GridReading | None:
+    """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if no numbering is certain."""
+    lifted = _lifted(rectified(grey, grid, SAMPLES))
+    seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
+    if seen.sum() < 2:
+        return None
+    found: list[tuple[float, str, int, int, int, int]] = []
+    for frame in FRAMES:
+        for side in (4, 5, 6):
+            look = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
+            if look is None:
+                continue
+            ratios = np.zeros((*seen.shape, side + 2 * frame.border, side + 2 * frame.border))
+            ratios[seen] = evidence(modules(lifted[seen], look, side, frame), frame.border)
+            for family in families(side):
+                if family.names[0] in NAMES:
+                    found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border)
+    found.sort(key=lambda f: -f[0])
+    if not found or found[0][0] < ACCEPT or (len(found) > 1 and found[0][0] - found[1][0] < MARGIN):
+        return None
+    margin = found[0][0] - (found[1][0] if len(found) > 1 else 0.0)
+    bits, name, border, turns, columns, lowest = found[0]
+    return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
+
+
+def gap_of(grid: Array) -> float:
+    """Usual distance of tags over their side, of corners `grid` (2 R, 2 C, 2)."""
+    ratios = []
+    for lines in (grid, grid.swapaxes(0, 1)):
+        step = np.linalg.norm(np.diff(lines, axis=1), axis=2)
+        side, between = step[:, ::2], step[:, 1::2]
+        ratios.append((2 * between / (side[:, :-1] + side[:, 1:])).ravel())
+    known = np.concatenate(ratios)
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if len(known) else 0.3
+
+
+def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Array:
+    """Whether the next tags beyond the right, upper, left and lower side, (4,) bool, would lie outside of the picture (H, W): they may be there."""
+    out = []
+    for turns in range(4):  # each side in turn becomes the right one
+        turned = np.rot90(grid, -turns)
+        next_line = turned[:, -1] + 1.6 * (turned[:, -1] - turned[:, -2])
+        known = next_line[np.isfinite(next_line[:, 0])]
+        out.append(not ((known >= 0) & (known < np.array(shape[::-1]))).all())
+    return np.array(out)
+
+
+def _lifted(cells: Array) -> Array:
+    """Tags (R, C, S, S) over the small dark squares around them, contrast 1 (white gaps beside them)."""
+    part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
+    level = cells[:, :, part, part].mean(axis=(2, 3))
+    padded = np.pad(level, 1, constant_values=np.nan)
+    rows, columns = np.indices((cells.shape[0] // 2 + 1, cells.shape[1] // 2 + 1)) * 2 + 1
+
+    def around(steps: tuple[tuple[int, int], ...]) -> Array:
+        values = np.stack([padded[rows + a, columns + b] for a, b in steps])
+        known = np.isfinite(values)
+        usual = float(np.median(values[known])) if known.any() else np.nan
+        return np.where(
+            known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), usual
+        )
+
+    dark, white = around(((-1, -1), (-1, 1), (1, -1), (1, 1))), around(((-1, 0), (1, 0), (0, -1), (0, 1)))
+    return np.asarray((cells[::2, ::2] - dark[..., None, None]) / (white - dark)[..., None, None])
+
+
+def _numberings(
+    ratios: Array, seen: Array, bits: Array, name: str, border: int
+) -> list[tuple[float, str, int, int, int, int]]:
+    """(evidence, family, border, turns, columns, number of the tag at the bottom left of the upright grid) of the likeliest numberings."""
+    out = []
+    for turns in range(4):
+        turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
+        row, column = np.nonzero(np.rot90(seen, turns))
+        height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
+        up = height - 1 - row
+        # OpenCV's pictures of these tags are turned by half against those that are printed
+        gain = gains(turned[row, column], np.rot90(bits, 2, (1, 2)), border)
+        if np.maximum(gain.max(axis=1), 0).sum() < ACCEPT:
+            continue
+        surest = np.argsort(-gain.max(axis=1))[:8]
+        tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]
+        k, columns = (
+            a.ravel() for a in np.meshgrid(np.arange(tag.size), np.arange(width, MOST_COLUMNS + 1), indexing="ij")
+        )
+        square = np.repeat(surest, tag.shape[1])[k]
+        lowest = tag.ravel()[k] - column[square] - columns * up[square]
+        choice = np.unique(np.stack([columns, lowest], axis=1)[lowest >= 0], axis=0)
+        if not len(choice):
+            continue
+        number = choice[:, 1:] + column + choice[:, :1] * up
+        valid = (number < len(bits)).all(axis=1)
+        score = np.where(valid, gain[np.arange(len(row)), np.minimum(number, len(bits) - 1)].sum(axis=1), -np.inf)
+        out += [
+            (float(score[m]), name, border, turns, int(choice[m, 0]), int(choice[m, 1])) for m in np.argsort(-score)[:2]
+        ]
+    return out
+
+
+def _placed(
+    bits: float,
+    margin: float,
+    name: str,
+    border: int,
+    turns: int,
+    columns: int,
+    lowest: int,
+    seen: Array,
+    gap: float,
+    goes_on: Array,
+) -> GridReading | None:
+    """The place of the grid on its board: one whose tags are counted from 0 if that can be, else a whole board that begins with any."""
+    height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
+    right, upper, left, lower = np.roll(goes_on, turns)
+    whole = seen.all() and columns == width and not (right or left or lower)
+    first = lowest if whole else 0
+    column, row = (lowest - first) % columns, (lowest - first) // columns
+    if column + width > columns:
+        return None
+    rows = row + height if seen.all() and not upper else None
+    target = AprilGrid(columns, rows, name, round(gap, 2), border, first)
+    return GridReading(target, turns, (column, row), bits, margin)

@@ -1,0 +1,28 @@
+"""Which marker of a ChArUco board stands in which square. Markers stand in every second square, numbered row by row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.types import Array
+
+
+def place_of(index: Array, columns: Array, odd: Array) -> tuple[Array, Array]:
+    """(column, row) of the square with the marker `index`, counted from 0, of boards with `columns` squares a row.
+
+    `odd`: the squares whose column + row is odd have the markers; else those where it is even.
+    """
+    first = _in_first_row(columns, odd)
+    pair, rest = index // columns, index % columns  # two rows have as many markers as there are columns
+    second = rest >= first
+    row = 2 * pair + second
+    return 2 * (rest - second * first) + (row + odd) % 2, row
+
+
+def index_of(column: Array, row: Array, columns: Array, odd: Array) -> Array:
+    """The marker, counted from 0, in the square (column, row); the inverse of `place_of`."""
+    return np.asarray(row // 2 * columns + row % 2 * _in_first_row(columns, odd) + column // 2)
+
+
+def _in_first_row(columns: Array, odd: Array) -> Array:
+    return np.where(odd, columns // 2, (columns + 1) // 2)

@@ -1,0 +1,165 @@
+"""What a square with a marker looks like, and what its modules are: size of the marker, blur, log-likelihood ratios of white to black."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erf
+
+from rcdn.types import Array
+
+RATIOS = np.arange(0.40, 0.971, 0.02)
+"""sides of a marker, squares"""
+BLURS = np.array([0.008, 0.02, 0.035, 0.05, 0.07, 0.1, 0.14, 0.19])
+"""standard deviations of the blur, squares"""
+COARSE = 16
+"""side of a square's raster on which size and blur are found"""
+CAP = 4.0
+"""largest log-likelihood ratio of a module: one in fifty is wrong for reasons that the model doesn't know"""
+LEAST_SIGMA = 0.08
+"""standard deviation of a module of the sharpest picture, black to white: prints and lenses aren't perfect"""
+STIFF = 0.02
+"""pull of the modules towards black where the blur leaves too little to tell"""
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Side of the markers (`ratio`) and `blur` along x and along y, squares; `white`: grey levels over the dark squares, below 0 if the colours are
+    inverted."""
+
+    ratio: float
+    blur: tuple[float, float]
+    white: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How a marker stands in its square: `border`, bits of black around its own; `filling`: it fills the square, which touches dark squares at its
+    corners and white gaps at its sides (AprilGrid). Else there is white around it, and dark squares at its sides (ChArUco)."""
+
+    border: int = 1
+    filling: bool = False
+
+
+def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearance | None:
+    """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
+    `aspect`: width over height of the squares in the picture, where the blur is round.
+
+    None if no marker explains it.
+    """
+    if not np.isfinite(mean).all():
+        return None
+    coarse = mean.reshape(COARSE, len(mean) // COARSE, COARSE, -1).mean(axis=(1, 3))
+    even = (coarse + coarse[::-1] + coarse[:, ::-1] + coarse[::-1, ::-1]) / 4
+    x = _middles(COARSE)
+    ratio, blur = (a.ravel() for a in np.meshgrid([1.0] if frame.filling else RATIOS, BLURS, indexing="ij"))
+    along_x, along_y = blur / np.sqrt(aspect), blur * np.sqrt(aspect)
+    inner = ratio * side / (side + 2 * frame.border)
+    around, inside = _around(x, ratio, along_x, along_y, frame), _square(x, inner, along_x, along_y)
+    gram = [np.einsum("kyx,kyx->k", a, b) for a, b in ((around, around), (around, inside), (inside, inside))]
+    right = [np.einsum("kyx,yx->k", a, even) for a in (around, inside)]
+    determinant = gram[0] * gram[2] - gram[1] ** 2 + 1e-12
+    white = (gram[2] * right[0] - gram[1] * right[1]) / determinant
+    middle = (gram[0] * right[1] - gram[1] * right[0]) / determinant
+    share = middle / np.where(white == 0, np.nan, white)  # of white in the marker's inside
+    explained = np.where((share > 0) & (share < 1), white * right[0] + middle * right[1], -np.inf)
+    best = int(np.argmax(explained))
+    if not np.isfinite(explained[best]):
+        return None
+    return Appearance(float(ratio[best]), (float(along_x[best]), float(along_y[best])), float(white[best]))
+
+
+def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_sides: Array | None = None) -> Array:
+    """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
+
+    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
+    if the marker's border is darker then.
+    """
+    values = _modules(squares, look, side, frame, np.zeros((len(squares), 4)))
+    if open_sides is None or not open_sides.any():
+        return values
+    ends = open_sides.any(axis=1)
+    other = _modules(squares[ends], look, side, frame, open_sides[ends].astype(float))
+    border = ~inner_modules(values.shape[-1], frame.border)
+    with np.errstate(invalid="ignore"):
+        better = np.nan_to_num(np.abs(other[:, border])).sum(axis=1) < np.nan_to_num(
+            np.abs(values[ends][:, border])
+        ).sum(axis=1)
+    values[np.flatnonzero(ends)[better]] = other[better]
+    return values
+
+
+def _modules(squares: Array, look: Appearance, side: int, frame: Frame, beyond: Array) -> Array:
+    """`modules` of squares beyond whose sides (K, 4) it is white by that share."""
+    x = _middles(squares.shape[-1])
+    (near_x, solve_x), (near_y, solve_y) = (
+        _unmixing(x, look.ratio, blur, side + 2 * frame.border) for blur in look.blur
+    )
+    along_x, along_y = (np.array([blur]) for blur in look.blur)
+    around = _around(x, np.array([look.ratio]), along_x, along_y, frame)
+    across, down = _box(x, 1.0, along_x)[0], _box(x, 1.0, along_y)[0]
+    for axis, (blur, other) in enumerate(zip(look.blur, (down, across), strict=True)):
+        for last in (0, 1):
+            outside = 0.5 * (1 - erf((1 - x if last else x) / (np.sqrt(2.0) * blur)))
+            extra = np.outer(other, outside) if axis == 0 else np.outer(outside, other)
+            around = around + beyond[:, 2 * axis + last, None, None] * extra
+    left = (squares / look.white - around)[:, near_y][:, :, near_x]
+    seen = np.isfinite(left)
+    out = solve_y @ np.where(seen, left, 0.0) @ solve_x.T
+    unseen = np.abs(solve_y) @ (~seen).astype(float) @ np.abs(solve_x).T
+    return np.where(unseen > 1e-3, np.nan, out)
+
+
+def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, Array]:
+    """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool; and what takes
+    these to modules (count, ·)."""
+    edges = 0.5 + ratio * (np.arange(count + 1) / count - 0.5)
+    steps = 0.5 * erf((x[:, None] - edges) / (np.sqrt(2.0) * blur))
+    near = np.abs(x - 0.5) < ratio / 2 + blur
+    mixing = (steps[:, :-1] - steps[:, 1:])[near]  # what each module gives to each place
+    return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
+
+
+def evidence(values: Array, border: int) -> Array:
+    """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
+
+    The noise is that of the frames, which are black, and of the distances to the nearer of black and white.
+    """
+    inside = inner_modules(values.shape[-1], border)
+    off, own = values[:, ~inside], values[:, inside]
+    if not np.isfinite(off).any() or not np.isfinite(own).any():
+        return np.zeros_like(values)
+    frames = np.sqrt(np.nanmedian(off**2) / 0.455)  # 0.455: median of χ² with one degree of freedom
+    nearer = np.sqrt(np.nanmean(np.minimum(np.minimum(own**2, (1 - own) ** 2), 0.25)))
+    sigma = max(float(frames), float(nearer), LEAST_SIGMA)
+    return np.clip(np.nan_to_num((2 * values - 1) / (2 * sigma**2)), -CAP, CAP)
+
+
+def inner_modules(count: int, border: int) -> Array:
+    """(count, count) bool: which modules of a marker are inside its border."""
+    inside = np.zeros((count, count), bool)
+    inside[border:-border, border:-border] = True
+    return inside
+
+
+def _middles(samples: int) -> Array:
+    return np.asarray((np.arange(samples) + 0.5) / samples)
+
+
+def _box(x: Array, width: Array | float, blur: Array) -> Array:
+    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,): (K, S)."""
+    s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
+    return np.asarray(0.5 * (erf((x - 0.5 + half) / s) - erf((x - 0.5 - half) / s)))
+
+
+def _square(x: Array, width: Array | float, along_x: Array, along_y: Array) -> Array:
+    return np.asarray(_box(x, width, along_y)[:, :, None] * _box(x, width, along_x)[:, None, :])
+
+
+def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Array:
+    """The white around black markers of sides `ratio` (K,) under blurs (K,), (K, S, S)."""
+    across, down = _box(x, 1.0, along_x)[:, None, :], _box(x, 1.0, along_y)[:, :, None]
+    if frame.filling:
+        return np.asarray(across * (1 - down) + (1 - across) * down)
+    return np.asarray(across * down + (1 - across) * (1 - down) - _square(x, ratio, along_x, along_y))

@@ -1,0 +1,120 @@
+"""Reads PuzzleBoards (Stelldinger, Schönherr, Biermann 2024, arXiv 2409.20127): a circle on the middle of every edge, white or black, is a bit.
+
+Edges along y hold code 1, whose 3 rows repeat along y and 167 columns along x; edges along x hold code 2, with x and y exchanged. All circles that
+are seen vote for each of the 501 × 501 places and four turns; see `charuco` for the evidence and how much of it is enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from rcdn.types import Array
+from rcdn.types.target import PUZZLE
+
+ACCEPT = 40.0
+"""bits: 10⁻⁶ (20 bits) over the 2²⁰ places and turns"""
+MARGIN = 20.0
+CAP = 3.0
+"""largest log-likelihood ratio of a circle: one in twenty is hidden, dirty or glared"""
+LEAST_SIGMA = 0.05
+FAINT = 0.12
+"""grey of circles against the mean of the squares beside, share of their contrast, under which there are none"""
+CODE_1 = (
+    "00001011100001110101010100100011010110110000111011100010100100010001111110000010101111110100110010010101110101110000111111011011010110011011111011100111101001111010001",
+    "01100001111110111111110100010010000011110001001100000100010001100001100000011100011010100011101110101101110110010010000110100110001110101000111000100110001111010100100",
+    "01000001010000111010000111101011111010000010010010000101110100110110011101011010110010110010010010110011001011110111001110000000101011011111010110110011000011110100011",
+)
+"""bits of the vertical edges (CC0)"""
+CODE_2 = (
+    "00110000010101000111101010010110000110010010000000110000111101000111101100101010100100101001011111101000000010110101101011111110001000111101011101100101000011011111111",
+    "10110011000100110101100111011000011010100010010101011000001011000000111000001011011000011111010101101101100011001111001001001010111011011001110011001011100011100011001",
+    "11111010100111111000010100110111100100000100110010011111100011010001110110100100001000111001111010000000100111000000010111110010110101111101110100101101011001001110010",
+)
+"""bits of the horizontal edges (CC0)"""
+
+
+@dataclass(frozen=True)
+class PuzzleReading:
+    """`turns` (quarters, counter-clockwise) that bring the grid upright; `place` (column, row) on the code of its first corner after turning."""
+
+    turns: int
+    place: tuple[int, int]
+    bits: float
+    margin: float
+
+
+def read_puzzle(grey: Array, grid: Array, seen: Array) -> PuzzleReading | None:
+    """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners, and some
+    were `seen`; None if it is none, or if that is not certain."""
+    along_x, along_y = circles(grey, grid, seen)
+    if not along_x.any() and not along_y.any():
+        return None
+    found = []
+    for turns in range(4):
+        x, y = (np.rot90(a, turns) for a in ((along_x, along_y) if turns % 2 == 0 else (along_y, along_x)))
+        total = (
+            np.tile(_votes(y, CODE_1), (PUZZLE // 3, 3)) + np.tile(_votes(x.T, CODE_2), (PUZZLE // 3, 3)).T
+        )  # [row, column]
+        best = int(total.argmax())
+        bits = float(total.flat[best])
+        total.flat[best] = -np.inf
+        found.append((bits, float(total.max()), turns, best))
+    found.sort(reverse=True)
+    bits, second, turns, best = found[0]
+    margin = bits - max(second, found[1][0])
+    if bits < ACCEPT or margin < MARGIN:
+        return None
+    return PuzzleReading(turns, (best % PUZZLE, best // PUZZLE), bits, margin)
+
+
+def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:
+    """Log-likelihood ratios of white to black circles on the edges along x (rows, columns − 1) and along y (rows − 1, columns); 0 where unseen, and
+    everywhere if there are none."""
+    along_x = _ratio_to_sides(grey, grid, found)
+    along_y = _ratio_to_sides(grey, grid.swapaxes(0, 1), found.T).T
+    both = np.concatenate([along_x.ravel(), along_y.ravel()])
+    both = both[np.isfinite(both)]
+    level = float(np.median(np.abs(both))) if len(both) else 0.0
+    if level < FAINT:
+        return np.zeros_like(along_x), np.zeros_like(along_y)
+    sigma = max(1.4826 * float(np.median(np.abs(np.abs(both) - level))), LEAST_SIGMA)
+    x, y = (np.clip(np.nan_to_num(2 * a * level / sigma**2), -CAP, CAP) for a in (along_x, along_y))
+    return x, y
+
+
+def _ratio_to_sides(grey: Array, grid: Array, found: Array) -> Array:
+    """(grey in the middle of each edge along axis 1 − mean of both sides) ÷ contrast of the sides, (rows, columns − 1); of a grid with its ring."""
+    start, end = grid[1:-1, 1:-2], grid[1:-1, 2:-1]
+    middle = (start + end) / 2
+    above, below = ((grid[k, 1:-2] + grid[k, 2:-1]) / 2 for k in (slice(None, -2), slice(2, None)))
+    disc = [(a, b) for a in (-0.09, 0.0, 0.09) for b in (-0.09, 0.0, 0.09)]
+    centre = np.mean([_at(grey, middle + a * (end - start) + b * (below - above) / 2) for a, b in disc], axis=0)
+    sides = [_at(grey, middle + 0.35 * (side - middle)) for side in (above, below)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = (centre - (sides[0] + sides[1]) / 2) / np.abs(sides[0] - sides[1])
+    edge = found[1:-1, 1:-2] & found[1:-1, 2:-1]
+    return np.where(edge & (np.abs(ratio) < 1.5), ratio, np.nan)
+
+
+def _at(grey: Array, xy: Array) -> Array:
+    at = np.nan_to_num(xy, nan=-1e6).astype(np.float32)
+    return cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
+
+
+def _votes(ratio: Array, code: tuple[str, ...]) -> Array:
+    """Evidence (3, 167), bits, of the first of the `ratio` (R, C) of edges being at each place of the `code`, which repeats."""
+    bits = np.array([[int(bit) for bit in row] for row in code])
+    white, black = (_folded(1 - np.logaddexp(0, -r) / np.log(2) * (r != 0) - (r == 0)) for r in (ratio, -ratio))
+    spectrum = np.fft.fft2(bits) * np.conj(np.fft.fft2(white - black))
+    return np.asarray(np.fft.ifft2(spectrum).real + black.sum())
+
+
+def _folded(values: Array) -> Array:
+    """The sums over all places (3, 167) that are one in the code."""
+    out = np.zeros((3, 167))
+    row, column = np.indices(values.shape)
+    np.add.at(out, (row % 3, column % 167), values)
+    return out

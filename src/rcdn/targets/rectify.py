@@ -1,0 +1,99 @@
+"""A board as seen from straight ahead: its squares on a raster, the ring of squares around the corners included."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from rcdn.types import Array, Board
+
+FAR = -1e6
+"""px; where nothing is"""
+
+
+def grid_with_ring(board: Board) -> tuple[Array, Array]:
+    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others are
+    predicted by those beside them."""
+    grid = np.pad(board.grid(), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    found = np.isfinite(grid[..., 0])
+    for _ in range(max(grid.shape)):
+        predicted = _predicted(grid)
+        hole = ~np.isfinite(grid[..., 0]) & np.isfinite(predicted[..., 0])
+        if not hole.any():
+            break
+        grid[hole] = predicted[hole]
+    return grid, found
+
+
+def _predicted(grid: Array) -> Array:
+    """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has."""
+    total, count = np.zeros(grid.shape), np.zeros(grid.shape[:2])
+    for turns in range(4):
+        before = np.pad(np.rot90(grid, turns), ((3, 0), (0, 0), (0, 0)), constant_values=np.nan)
+        one, two, three = before[2:-1], before[1:-2], before[:-3]
+        line = np.rot90(np.where(np.isfinite(three), 3 * one - 3 * two + three, 2 * one - two), -turns)
+        known = np.isfinite(line[..., 0])
+        total[known] += line[known]
+        count += known
+    return np.asarray(total / np.where(count, count, np.nan)[..., None])
+
+
+def rectified(grey: Array, grid: Array, samples: int) -> Array:
+    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32, NaN outside
+    of the picture."""
+    rows, columns = grid.shape[0] - 1, grid.shape[1] - 1
+    down, across = _linear(rows, samples), _linear(columns, samples)
+    xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
+    values = _sampled(grey, xy, np.sqrt(_area(grid)) / samples)
+    return values.reshape(rows, samples, columns, samples).swapaxes(1, 2)
+
+
+def whole_squares(found: Array) -> Array:
+    """Which squares (rows − 1, columns − 1) have all four corners `found` (rows, columns)."""
+    return np.asarray(found[:-1, :-1] & found[1:, :-1] & found[:-1, 1:] & found[1:, 1:])
+
+
+def _linear(count: int, samples: int) -> Array:
+    """Weights (count · samples, count + 1) of linear interpolation at the middles of `samples` steps between nodes."""
+    at = (np.arange(count * samples) + 0.5) / samples
+    return np.maximum(1 - np.abs(at[:, None] - np.arange(count + 1)), 0)
+
+
+def aspect_of(grid: Array) -> float:
+    """Usual width over height of the squares of a grid, px."""
+    width, height = (np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (1, 0))
+    return float(np.nanmedian(width) / np.nanmedian(height))
+
+
+def _area(grid: Array) -> float:
+    """Usual area of a square, px²."""
+    right, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
+    area = np.abs(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])
+    return float(np.nanmedian(area)) if np.isfinite(area).any() else 1.0
+
+
+def _sampled(grey: Array, xy: Array, step: float) -> Array:
+    """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than that."""
+    near = xy[(xy > -0.5 * np.array(grey.shape[::-1])).all(axis=-1)]
+    if not len(near):
+        return np.full(xy.shape[:-1], np.nan, np.float32)
+    low = np.clip(np.floor(near.min(axis=0)) - 4, 0, np.array(grey.shape[::-1]) - 1).astype(int)
+    high = np.clip(np.ceil(near.max(axis=0)) + 5, low + 1, grey.shape[::-1]).astype(int)
+    part = grey[low[1] : high[1], low[0] : high[0]]
+    size = np.maximum(np.array(part.shape[::-1]) // max(int(step), 1), 1)
+    ratio = size / part.shape[::-1]
+    if int(step) > 1:
+        part = cv2.resize(part, tuple(size.tolist()), interpolation=cv2.INTER_AREA)
+    else:
+        ratio = np.ones(2)
+    at = ((xy - low + 0.5) * ratio - 0.5).astype(np.float32)
+    nothing = float("nan")
+    out = cv2.remap(
+        part.astype(np.float32),
+        at[..., 0],
+        at[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=nothing,
+    )
+    return np.asarray(out)

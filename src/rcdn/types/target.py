@@ -1,0 +1,136 @@
+"""What is printed on boards that carry codes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rcdn.errors import RcdnError, shown
+from rcdn.types.base import Array
+
+MOST = 1000
+"""squares or tags of a side, and first numbers, at most"""
+PUZZLE = 501
+"""columns and rows of the PuzzleBoard's master code"""
+
+
+@dataclass(frozen=True)
+class Charuco:
+    """A ChArUco board. `columns` × `rows` squares (rows None: its foot was not seen); `dictionary` as OpenCV calls it; `marker`: side of a marker
+    over side of a square; `first_id` of the markers; `legacy`: rows are even and the square at the top left is white (OpenCV before 4.6);
+    `inverted`: white markers in black squares.
+
+    Corners are numbered as OpenCV numbers them: row by row from the top left, columns − 1 a row. A corner's `ij` begins at (0, 0) there.
+    """
+
+    columns: int
+    rows: int | None
+    dictionary: str
+    marker: float
+    first_id: int = 0
+    legacy: bool = False
+    inverted: bool = False
+    kind: ClassVar[str] = "charuco"
+
+    def __str__(self) -> str:
+        extra = (
+            ("legacy",) * self.legacy
+            + ("inverted",) * self.inverted
+            + (f"from marker {self.first_id}",) * (self.first_id > 0)
+        )
+        return " ".join((f"ChArUco {self.columns}x{self.rows or '?'} {self.dictionary}", *extra))
+
+    def ids(self, ij: Array) -> Array:
+        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        return (self.columns - 1) * ij[:, 1] + ij[:, 0]
+
+
+@dataclass(frozen=True)
+class PuzzleBoard:
+    """A part of the PuzzleBoard (Stelldinger, Schönherr, Biermann 2024), whose code of 501 × 501 has a place for every corner.
+
+    Corners are numbered 501 · row + column of that code, as its authors do; their `ij` is (column, row), and may go on beyond 500, where the code
+    begins again.
+    """
+
+    kind: ClassVar[str] = "puzzleboard"
+
+    def __str__(self) -> str:
+        return "PuzzleBoard"
+
+    def ids(self, ij: Array) -> Array:
+        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
+
+
+@dataclass(frozen=True)
+class AprilGrid:
+    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags
+    over their side; `border`: width of a tag's black border, bits; `first_id`: the tag at the bottom left.
+
+    Corners are numbered as Kalibr numbers them: row by row upwards from the bottom left, 2 · columns a row. A corner's `ij` counts from the bottom
+    right, i to the left and j upwards, so that it is right-handed like every label; it lies at `plane(ij)`.
+    """
+
+    columns: int
+    rows: int | None
+    family: str
+    gap: float
+    border: int = 2
+    first_id: int = 0
+    kind: ClassVar[str] = "aprilgrid"
+
+    def __str__(self) -> str:
+        extra = f" from tag {self.first_id}" if self.first_id else ""
+        return f"AprilGrid {self.columns}x{self.rows or '?'} {self.family}{extra}"
+
+    def ids(self, ij: Array) -> Array:
+        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
+
+    def plane(self, ij: Array) -> Array:
+        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
+        ij = np.asarray(ij)
+        return np.asarray(ij // 2 * (1 + self.gap) + ij % 2)
+
+
+Target = Charuco | PuzzleBoard | AprilGrid
+_KINDS: dict[str, type[Target]] = {t.kind: t for t in (Charuco, PuzzleBoard, AprilGrid)}
+
+
+def target_record(target: Target) -> dict[str, Any]:
+    """The target as plain values: its kind, and its fields."""
+    return {"kind": target.kind} | asdict(target)
+
+
+def target_of(record: Any) -> Target:
+    """The target of a `target_record`. Raises RcdnError if it is none."""
+    kind = _KINDS.get(str(record.get("kind"))) if isinstance(record, dict) else None
+    if kind is None:
+        raise RcdnError(f"a target has a kind, one of {', '.join(_KINDS)}, not {shown(record)}")
+    names = {f.name for f in fields(kind)}
+    try:
+        target = kind(**{name: value for name, value in record.items() if name in names})
+    except TypeError as error:
+        raise RcdnError(f"a target of kind {kind.kind} needs the fields {', '.join(sorted(names))}") from error
+    _check(target)
+    return target
+
+
+def _check(target: Target) -> None:
+    """Raise RcdnError unless the fields of a target can be those of a print."""
+    for name, value in asdict(target).items():
+        if name in ("columns", "rows", "first_id", "border"):
+            least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)
+            if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= MOST):
+                raise RcdnError(f"target.{name} must be a whole number from {least} to {MOST}, not {shown(value)}")
+        elif name in ("marker", "gap"):
+            if type(value) not in (int, float) or not 0 < value < 1:
+                raise RcdnError(f"target.{name} must lie between 0 and 1, not {shown(value)}")
+        elif name in ("legacy", "inverted"):
+            if type(value) is not bool:
+                raise RcdnError(f"target.{name} must be true or false, not {shown(value)}")
+        elif not isinstance(value, str):
+            raise RcdnError(f"target.{name} must be a name, not {shown(value)}")
