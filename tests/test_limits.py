@@ -41,8 +41,9 @@ def test_a_board_of_more_than_20_000_corners_is_whole(detector, size, pitch):
     columns, rows = (int((n - 3 * pitch) / pitch) for n in size)
     assert [len(b) for b in found.boards] == [(columns - 1) * (rows - 1)]
     assert whole(found.boards[0], columns, rows, pitch, size)
-    assert len(found.warnings) == 1
-    assert "no sigma" in found.warnings[0]
+    filled, fitted = found.warnings
+    assert "corners and more" in filled
+    assert "no sigma" in fitted
 
 
 def test_a_board_of_100_000_corners_is_whole(detector):
@@ -64,10 +65,27 @@ def test_of_hundreds_of_boards_the_largest_are_kept_and_it_is_told(detector):
     image = checkers.many((1000, 1000), 4, 8, 6)
     image[:200, :200] = checkers.board((200, 200), 14)
     found = detector.detect(image)
-    assert len(found.boards) == 100
+    assert len(found.boards) == 50
     assert len(found.boards[0]) > 50
-    assert any("boards only the 100 largest" in text for text in found.warnings)
+    assert any("boards only the 50 largest" in text for text in found.warnings)
     assert len(found.corners) > 3000  # corners by themselves stay
+
+
+def test_pieces_that_take_too_many_rounds_are_told(detector):
+    found = detector.detect(checkers.flipped((600, 600), 8, 0.1, 2))
+    assert any("too many rounds" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("image", [checkers.holed((300, 300), 8, 30, 60), checkers.flipped((300, 300), 10, 0.05, 4)])
+def test_a_grid_asks_only_near_what_was_added_and_grows_as_if_it_asked_everywhere(detector, monkeypatch, image):
+    some = detector.detect(image)
+    monkeypatch.setattr(import_module("rcdn.boards.grow"), "MANY", 1_000_000)
+    every = detector.detect(image)
+    assert some.boards
+    assert len(some.boards) == len(every.boards)
+    for one, other in zip(some.boards, every.boards, strict=True):
+        assert np.array_equal(one.xy, other.xy)
+        assert np.array_equal(one.ij, other.ij)
 
 
 def test_peaks_beyond_the_limit_are_told():
@@ -165,17 +183,18 @@ def test_points_in_boxes_and_boxes_that_touch(seed):
         assert boxes.touched(a, b) == np.flatnonzero(((low <= b) & (low + high >= a)).all(axis=1)).tolist()
 
 
+@pytest.mark.parametrize("height", [1.0, 0.05])
 @pytest.mark.parametrize("sides", [3, 40, 500])
-def test_how_deep_points_lie_is_told_without_all_sides(sides):
+def test_how_deep_points_lie_is_told_without_all_sides(sides, height):
     rng = np.random.default_rng(sides)
     angle = np.sort(rng.uniform(0, 2 * np.pi, sides))
-    outline = (100 + 20 * np.sin(7 * angle))[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    at = rng.uniform(-130, 130, (2000, 2))
+    outline = (100 + 20 * np.sin(7 * angle))[:, None] * np.stack([np.cos(angle), height * np.sin(angle)], axis=1)
+    at = rng.uniform(-130, 130, (2000, 2)) * [1, height]
     for limit in (0.0, 3.0, 40.0):
         assert np.array_equal(deeper(outline, at, limit), depth(outline, at) > limit)
-    inner = at[depth(outline, at) > 5]
-    assert least_depth(outline, inner) == depth(outline, inner).min()
-    assert least_depth(outline, at) == depth(outline, at).min()
+    inner = at[depth(outline, at) > 5 * height]
+    assert least_depth(outline, inner) == pytest.approx(depth(outline, inner).min(), rel=1e-8)
+    assert least_depth(outline, at) == pytest.approx(depth(outline, at).min(), rel=1e-8)
 
 
 # ---- work, counted

@@ -34,7 +34,7 @@ from rcdn.targets import identified
 from rcdn.types import Array, Board, Corners, Warnings, allowed
 from rcdn.types.ranges import grid_size
 
-FITTED, PER_BOARD = (2500, 10_000), 60
+FITTED, PER_BOARD = (800, 4000), 100
 """corners of boards that are fitted once more: at least, and a megapixel (photographs have 2,000 a megapixel at most); and how many corners' time
 a board takes besides"""
 

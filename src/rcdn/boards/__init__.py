@@ -27,8 +27,11 @@ __all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
-PIECES, BOARDS = (50, 150), (25, 100)
-"""how many are looked at: at least, and a megapixel (photographs have up to 22 and 12, 80 and 40 a megapixel)"""
+PIECES, BOARDS, FILLED = (30, 80), (25, 50), (800, 4000)
+"""how many are looked at, and corners of boards that missing ones are looked for beside: at least, and a megapixel (photographs have at most 22
+pieces, 12 boards and 400 corners in a view)"""
+GROWN = (80, 160)
+"""rounds of growth of all pieces, likewise (photographs have at most 36 in a view)"""
 ROOM = 4096
 """corners that a board may add to those of its picture without a copy of all"""
 
@@ -57,6 +60,7 @@ def find_boards(
     whole = set(map(id, parts))
     merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
     merged = [g for g in merged if plain(g, field.response, usual)]
+    left = allowed(grey.size, *FILLED)
     for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", told):
         # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
         alone = id(grid) in whole
@@ -64,12 +68,20 @@ def find_boards(
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, usual):
             sign = board_sign(field, grid)
-            fill(field, grid, sign, free)
+            if len(grid) <= left:
+                fill(field, grid, sign, free)
+                left -= len(grid)
+            else:
+                told.add(
+                    "fill", f"in boards of {len(grid):,} corners and more none was looked for that the network missed"
+                )
             if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
                 continue
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     boards += [as_tag_board(field, candidates, at) for at in lattices]
+    if field.asked[0] >= allowed(grey.size, *GROWN):
+        told.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
@@ -127,7 +139,8 @@ def _complete(field: Field, grid: Grid, free: Array, pruned: bool = False) -> tu
     """
     available, before = free.copy(), len(grid)
     available[list(grid.at.values())] = False
-    grow(field, grid, available)
+    if field.asked[0] < allowed(field.grey.size, *GROWN):
+        grow(field, grid, available)
     as_it_was = pruned and len(grid) == before
     rest = [] if as_it_was else prune(grid, field)
     free[list(grid.at.values())] = False

@@ -69,6 +69,11 @@ class Field:
         """(1,) px: how far a corner has moved from there, at most."""
         return np.zeros(1)
 
+    @cached_property
+    def asked(self) -> Array:
+        """(1,) int: in how many rounds grids have asked for corners beside them."""
+        return np.zeros(1, np.int64)
+
     def near(self, some: Array, spots: Array, margin: float) -> Array:
         """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
         low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin

@@ -8,9 +8,10 @@ import numpy as np
 
 from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, Predictions, beside
+from rcdn.boards.local import WIDEST, Grid, Predictions, as_labels, beside
 from rcdn.boards.validate import LEAST_QUALITY
 from rcdn.geometry.median import median
+from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
 
@@ -82,6 +83,8 @@ PLAIN = 5
 """corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
 ROOM = 64
 """corners near an open spot that are usual"""
+MANY = 64
+"""corners from which on only spots near the last additions are asked again: nothing has changed elsewhere"""
 SLACK = 3.0
 """px by which refinement may move a peak"""
 FAR_AXIS = np.deg2rad(30)
@@ -100,15 +103,17 @@ def grow(field: Field, grid: Grid, free: Array) -> None:
         return
     growth = _Growth(field, grid, sign, free)
     for _ in range(ROUNDS):
+        field.asked[0] += 1
         offers = growth.offers()
         if not offers:
             return
-        taken: set[int] = set()
+        taken: dict[int, Label] = {}
         for _, spot, corner in sorted(offers):
             if spot not in grid.at and corner not in taken:
                 grid.at[spot] = corner
-                taken.add(corner)
+                taken[corner] = spot
                 free[corner] = False
+        growth.added = as_labels(taken.values())
 
 
 def board_sign(field: Field, grid: Grid) -> int:
@@ -125,13 +130,15 @@ Offer = tuple[float, Label, int]
 
 
 class _Growth:
-    """A grid that goes on. `level`: least quality of a new corner; `refused` (R, 3): u, v and corner of what was offered and isn't asked again."""
+    """A grid that goes on. `level`: least quality of a new corner; `refused` (R, 3): u, v and corner of what was offered and isn't asked again;
+    `added` (A, 2): labels of the last round's corners, None before the first."""
 
     def __init__(self, field: Field, grid: Grid, sign: int, free: Array) -> None:
         self.field, self.grid, self.sign, self.free = field, grid, sign, free
         corners = grid.corners
         self.level = LEAST_QUALITY * median(field.response[corners] * field.fit[corners])
         self.refused = np.zeros((0, 3), np.int64)
+        self.added: Array | None = None
         self._room = _Offers.room(ROOM)
 
     def offers(self) -> list[Offer]:
@@ -141,7 +148,7 @@ class _Growth:
         where the axes don't fit (motion blur bends them).
         """
         labels, members = self.grid.labels, self.grid.corners
-        spots, guess = beside(labels, self.grid.xy[members])
+        labels, members, spots, guess = self._open(labels, members)
         if not len(spots):
             return []
         if len(labels) >= PLAIN:
@@ -155,6 +162,21 @@ class _Growth:
             self.refused = np.concatenate([self.refused, asked[seen == 0]])
         rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
         return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
+
+    def _open(self, labels: Array, members: Array) -> tuple[Array, Array, Array, Predictions]:
+        """The open spots (K, 2) that are to be asked, with their predictions, and the labels and corners near them.
+
+        A spot that took nothing will take nothing in the next round, either, unless one of the corners that predict it has been added.
+        """
+        added = self.added
+        if added is None or len(labels) < MANY or len(labels) - len(added) <= PLAIN:
+            return labels, members, *beside(labels, self.grid.xy[members])
+        # spots within WIDEST of what was added stand on labels within WIDEST of them
+        some = nearest(added, labels)[0][:, 0] <= np.sqrt(2) * 2 * WIDEST + 1
+        labels, members = labels[some], members[some]
+        spots, guess = beside(labels, self.grid.xy[members])
+        row = np.flatnonzero(nearest(added, spots)[0][:, 0] <= np.sqrt(2) * WIDEST + 1e-9)
+        return labels, members, spots[row], guess.take(row)
 
     def _near(self, labels: Array, members: Array, spots: Array, guess: Predictions) -> tuple[Array, ...]:
         """What the open `spots` (K, 2) may be offered: u, v and corners (M, 3); their distance from the prediction (M,), squares; do their own axes

@@ -6,6 +6,8 @@ import numpy as np
 
 from rcdn.types import Array
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 def product(a: Array, b: Array) -> Array:
     """a · b of matrices (..., n, m) and (..., m, k)."""
@@ -26,7 +28,7 @@ def inverse(m: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    return np.roll(a, -1) * np.roll(b, -2) - np.roll(a, -2) * np.roll(b, -1)
+    return np.asarray(a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT])
 
 
 def affine(src: Array, dst: Array) -> Array:
