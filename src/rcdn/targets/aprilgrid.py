@@ -77,7 +77,7 @@ def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Array:
     out = []
     for turns in range(4):  # each side in turn becomes the right one
         turned = np.rot90(grid, -turns)
-        next_line = turned[:, -1] + 1.6 * (turned[:, -1] - turned[:, -2])
+        next_line = turned[:, -1] + 0.9 * (turned[:, -1] - turned[:, -2])  # about the middle of the next tag
         known = next_line[np.isfinite(next_line[:, 0])]
         out.append(not ((known >= 0) & (known < np.array(shape[::-1]))).all())
     return np.array(out)
