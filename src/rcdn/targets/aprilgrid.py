@@ -53,9 +53,13 @@ def read_aprilgrid(grey: Array, grid: Array) -> GridReading | None:
                 if family.names[0] in NAMES:
                     found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border)
     found.sort(key=lambda f: -f[0])
-    if not found or found[0][0] < ACCEPT or (len(found) > 1 and found[0][0] - found[1][0] < MARGIN):
+    if not found or found[0][0] < ACCEPT:
         return None
-    margin = found[0][0] - (found[1][0] if len(found) > 1 else 0.0)
+    same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbers, whatever the border
+    others = [f[0] for f in found if same(f) != same(found[0])]
+    margin = found[0][0] - max(others, default=0.0)
+    if margin < MARGIN:
+        return None
     bits, name, border, turns, columns, lowest = found[0]
     return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
 
