@@ -94,6 +94,7 @@ class Detector:
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
         whole = [look.corners for look in looks if look.view.scale >= 1]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
+        corners = corners.take(_members(corners, boards) | _in_frame(corners.xy, grey.shape))
         if self.config.sharpen is not None and self.config.pattern == "checker":
             sharp = _sharpened(grey, boards, self.config.sharpen.geometry, warnings)
             corners, boards = _moved(corners, boards, sharp), sharp
@@ -177,6 +178,11 @@ def _look_of(view: View, found: Candidates, boards: list[Board], shape: tuple[in
     """What a view of a picture (H, W) shows, in pixels of the picture."""
     corners = corners_in_picture(view, _with_members(found, boards))
     return _Look(view, corners, boards_in_picture(view, boards, shape), view.to_picture(found.corners.xy))
+
+
+def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:
+    """(N,) bool: which positions lie on pixels of a picture (H, W); the refinement may lead a little beyond."""
+    return np.asarray(((xy >= -0.5) & (xy <= np.array(shape[::-1]) - 0.5)).all(axis=1))
 
 
 def _members(corners: Corners, boards: list[Board]) -> Array:

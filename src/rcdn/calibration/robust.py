@@ -193,7 +193,7 @@ def _unknowns(state: State, arrow: Arrow, corners: Corners3, used: Array, free: 
 
 
 def _weights(noise: float | Array, sigma: Array) -> Array:
-    return np.asarray(1 / np.sqrt(noise**2 + sigma**2))
+    return np.asarray(1 / np.hypot(noise, sigma))
 
 
 def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int) -> tuple[Array, list[str]]:

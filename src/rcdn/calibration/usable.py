@@ -134,7 +134,7 @@ def too_few(many: int, reasons: dict[int, str]) -> str:
 
 def sigma_of(board: Board) -> Array:
     """(M,) px; NaN where unknown."""
-    return np.full(len(board), np.nan) if board.sigma is None else np.minimum(board.sigma, LOOSEST)
+    return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 
 
 def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:

@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Iterator
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -100,12 +101,14 @@ def _random(count: int, seed: int, ranges: Difficulty, size: FrameSize) -> Itera
 
 
 def _read_scene(path: Path) -> Scene:
+    import json
+
     from rcdn.io.fields import read_json, read_text
     from rcdn.synthetic import scene_from_json
 
     try:
         values = read_json(path, read_text(path), "give the .json of a picture that `rcdn render` wrote")
-        return scene_from_json(_dump(values.get("scene", values) if isinstance(values, dict) else values))
+        return scene_from_json(json.dumps(values.get("scene", values) if isinstance(values, dict) else values))
     except RcdnError as error:
         raise ConfigError(f"--scene {error}" if str(path) in str(error) else f"--scene {path}: {error}") from error
 
@@ -125,7 +128,7 @@ def _scene_json(scene: Scene, boards: list[BoardTruth]) -> str:
     truths = [
         {
             "ij": b.ij.tolist(),
-            "xy": [point if point[0] == point[0] else None for point in b.xy.tolist()],  # NaN: out of the lens' sight
+            "xy": [point if all(map(isfinite, point)) else None for point in b.xy.tolist()],  # out of the lens' sight
             "visible": b.visible.tolist(),
             "ignore": b.ignore.tolist(),
         }

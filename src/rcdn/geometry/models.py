@@ -64,7 +64,10 @@ def _first_turn(k: Array) -> float:
 def _first_root(coefficients: list[float]) -> float:
     """The least x > 0 at which 1 + c₀x² + c₁x⁴ + … is zero, or infinity."""
     kept = [c if abs(c) > NOTHING else 0.0 for c in coefficients]
-    roots = np.roots([*kept[::-1], 1.0])
+    try:
+        roots = np.roots([*kept[::-1], 1.0])
+    except np.linalg.LinAlgError:  # coefficients whose ratios are no numbers: of no lens
+        return 0.0
     real = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
     return float(np.sqrt(real.min())) if len(real) else np.inf
 
