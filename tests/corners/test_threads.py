@@ -157,3 +157,22 @@ def test_detectors_are_copied_and_pickled():
         found = other.detect(picture())
         assert found.corners.xy.tobytes() == first.corners.xy.tobytes()
         assert [b.xy.tobytes() for b in found.boards] == [b.xy.tobytes() for b in first.boards]
+
+
+def test_ctrl_c_while_a_thread_begins_leaves_no_thread(monkeypatch):
+    """At the end of the program it would be waited for, and nobody would tell it to end."""
+    start = threading.Thread.start
+
+    def interrupted(thread):
+        start(thread)
+        raise KeyboardInterrupt
+
+    before, pool = set(threading.enumerate()), Threads()  # held, as a detector holds it
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            pool(str, range(8), 2)
+    for thread in set(threading.enumerate()) - before:
+        thread.join(5)
+        assert not thread.is_alive()
+    pool(str, range(8), 2)  # and another one is made

@@ -6,7 +6,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -47,7 +47,7 @@ class Threads:
                 left.clear()
                 raise
 
-        others = [self._executor().submit(work) for _ in range(min(count, len(left)) - 1)]
+        others = self._submitted(work, min(count, len(left)) - 1)
         try:
             work()
         finally:
@@ -55,6 +55,19 @@ class Threads:
             wait(busy)
         for other in busy:
             other.result()
+
+    def _submitted(self, work: Callable[[], None], count: int) -> list[Future[None]]:
+        """So many futures of `work`. Ctrl-C meanwhile ends the pool: a thread that has begun, but that its pool doesn't know yet, would be waited for
+        at the end of the program, and never told to end."""
+        if count < 1:
+            return []
+        pool = self._executor()
+        try:
+            return [pool.submit(work) for _ in range(count)]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            self._forget()
+            raise
 
     def _executor(self) -> ThreadPoolExecutor:
         with self._lock:
