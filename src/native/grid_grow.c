@@ -107,6 +107,11 @@ typedef struct {
     int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
 } Places;
 
+/* Cells of an extent of so many sizes, which is at most n + 1; one if it is no number. */
+INLINE index_t cells_along(double sizes, index_t n) {
+    return sizes > 0 ? (index_t)fmin(sizes, (double)n + 1) + 1 : 1;
+}
+
 INLINE index_t cell_at(double at, double low, double size, index_t count) {
     const double k = (at - low) / size;
     return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0;
@@ -120,8 +125,8 @@ static int open_places(Places *p, const Rim *rim, double near, const double *low
     p->left = low[0];
     p->top = low[1];
     p->size = fmax(fmax(reach, sqrt(width * height / n)), fmax(fmax(width, height) / n, 1e-3));
-    p->columns = (index_t)(width / p->size) + 1;
-    p->rows = (index_t)(height / p->size) + 1;
+    p->columns = cells_along(width / p->size, rim->count);
+    p->rows = cells_along(height / p->size, rim->count);
     const index_t cells = p->columns * p->rows;
     p->first = calloc((size_t)cells + 2, sizeof *p->first);
     p->order = malloc(((size_t)rim->count + 1) * sizeof *p->order);
