@@ -92,6 +92,11 @@ def test_import_loads_nothing_of_its_own():
     )
 
 
+def test_a_detector_of_plain_boards_needs_no_scipy():
+    code = "import rcdn, sys; rcdn.Detector(rcdn.DetectorConfig(threads=1)).boards(__import__('numpy').zeros((64, 64), 'uint8'))"
+    assert run(f"{code}; print([m for m in ('scipy', 'onnxruntime') if m in sys.modules])") == "[]\n"
+
+
 def test_public_names():
     """A change of this list is a change of the API: say so in CHANGELOG.md."""
     assert sorted(rcdn.__all__) == [

@@ -30,7 +30,6 @@ from rcdn.pyramid import (
     unexplained,
     whole_views,
 )
-from rcdn.targets import identified
 from rcdn.types import Array, Board, Corners, Warnings, allowed
 from rcdn.types.ranges import grid_size
 
@@ -104,6 +103,8 @@ class Detector:
         """The boards with what their codes say; lattices of tags only if that is certain, since nothing else tells them from any other pattern."""
         if self.config.target == "plain":
             return boards
+        from rcdn.targets import identified  # here: it takes SciPy, whose import is slow
+
         boards = [identified(grey, board) for board in boards]
         return [board for board in boards if board.pattern != "aprilgrid" or board.target is not None]
 
