@@ -1,7 +1,7 @@
 """Lattices whose steps are long and short in turn, as on AprilGrids: tags, and small squares between their corners.
 
 The link graph and the flood fill know no pitch, so that such a grid is labelled like any other. What differs is where the next corner lies: on the
-printed plane the corner (u, v) is at (place(u), place(v)), place(u) = ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag.
+printed plane (`tag_plane`) u is at ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag, and v likewise.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
+from rcdn.types.target import tag_plane
 
 UNEVEN = float(log(1.5))
 """log of the ratio of neighbouring steps from which on a lattice alternates"""
@@ -83,12 +84,6 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
     return log(np.maximum(one, 1e-9) / np.maximum(two, 1e-9)) * np.where(odd, 1.0, -1.0)
 
 
-def place(labels: Array, gap: float) -> Array:
-    """Where labels (..., 2) lie on the printed plane, sides of a tag."""
-    labels = np.asarray(labels)
-    return np.asarray(labels // 2 * (1 + gap) + labels % 2)
-
-
 def _completed(field: Field, at: dict[Label, int], gap: float, free: Array) -> dict[Label, int]:
     """The grid with all corners that lie where it goes on, as far as they are `free` (N,), without those that don't lie where the others say."""
     at = dict(at)
@@ -127,7 +122,7 @@ def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tupl
     if len(near) < FEW:
         return None
     labels = np.array(near)
-    where, here = place(labels, gap), place(np.array(spot), gap)
+    where, here = tag_plane(labels, gap), tag_plane(np.array(spot), gap)
     far = np.abs(where - here).max(axis=1)
     close = next(
         (c for reach in REACHES if (c := far < reach).sum() >= FEW and np.ptp(labels[c], axis=0).min() > 0), None

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from rcdn.targets.charuco import ACCEPT, MARGIN, gains
+from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, MOST_COLUMNS, gains
 from rcdn.targets.families import families
 from rcdn.targets.marker import Frame, appearance, evidence, modules
+from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified
 from rcdn.types import AprilGrid, Array
 
@@ -20,22 +19,9 @@ NAMES = {
     "DICT_APRILTAG_36h10": "tag36h10",
     "DICT_APRILTAG_36h11": "tag36h11",
 }
-MOST_COLUMNS = 64
-CANDIDATES = 4
 
 
-@dataclass(frozen=True, eq=False)
-class GridReading:
-    """`turns` (quarters, counter-clockwise) that bring the grid upright; `place` (column, row from below) of the tag at its bottom left."""
-
-    target: AprilGrid
-    turns: int
-    place: tuple[int, int]
-    bits: float
-    margin: float
-
-
-def read_aprilgrid(grey: Array, grid: Array) -> GridReading | None:
+def read_aprilgrid(grey: Array, grid: Array) -> Reading | None:
     """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if no numbering is certain."""
     lifted = _lifted(rectified(grey, grid, SAMPLES))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
@@ -150,7 +136,7 @@ def _placed(
     seen: Array,
     gap: float,
     goes_on: Array,
-) -> GridReading | None:
+) -> Reading | None:
     """The place of the grid on its board: one whose tags are counted from 0 if that can be, else a whole board that begins with any."""
     height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
     right, upper, left, lower = np.roll(goes_on, turns)
@@ -161,4 +147,5 @@ def _placed(
         return None
     rows = row + height if seen.all() and not upper else None
     target = AprilGrid(columns, rows, name, round(gap, 2), border, first)
-    return GridReading(target, turns, (column, row), bits, margin)
+    # labels count from the bottom right, to the left and upwards: half a turn from upright
+    return Reading(target, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)

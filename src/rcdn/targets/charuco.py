@@ -15,6 +15,7 @@ import numpy as np
 from rcdn.targets.families import Family, families
 from rcdn.targets.layout import index_of, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
+from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
 
 ACCEPT = 46.0
@@ -30,18 +31,6 @@ FRAME = Frame()
 MOST_COLUMNS = 64
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """`turns` (quarters, counter-clockwise) that bring the picture's squares upright; `place` (column, row) on the board of the first
-    square after turning; `bits` of evidence and their `margin` over the next layout."""
-
-    target: Charuco
-    turns: int
-    place: tuple[int, int]
-    bits: float
-    margin: float
 
 
 @dataclass(frozen=True, eq=False)

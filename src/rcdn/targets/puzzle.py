@@ -6,12 +6,11 @@ are seen vote for each of the 501 × 501 places and four turns; see `charuco` fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
-from rcdn.types import Array
+from rcdn.targets.reading import Reading
+from rcdn.types import Array, PuzzleBoard
 from rcdn.types.target import PUZZLE
 
 ACCEPT = 40.0
@@ -36,17 +35,7 @@ CODE_2 = (
 """bits of the horizontal edges (CC0)"""
 
 
-@dataclass(frozen=True)
-class PuzzleReading:
-    """`turns` (quarters, counter-clockwise) that bring the grid upright; `place` (column, row) on the code of its first corner after turning."""
-
-    turns: int
-    place: tuple[int, int]
-    bits: float
-    margin: float
-
-
-def read_puzzle(grey: Array, grid: Array, seen: Array) -> PuzzleReading | None:
+def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners, and some
     were `seen`; None if it is none, or if that is not certain."""
     along_x, along_y = circles(grey, grid, seen)
@@ -67,7 +56,7 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> PuzzleReading | None:
     margin = bits - max(second, found[1][0])
     if bits < ACCEPT or margin < MARGIN:
         return None
-    return PuzzleReading(turns, (best % PUZZLE, best // PUZZLE), bits, margin)
+    return Reading(PuzzleBoard(), turns, (best % PUZZLE, best // PUZZLE), bits, margin)
 
 
 def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:

@@ -9,8 +9,9 @@ import numpy as np
 from rcdn.targets.aprilgrid import read_aprilgrid
 from rcdn.targets.charuco import read_charuco
 from rcdn.targets.puzzle import read_puzzle
+from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares
-from rcdn.types import Array, Board, PuzzleBoard, Target
+from rcdn.types import Array, Board
 
 SAMPLES = 32
 """a square's side on the raster"""
@@ -32,15 +33,13 @@ def identified(grey: Array, board: Board) -> Board:
     grid, found = grid_with_ring(board)
     inner = whole_squares(found)
     marked = _marked(rectified(grey, grid, GLANCE), inner)
+    reading = None
     if marked is not None:
         squares = rectified(grey, grid, SAMPLES)
         lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
         reading = read_charuco(lifted, marked, inner, aspect_of(grid))
-        if reading is not None:
-            column, row = reading.place
-            return _placed(board, reading.target, reading.turns, (column, row))
-    puzzle = read_puzzle(grey, grid, found)
-    return board if puzzle is None else _placed(board, PuzzleBoard(), puzzle.turns, puzzle.place)
+    reading = reading or read_puzzle(grey, grid, found)
+    return board if reading is None else _placed(board, reading)
 
 
 def _marked(squares: Array, inner: Array) -> Array | None:
@@ -83,28 +82,24 @@ def _tags(grey: Array, board: Board) -> Board:
     i, j = board.ij.T
     grid[j, i], index[j, i] = board.xy, np.arange(len(board))
     reading = read_aprilgrid(grey, grid)
-    if reading is None:
-        return board
-    column, row = reading.place
-    index = np.rot90(index, reading.turns)[::-1, ::-1]  # from the bottom right
-    wide = 2 * reading.target.columns
-    return _relabelled(board, reading.target, index, (wide - 2 * column - index.shape[1], 2 * row))
+    return board if reading is None else _relabelled(board, reading, index)
 
 
-def _placed(board: Board, target: Target, turns: int, place: tuple[int, int]) -> Board:
-    """The board turned upright, its first corner at `place` (column, row) of the target."""
+def _placed(board: Board, reading: Reading) -> Board:
+    """A board of squares with its places on the target."""
     columns, rows = board.size
     index = np.full((rows, columns), -1)
     i, j = (board.ij - board.ij.min(axis=0)).T
     index[j, i] = np.arange(len(board))
-    return _relabelled(board, target, np.rot90(index, turns), place)
+    return _relabelled(board, reading, index)
 
 
-def _relabelled(board: Board, target: Target, index: Array, place: tuple[int, int]) -> Board:
-    """The corners `index` (R, C) of a board, −1 for none, row by row, the first of them at `place` of the target."""
+def _relabelled(board: Board, reading: Reading, index: Array) -> Board:
+    """The board whose grid has the corners `index` (R, C), −1 for none, turned as its target is labelled, row by row again."""
+    index, target = np.rot90(index, reading.turns), reading.target
     row, column = np.nonzero(index >= 0)
     order = index[row, column]
-    ij = np.stack([column, row], axis=1) + np.array(place)
+    ij = np.stack([column, row], axis=1) + np.array(reading.place)
     pick = lambda a: None if a is None else a[order]  # noqa: E731
     return replace(
         board, xy=board.xy[order], ij=ij, response=board.response[order], status=board.status[order], sigma=pick(board.sigma),

@@ -65,6 +65,12 @@ class PuzzleBoard:
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
 
+def tag_plane(ij: Array, gap: float) -> Array:
+    """Where the corners `ij` (..., 2) of tags lie on their board, (..., 2), in sides of a tag: tags begin at even labels, `gap` apart."""
+    ij = np.asarray(ij)
+    return np.asarray(ij // 2 * (1 + gap) + ij % 2)
+
+
 @dataclass(frozen=True)
 class AprilGrid:
     """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags
@@ -92,8 +98,7 @@ class AprilGrid:
 
     def plane(self, ij: Array) -> Array:
         """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
-        ij = np.asarray(ij)
-        return np.asarray(ij // 2 * (1 + self.gap) + ij % 2)
+        return tag_plane(ij, self.gap)
 
 
 Target = Charuco | PuzzleBoard | AprilGrid
