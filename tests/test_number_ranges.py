@@ -38,6 +38,16 @@ GREY = cv2.resize(np.indices((7, 8)).sum(axis=0).astype(np.uint8) % 2 * 200 + 20
 # ---- saved detections, calibrations and cameras
 
 
+def refused(path, change, read, words):
+    """A file that was written, and then changed, is refused in these words, after its name."""
+    data = json.loads(path.read_text())
+    change(data)
+    path.write_text(json.dumps(data))
+    with pytest.raises(FormatError, match=words) as caught:
+        read(path)
+    assert str(caught.value).startswith(str(path))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -53,12 +63,7 @@ GREY = cv2.resize(np.indices((7, 8)).sum(axis=0).astype(np.uint8) % 2 * 200 + 20
 def test_detections_out_of_range(tmp_path, change, words):
     path = tmp_path / "a.json"
     write_detections(path, [ImageResult("a.png", 640, 480, Corners(XY, np.ones(12), np.zeros(12)), (BOARD,))])
-    data = json.loads(path.read_text())
-    change(data)
-    path.write_text(json.dumps(data))
-    with pytest.raises(FormatError, match=words) as caught:
-        read_detections(path)
-    assert str(caught.value).startswith(str(path))
+    refused(path, change, read_detections, words)
 
 
 @pytest.mark.parametrize(
@@ -81,12 +86,7 @@ def test_calibrations_out_of_range(tmp_path, change, words):
 
     path = tmp_path / "a.json"
     write_calibration(path, calibration())
-    data = json.loads(path.read_text())
-    change(data)
-    path.write_text(json.dumps(data))
-    with pytest.raises(FormatError, match=words) as caught:
-        read_calibration(path)
-    assert str(caught.value).startswith(str(path))
+    refused(path, change, read_calibration, words)
 
 
 def test_aliases_say_no_more_than_a_file_can_hold():
