@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
+import threading
+from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
 AGAIN = 0.02
 """seconds after which a Ctrl-C that had to wait is tried again"""
+
+_here = threading.local()
+"""`held`: how many of them there are around what this thread runs; only the main thread is interrupted"""
+
+_ended = False
 
 
 def install() -> None:
@@ -23,15 +31,32 @@ def install() -> None:
     sys.unraisablehook = _unraisable
 
 
+@contextlib.contextmanager
+def held() -> Iterator[None]:
+    """Have Ctrl-C wait for the end of the block, which would leave something half done: a thread that nobody waits for, a line that is lost."""
+    _here.held = getattr(_here, "held", 0) + 1
+    try:
+        yield
+    finally:
+        _here.held -= 1
+
+
 def end() -> None:
-    """Ignore Ctrl-C from now on: everything is done but the interpreter's own end."""
+    """Ignore Ctrl-C from now on: all that is left is to say how it ended."""
+    global _ended
+    _ended = True
     if signal.getsignal(signal.SIGINT) is _interrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
 
+def ended() -> bool:
+    """Whether `end` was called: nothing more is to be said of a Ctrl-C."""
+    return _ended
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if _importing(frame):
+    if getattr(_here, "held", 0) or _importing(frame):
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
     else:
         raise KeyboardInterrupt

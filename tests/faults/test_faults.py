@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import fault_runs
 import numpy as np
@@ -63,14 +64,12 @@ def test_two_runs_on_the_same_outputs(home, known):
 # ---- the first moments, and the last ones
 
 EARLY = """
-import signal, sys, threading, time, os
+import sys
+import time
 from rcdn import interrupts
 def install(real=interrupts.install):
     real()
-    def interrupt():
-        time.sleep({after})
-        os.kill(os.getpid(), signal.SIGINT)
-    threading.Thread(target=interrupt, daemon=True).start()
+    print(flush=True)
 interrupts.install = install
 sys.argv = ["rcdn", "detect", "in", "-j", "1"]
 from rcdn.__main__ import main
@@ -80,9 +79,14 @@ main()
 
 @pytest.mark.parametrize("after", [0.0, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3])
 def test_ctrl_c_while_modules_are_loaded_is_one_line(home, after):
-    done = subprocess.run([sys.executable, "-c", EARLY.format(after=after)], cwd=home, capture_output=True, text=True)
-    assert (done.returncode, done.stderr.count("\n")) == (130, 1), done.stderr
-    assert done.stderr.startswith("error: stopped by Ctrl-C")
+    pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", EARLY], cwd=home, text=True, **pipes) as process:
+        process.stdout.readline()
+        time.sleep(after)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate()
+    assert (process.returncode, errors.count("\n")) == (130, 1), errors
+    assert errors.startswith("error: stopped by Ctrl-C")
 
 
 def rcdn(home, *words, **options):

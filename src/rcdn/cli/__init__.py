@@ -16,7 +16,7 @@ import typer
 
 from rcdn import interrupts
 from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
-from rcdn.cli._group import INTERRUPTED, STOPPED, Group, say_error
+from rcdn.cli._group import INTERRUPTED, Group, say_stopped
 from rcdn.cli._stderr import READERS, for_ours_alone
 
 app = typer.Typer(
@@ -67,20 +67,21 @@ def main() -> None:
     """All of the `rcdn` command but the first moments, which are `rcdn.__main__`'s."""
     from rcdn.cli._streams import Streams
 
-    interrupts.install()
     # before numpy comes, here and in the processes to be started: its BLAS would put threads to matrices of a few rows, which
     # doubles the time; work is shared out by pictures instead
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if READERS.intersection(sys.argv[1:2]):
-        for_ours_alone()
-    streams = Streams()
+    with interrupts.held():
+        if READERS.intersection(sys.argv[1:2]):
+            for_ours_alone()
+        streams = Streams()
     code: object = 0
     try:
         app(prog_name="rcdn")
     except SystemExit as end:
         code = end.code
-    except KeyboardInterrupt:  # before a verb has begun, or after its end
-        say_error(STOPPED)
+    except KeyboardInterrupt:
         code = INTERRUPTED
+    if code == INTERRUPTED and not interrupts.ended():  # before a verb has begun, or after its end
+        say_stopped()
     interrupts.end()
     sys.exit(streams.end(code if isinstance(code, int) else 0))

@@ -12,6 +12,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from rcdn import interrupts
 from rcdn.errors import ConfigError, DependencyError, OutputError, RcdnError
 
 if TYPE_CHECKING:
@@ -137,8 +138,9 @@ def in_thread(make: Callable[[], Iterable[T]], ahead: int = AHEAD) -> Generator[
     waiting: queue.Queue[tuple[bool, Any]] = queue.Queue(maxsize=ahead)
     stop = threading.Event()
     thread = threading.Thread(target=_fill, args=(make, waiting, stop), name="rcdn-reader", daemon=True)
-    thread.start()
     try:
+        with interrupts.held():
+            thread.start()
         while True:
             more, value = waiting.get()
             if more:

@@ -7,15 +7,21 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from rcdn import interrupts
 from rcdn.errors import ConfigError, RcdnError
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
-STOPPED = "stopped by Ctrl-C"
 
 
 def say_error(message: str) -> None:
     """One line `error: …` on stderr, red on a terminal."""
     typer.secho(f"error: {one_line(message)}", fg="red", err=True)
+
+
+def say_stopped(rest: str = "") -> None:
+    """The last line after Ctrl-C, which no second Ctrl-C disturbs."""
+    interrupts.end()
+    say_error(f"stopped by Ctrl-C{rest}")
 
 
 def say_warning(message: str) -> None:
@@ -41,5 +47,5 @@ class Group(TyperGroup):
             say_error(str(error))
             raise typer.Exit(FAILED) from None
         except KeyboardInterrupt:
-            say_error(STOPPED)
+            say_stopped()
             raise typer.Exit(INTERRUPTED) from None

@@ -15,7 +15,7 @@ import typer
 
 from rcdn.cli import _batch, _pool, _summary
 from rcdn.cli._cache import open_cache
-from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error
+from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
 from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, Target, TargetName, parse_size
 from rcdn.cli._outputs import Outputs
 from rcdn.cli._progress import progress
@@ -267,7 +267,7 @@ def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
     verb = "holds" if len(run.outputs.written) == 1 else "hold"
     held = f"; {written} {verb} what was found in them" if written else ""
     if isinstance(run.stopped, KeyboardInterrupt):
-        say_error(f"stopped by Ctrl-C after {run.tally.images} pictures of {total} files{held}")
+        say_stopped(f" after {run.tally.images} pictures of {total} files{held}")
         raise typer.Exit(INTERRUPTED)
     if run.stopped is not None:
         say_error(f"{run.stopped} (stopped after {run.tally.images} pictures{held})")

@@ -10,6 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any, TypeVar
 from weakref import WeakSet
 
+from rcdn import interrupts
+
 Item = TypeVar("Item")
 MOST = max(64, os.cpu_count() or 1)
 """threads of a pool; they are made when there is work for them"""
@@ -63,7 +65,8 @@ class Threads:
             return []
         pool = self._executor()
         try:
-            return [pool.submit(work) for _ in range(count)]
+            with interrupts.held():
+                return [pool.submit(work) for _ in range(count)]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             self._forget()
