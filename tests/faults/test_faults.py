@@ -65,7 +65,6 @@ def test_two_runs_on_the_same_outputs(home, known):
 
 EARLY = """
 import sys
-import time
 from rcdn import interrupts
 def install(real=interrupts.install):
     real()

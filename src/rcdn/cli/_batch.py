@@ -151,7 +151,8 @@ def in_thread(make: Callable[[], Iterable[T]], ahead: int = AHEAD) -> Generator[
                 raise value
     finally:
         stop.set()
-        thread.join(timeout=2)
+        if thread.is_alive():  # it isn't if it could not be started, or an interrupt came before that
+            thread.join(timeout=2)
 
 
 def _fill(make: Callable[[], Iterable[T]], waiting: queue.Queue[tuple[bool, Any]], stop: threading.Event) -> None:

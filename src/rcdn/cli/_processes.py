@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from multiprocessing import connection, get_context
 from typing import Any
 
+from rcdn import interrupts
 from rcdn.children import end_with_parent
 from rcdn.cli._batch import Picture, Work
 from rcdn.cli._pool import LOST, Item
@@ -101,7 +102,10 @@ def no_interrupts() -> Iterator[None]:
     resource_tracker.ensure_running()  # or the start would do it, and lift the mask
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        with (
+            interrupts.held()
+        ):  # the mask is this thread's only: another one gets the signal, and Python handles it here
+            yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -59,8 +59,8 @@ class Threads:
             other.result()
 
     def _submitted(self, work: Callable[[], None], count: int) -> list[Future[None]]:
-        """So many futures of `work`. Ctrl-C meanwhile ends the pool: a thread that has begun, but that its pool doesn't know yet, would be waited for
-        at the end of the program, and never told to end."""
+        """So many futures of `work`. A thread that has begun, but that its pool doesn't know yet, would be waited for at the end of the program, and
+        never told to end: the command lets Ctrl-C wait meanwhile, in another program it ends the pool."""
         if count < 1:
             return []
         pool = self._executor()

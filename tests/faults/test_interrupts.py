@@ -1,0 +1,108 @@
+"""Ctrl-C at moments that are chosen: each is sent from within what it must not disturb."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytestmark = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs the signals of Linux")
+
+BEGIN = """
+import os, signal, sys, threading
+from rcdn import interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs the tests may ignore it
+interrupts.install()
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+def then(function):
+    def called(*arguments, **more):
+        result = function(*arguments, **more)
+        interrupt()
+        return result
+    return called
+"""
+RUN = """
+sys.argv = ["rcdn", "detect", "in", "-j", "1"]
+from rcdn.__main__ import main
+main()
+"""
+WHILE_STANDARD_ERROR_GOES = "os.dup2 = then(os.dup2)" + RUN
+WHILE_WORDS_ARE_READ = "from rcdn.cli import _group; _group.Group.make_context = then(_group.Group.make_context)" + RUN
+TWICE = (
+    """
+from rcdn.cli import _group
+_group.Group.make_context = then(_group.Group.make_context)
+_group.say_error = then(_group.say_error)
+"""
+    + RUN
+)
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", BEGIN + code], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("code", [WHILE_STANDARD_ERROR_GOES, WHILE_WORDS_ARE_READ, TWICE])
+def test_ctrl_c_of_the_command_is_one_line(code):
+    done = python(code)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "error: stopped by Ctrl-C\n")
+
+
+READER = """
+import itertools, time
+from rcdn.cli._batch import in_thread
+threading.Thread.start = then(threading.Thread.start)
+try:
+    for _ in in_thread(itertools.count):
+        time.sleep(0.01)
+except KeyboardInterrupt:
+    print(any(t.name == "rcdn-reader" for t in threading.enumerate()))
+"""
+
+
+def test_a_reader_that_has_just_begun_ends():
+    """A thread that is still running at the end of the interpreter aborts it."""
+    done = python(READER)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "False\n", "")
+
+
+NOT_BEGUN = """
+from rcdn.cli._batch import in_thread
+def no_room(thread):
+    raise RuntimeError("can't start new thread")
+threading.Thread.start = no_room
+try:
+    list(in_thread(lambda: [1]))
+except RuntimeError as error:
+    print(error)
+"""
+
+
+def test_a_reader_that_cannot_begin_says_why():
+    done = python(NOT_BEGUN)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "can't start new thread\n", "")
+
+
+PROCESS = """
+from rcdn.cli._processes import no_interrupts
+other = threading.Thread(target=threading.Event().wait, daemon=True)
+other.start()  # it gets the signals that the first thread blocks
+try:
+    with no_interrupts():
+        interrupt()
+        for _ in range(100_000):
+            pass
+        print("whole")
+    signal.pause()
+except KeyboardInterrupt:
+    print("stopped")
+os._exit(0 if sys.stdout.flush() is None else 1)
+"""
+
+
+def test_a_process_that_starts_is_not_disturbed_though_other_threads_run():
+    done = python(PROCESS)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "whole\nstopped\n", "")
