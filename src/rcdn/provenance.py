@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
 import platform
 import subprocess
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,28 @@ from typing import Any
 def provenance() -> dict[str, Any]:
     """Commit (with `+` if files differ from it), date, platform, processor count and versions."""
     return {
-        "rcdn": version("rcdn"),
+        "rcdn": metadata.version("rcdn"),
         "commit": commit(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "platform": platform.platform(),
         "python": platform.python_version(),
         "cpus": os.cpu_count(),
-        "versions": {name: version(name) for name in ("numpy", "scipy", "opencv-python-headless", "onnxruntime")},
+        "versions": versions("numpy", "scipy", *OPENCV, *RUNTIMES),
     }
+
+
+OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python", "opencv-contrib-python-headless")
+RUNTIMES = ("onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "onnxruntime-openvino")
+"""distributions of ONNX Runtime: it isn't imported for its version, since it takes notes about the machine when it is"""
+
+
+def versions(*distributions: str) -> dict[str, str]:
+    """Versions of those distributions that are installed."""
+    found = {}
+    for name in distributions:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(name)
+    return found
 
 
 def commit() -> str:

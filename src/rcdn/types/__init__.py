@@ -7,14 +7,17 @@ from rcdn.types.base import Array
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelScore, Reason, StereoCalibration, Verdict
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
-from rcdn.types.corners import Board, Corners, Orientation, Pattern, Status, plane_points, usual_size
+from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
 from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
+from rcdn.types.plane import SQUARES, Pattern, Plane, plane_points
+from rcdn.types.printed import Checkerboard, Deltille, Print, Printed, PuzzlePart
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
     "LENS",
     "LEVELS",
+    "SQUARES",
     "AprilGrid",
     "Array",
     "Board",
@@ -24,15 +27,21 @@ __all__ = [
     "Camera",
     "CameraModel",
     "Charuco",
+    "Checkerboard",
     "Corners",
+    "Deltille",
     "LensCorrection",
     "Level",
     "ModelScore",
     "Orientation",
     "Pattern",
+    "Plane",
     "Pose",
     "PoseEstimate",
+    "Print",
+    "Printed",
     "PuzzleBoard",
+    "PuzzlePart",
     "Reason",
     "Status",
     "StereoCalibration",

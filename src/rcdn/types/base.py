@@ -16,6 +16,16 @@ MOST = 100_000_000
 """numbers in an array of a value"""
 
 
+class Value:
+    """Base of values that hold arrays: nobody can change those of a copy or of what was pickled, either."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for part in state.values():
+            if isinstance(part, np.ndarray):
+                part.setflags(write=False)
+        self.__dict__.update(state)
+
+
 def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...], within: float = np.inf) -> None:
     """Set `owner.name` to `value` as an array of `dtype` and shape (N, *tail) that nobody can change; NaN may be in it.
 

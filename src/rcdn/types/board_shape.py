@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.base import Array, freeze, shape_of
+from rcdn.types.base import Array, Value, freeze, shape_of
 
 
 @dataclass(frozen=True, eq=False)
-class BoardShape:
+class BoardShape(Value):
     """`offsets` (rows, columns, 3) m: how far each inner corner of a board lies off its place on the perfect plane, along the board's x, y and
     normal (away from the camera). The same in all views. A shift, a turn, another size and a tilt, as the mean slopes of the offsets tell them,
     aren't in it: they belong to the board's pose."""

@@ -7,12 +7,16 @@ from typing import Literal
 
 import numpy as np
 
-from rcdn.errors import RcdnError
-from rcdn.types.base import Array, freeze
+from rcdn.errors import RcdnError, shown
+from rcdn.types.base import Array, Value, freeze
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.camera import Camera, Pose
 from rcdn.types.corners import Orientation
+from rcdn.types.named import Named
+from rcdn.types.plane import Plane
 from rcdn.types.ranges import LABEL, POSITION
+from rcdn.types.shown import deviations, paragraph
+from rcdn.types.target import Target
 
 Level = Literal["good", "fair", "unsure", "bad"]
 LEVELS: tuple[Level, ...] = ("good", "fair", "unsure", "bad")
@@ -20,13 +24,15 @@ LEVELS: tuple[Level, ...] = ("good", "fair", "unsure", "bad")
 
 
 @dataclass(frozen=True, eq=False)
-class BoardView:
+class BoardView(Value):
     """One board in one picture, as a calibration saw it.
 
     `name` of the picture; `board` its number there (0: the largest). `ij` (M, 2) labels, in the whole board if they are
     `settled`, else in the part that was seen; `xy` (M, 2) px; `sigma` (M,) px of the detection, NaN where unknown.
     `pose`: T_cam_board, metres, or None if none was found. `residuals` (M, 2) observed − projected, px (NaN without a pose);
     `used` (M,) bool, corners that the calibration rests on; `reason`: why the whole view was left out, "" if it wasn't.
+    `target`: what the board's codes say, None of a plain one, and `ids` (M,) the corners' numbers there, −1 where unknown. Labels count on its
+    `plane` (None: unknown, as of files written before), whose sides are `spacing` m (None: the calibration's).
     """
 
     name: str
@@ -39,8 +45,16 @@ class BoardView:
     used: Array
     reason: str = ""
     settled: bool = True
+    target: Target | None = None
+    ids: Array | None = None
+    plane: Plane | None = None
+    spacing: float | None = None
 
     def __post_init__(self) -> None:
+        if self.ids is not None:
+            freeze(self, "ids", self.ids, np.int64, ())
+        if (self.ids is None) != (self.target is None) or (self.ids is not None and len(self.ids) != len(self.xy)):
+            raise RcdnError("BoardView.ids must have one row a corner, and come with a target")
         freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
         freeze(self, "xy", self.xy, np.float64, (2,), POSITION)
         freeze(self, "sigma", self.sigma, np.float64, ())
@@ -51,6 +65,10 @@ class BoardView:
 
     def __len__(self) -> int:
         return len(self.xy)
+
+    def __repr__(self) -> str:
+        what = f"left out, {self.reason}" if self.reason else f"rms {self.rms:.3g} px"
+        return f"<BoardView {shown(self.name)} {self.board}: {len(self)} corners, {self.used.sum()} used, {what}>"
 
     @property
     def rms(self) -> float:
@@ -91,6 +109,10 @@ class Verdict:
     level: Level
     reasons: tuple[Reason, ...] = ()
 
+    def __repr__(self) -> str:
+        first = f": {self.reasons[0].sentence}" if self.against else ""
+        return f"<Verdict {self.level}, {len(self.against)} of {len(self.reasons)} checks against it{first}>"
+
     @property
     def against(self) -> tuple[Reason, ...]:
         """The reasons that speak against the calibration."""
@@ -98,16 +120,17 @@ class Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class Calibration(Value):
     """A camera with all that tells how far to trust it.
 
-    `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input.
-    `cov` (P + 6, P + 6): covariance of the P `camera.parameters` and of the boards' mean small motion (rotation vector, rad,
-    and translation, m, in camera axes), which projection uncertainty needs. `noise`: px that the corners scatter along one axis
-    beyond their sigma. `models`: the lens models that were compared, the chosen one first; its `held_out` is k-fold: calibrate from the
-    others, then solve only poses. `shape` of the board, None if it was taken as perfect. `size` (columns, rows) of the board in inner corners and its
-    `orientation`; None if the views don't settle it. `advice`: sentences for the person with the camera, gravest first: what the `verdict`
-    found, and notes that are no judgement. `verdict`: None until it is judged.
+    `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input. `cov` (P + 6, P + 6): covariance of the P
+    `camera.parameters` and of the boards' mean small motion (rotation vector, rad, and translation, m, in camera axes), which projection
+    uncertainty needs. `noise`: px that the corners scatter along one axis beyond their sigma. `models`: the lens models that were compared,
+    the chosen one first; its `held_out` is k-fold: calibrate from the others, then solve only poses. `shape` of the board, None if it was
+    taken as perfect. `size` (columns, rows) of the board in inner corners and its `orientation`; None if the views don't settle it.
+    `target`: what its codes say, None of a plain board. Where views show several targets, `spacing`, `size`, `orientation`, `shape` and
+    `target` are those of the one that most of them show. `advice`: sentences for the person with the camera, gravest first: what the
+    `verdict` found, and notes that are no judgement. `verdict`: None until it is judged.
     """
 
     camera: Camera
@@ -121,6 +144,7 @@ class Calibration:
     shape: BoardShape | None = None
     advice: tuple[str, ...] = ()
     verdict: Verdict | None = None
+    target: Target | None = None
 
     def __post_init__(self) -> None:
         many = len(self.camera.parameters) + 6
@@ -128,10 +152,24 @@ class Calibration:
         if self.cov.shape != (many, many):
             raise RcdnError(f"Calibration.cov must have shape ({many}, {many}), not {self.cov.shape}")
 
+    def __repr__(self) -> str:
+        return f"<Calibration: {_level(self.verdict)}, {self._facts}>"
+
+    def _repr_html_(self) -> str:
+        few = self.camera.coefficients
+        table = deviations(self.camera.parameter_names[:few], self.camera.parameters[:few], self.std[:few])
+        return _verdict_html("Calibration", self.verdict) + paragraph(self._facts) + table
+
     @property
-    def std(self) -> Array:
-        """(P,) standard deviations of `camera.parameters`."""
-        return np.sqrt(np.diag(self.cov)[:-6])
+    def _facts(self) -> str:
+        width, height = self.camera.image_size
+        views = f"{len(self.used_views)} of {len(self.views)} views"
+        return f"{self.camera.model} {width}×{height} px, rms {self.rms:.3g} px, {views}"
+
+    @property
+    def std(self) -> Named:
+        """(P,) standard deviations of `camera.parameters`. Also by name: `std["fx"]`."""
+        return Named(np.sqrt(np.diag(self.cov)[:-6]), self.camera.parameter_names)
 
     @property
     def rms(self) -> float:
@@ -160,14 +198,14 @@ class Calibration:
 
 
 @dataclass(frozen=True, eq=False)
-class StereoCalibration:
+class StereoCalibration(Value):
     """Two cameras and where they stand.
 
     `left`, `right`: their calibrations after the joint solution, with views in the same order (pair k is `left.views[k]` and
     `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov` (6, 6) of a small motion after it
-    (rotation vector, rad; translation, m). `rms` reprojection error of both, px; `epipolar` root mean square distance of the
-    corners from their epipolar lines, px, over both pictures. Rectification, as OpenCV names it: `R_left`, `R_right` (3, 3), `P_left`,
-    `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as of a `Calibration`, of the pair and of each camera.
+    (rotation vector, rad; translation, m). `rms` reprojection error of both, px; `epipolar` root mean square distance of the corners from
+    their epipolar lines, px, over both pictures (NaN if none was seen by both). Rectification, as OpenCV names it: `R_left`, `R_right` (3,
+    3), `P_left`, `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as of a `Calibration`, of the pair and of each camera.
     """
 
     left: Calibration
@@ -189,10 +227,32 @@ class StereoCalibration:
         for name, width in shapes.items():
             freeze(self, name, getattr(self, name), np.float64, (width,))
 
+    def __repr__(self) -> str:
+        return f"<StereoCalibration: {_level(self.verdict)}, {self._facts}>"
+
+    def _repr_html_(self) -> str:
+        sides = f"{self.left._repr_html_()}{self.right._repr_html_()}"
+        return _verdict_html("Stereo calibration", self.verdict) + paragraph(self._facts) + sides
+
+    @property
+    def _facts(self) -> str:
+        return f"baseline {self.baseline:.5g} m, rms {self.rms:.3g} px, epipolar {self.epipolar:.3g} px"
+
     @property
     def baseline(self) -> float:
         """Distance of the cameras' centres, m."""
         return float(np.linalg.norm(self.T_right_left[:3, 3]))
+
+
+def _level(verdict: Verdict | None) -> str:
+    return "not judged" if verdict is None else verdict.level
+
+
+def _verdict_html(title: str, verdict: Verdict | None) -> str:
+    """The verdict with what speaks against the calibration."""
+    against = () if verdict is None else verdict.against
+    head = paragraph(f"{title}: {_level(verdict)}", None if verdict is None else verdict.level)
+    return head + "".join(paragraph(f"{reason.sentence} {reason.action}".strip()) for reason in against)
 
 
 def _rms(residuals: Array) -> float:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rcdn.errors import RcdnError, shown
-from rcdn.types.base import Array, freeze
+from rcdn.provided import camera_work
+from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
+from rcdn.types.named import Named
 from rcdn.types.ranges import whole_size
+from rcdn.types.shown import deviations, paragraph
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
 
@@ -25,7 +30,7 @@ LENS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(Value):
     """Intrinsics of one camera.
 
     `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a
@@ -57,6 +62,19 @@ class Camera:
         if self.correction is not None and self.model == "division":
             raise RcdnError("Camera.correction is not for model 'division'; use pinhole, brown, rational or fisheye")
 
+    def __repr__(self) -> str:
+        few = zip(self.parameter_names[: self.coefficients], self.parameters.tolist(), strict=False)
+        more = "" if self.correction is None else ", and a smooth correction"
+        return f"<Camera {self._kind}: {', '.join(f'{name} {value:.5g}' for name, value in few)}{more}>"
+
+    def _repr_html_(self) -> str:
+        many = self.coefficients
+        return paragraph(f"Camera, {self._kind}") + deviations(self.parameter_names[:many], self.parameters[:many])
+
+    @property
+    def _kind(self) -> str:
+        return f"{self.model} {self.image_size[0]}×{self.image_size[1]} px"
+
     @property
     def parameters(self) -> Array:
         """(`coefficients` [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control points, flat."""
@@ -75,6 +93,51 @@ class Camera:
         core = ("fx", "fy", "cx", "cy", *LENS[self.model][: len(self.distortion)])
         return core if self.correction is None else core + self.correction.names
 
+    def project(self, points: ArrayLike, pose: Pose | None = None) -> Array:
+        """Pixels (..., 2) of points (..., 3) in camera coordinates, or on a board that stands at `pose`; NaN where the camera sees nothing.
+
+        Raises RcdnError for points of another shape.
+        """
+        return _work().project(self, _rows_of(points, 3, "points"), pose)
+
+    def unproject(self, xy: ArrayLike) -> Array:
+        """Viewing rays (..., 3) in camera coordinates of pixels (..., 2): of unit z, of `fisheye` and `division` cameras of unit length; NaN
+        where the lens model has none. Raises RcdnError for pixels of another shape."""
+        return _work().unproject(self, _rows_of(xy, 2, "xy"))
+
+    def undistorted(self, balance: float = 0.0) -> Camera:
+        """The pinhole camera of the same size that `undistort` makes pictures of. `balance` 0: all of its pixels were seen; 1: it shows all
+        that this camera saw, up to 55° off its axis. Raises RcdnError for a `balance` outside of 0..1."""
+        return _work().undistorted(self, balance)
+
+    def undistort(self, image: Any, balance: float = 0.0) -> Array:
+        """`image`, an array (H, W) or (H, W, channels) of 8 or 16 bits or floats or a PIL image, as the camera `undistorted(balance)` would have
+        taken it; what nobody saw is 0. The maps of the last camera are kept for its next picture.
+
+        Raises ImageError for what isn't such a picture, RcdnError for another size than the camera's `image_size`.
+        """
+        return _work().undistort(self, image, balance)
+
+    def undistortion_maps(self, balance: float = 0.0) -> tuple[Array, Array]:
+        """Where each pixel of `undistorted(balance)` comes from: map_x, map_y (H, W) float32, px, as `cv2.remap` takes them."""
+        return _work().undistortion_maps(self, balance)
+
+    def save(self, path: str | Path, format: str | None = None) -> str:
+        """Write a file that other programs read: `opencv`, `ros`, `kalibr`, `colmap`, `mrcal` or `json`, else as the name ends (docs/formats.md).
+
+        Returns what the file holds only nearly, of a camera with a `correction`, else "". Raises FormatError for a name that tells no format, and
+        where the format can't hold the lens; OutputError where the file can't be written.
+        """
+        return _work().save(self, path, format)
+
+    @staticmethod
+    def load(path: str | Path, name: str | None = None, format: str | None = None) -> Camera:
+        """Read a camera from a file of any of the formats of `save`, which is told by what is in it, or from a calibration saved as JSON.
+
+        `name`: which camera of a file with several. Raises FormatError, which names the file, the field and the fix.
+        """
+        return _work().load(path, name, format)
+
     def with_parameters(self, parameters: Array) -> Camera:
         """A camera of the same model, size, skew and grid of the correction whose `parameters` are these."""
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
@@ -86,8 +149,36 @@ class Camera:
         return Camera(K, np.asarray(parameters[4:end], float), self.image_size, self.model, correction)
 
 
+class CameraWork(Protocol):
+    """What the methods of `Camera` need of floors above this one."""
+
+    def project(self, camera: Camera, points: Array, pose: Pose | None) -> Array: ...
+    def unproject(self, camera: Camera, xy: Array) -> Array: ...
+    def undistorted(self, camera: Camera, balance: float) -> Camera: ...
+    def undistort(self, camera: Camera, image: Any, balance: float) -> Array: ...
+    def undistortion_maps(self, camera: Camera, balance: float) -> tuple[Array, Array]: ...
+    def save(self, camera: Camera, path: str | Path, format: str | None) -> str: ...
+    def load(self, path: str | Path, name: str | None, format: str | None) -> Camera: ...
+
+
+def _work() -> CameraWork:
+    work: CameraWork = camera_work()
+    return work
+
+
+def _rows_of(value: ArrayLike, length: int, called: str) -> Array:
+    """`value` as an array (..., length) of floats."""
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError) as error:
+        raise RcdnError(f"{called} must hold numbers in rows of equal length: {error}") from error
+    if array.shape[-1:] != (length,):
+        raise RcdnError(f"{called} must have shape (..., {length}), not {array.shape}")
+    return array
+
+
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(Value):
     """`T_cam_board` (4, 4): takes homogeneous board coordinates (in squares or metres) to camera coordinates."""
 
     T_cam_board: Array
@@ -96,6 +187,15 @@ class Pose:
         freeze(self, "T_cam_board", self.T_cam_board, np.float64, (4,))
         if self.T_cam_board.shape != (4, 4):
             raise RcdnError(f"Pose.T_cam_board must have shape (4, 4), not {self.T_cam_board.shape}")
+
+    def __repr__(self) -> str:
+        return f"<Pose: {self._place}>"
+
+    @property
+    def _place(self) -> str:
+        x, y, z = self.t
+        cosine = np.clip(0.5 * (np.trace(self.R) - 1), -1, 1)
+        return f"t ({x:.5g}, {y:.5g}, {z:.5g}), turned by {np.degrees(np.arccos(cosine)):.1f}°"
 
     @property
     def R(self) -> Array:
@@ -114,7 +214,8 @@ class PoseEstimate(Pose):
 
     `cov` (6, 6) of a small motion after the pose, (rotation vector, rad, in camera axes; translation, board's unit);
     `rms` reprojection error, px; `residuals` (M, 2) observed − projected, px, NaN where the camera can't see. `other`: the second
-    pose that a flat board allows, or None; `ambiguous`: the picture doesn't tell which of the two is right.
+    pose that a flat board allows, or None; `ambiguous`: the picture doesn't tell which of the two is right. `T_cam_target` (4, 4): of a board
+    whose codes were read the same pose in the coordinates of its target's own tools (docs/conventions.md); None of a plain one.
     """
 
     cov: Array
@@ -122,13 +223,20 @@ class PoseEstimate(Pose):
     residuals: Array
     other: Pose | None = None
     ambiguous: bool = False
+    T_cam_target: Array | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.T_cam_target is not None:
+            freeze(self, "T_cam_target", self.T_cam_target, np.float64, (4,))
         freeze(self, "cov", self.cov, np.float64, (6,))
         freeze(self, "residuals", self.residuals, np.float64, (2,))
 
+    def __repr__(self) -> str:
+        doubt = ", ambiguous" if self.ambiguous else ""
+        return f"<Pose: {self._place}, rms {self.rms:.3g} px{doubt}>"
+
     @property
-    def std(self) -> Array:
-        """(6,) standard deviations: rotation, rad; translation, board's unit."""
-        return np.sqrt(np.diag(self.cov))
+    def std(self) -> Named:
+        """(6,) standard deviations: rotation, rad; translation, board's unit. Also by name: `rx ry rz tx ty tz`."""
+        return Named(np.sqrt(np.diag(self.cov)), ("rx", "ry", "rz", "tx", "ty", "tz"))

@@ -11,28 +11,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from rcdn.errors import RcdnError, shown
-from rcdn.types.base import Array, freeze
+from rcdn.types.base import Array, Value, freeze
+from rcdn.types.plane import Pattern, Plane
 from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
+from rcdn.types.shown import drawing, paragraph
 from rcdn.types.target import AprilGrid, Target
 
 Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"]
-Pattern = Literal["checker", "deltille", "aprilgrid"]
-"""What a board is made of: squares of two colours, equilateral triangles of two colours (a deltille), or tags with small squares between them."""
-ROW = 0.5 * 3**0.5
-"""height of a triangle of a deltille, the distance of its rows, edges"""
-
-
-def plane_points(ij: Array, pattern: Pattern = "checker") -> Array:
-    """Where labels `ij` (..., 2) lie on their board, (..., 2), in squares; of a deltille, in edges of its triangles.
-
-    A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Labels need not be whole.
-    """
-    if pattern == "aprilgrid":
-        raise RcdnError("where the corners of an AprilGrid lie depends on its gap: ask its target (Board.points)")
-    if pattern == "checker":
-        return np.asarray(ij, np.float64)
-    i, j = np.moveaxis(np.asarray(ij, np.float64), -1, 0)
-    return np.stack([i + 0.5 * j, ROW * j], axis=-1)
 
 
 class Status(IntEnum):
@@ -55,7 +40,7 @@ def _freeze_status(owner: Any) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Corners:
+class Corners(Value):
     """X-corners of one image, sorted by response (falling), then x, then y.
 
     `xy` (N, 2) px; `response` (N,); `axes` (N, 2) the two edge directions, radians in [0, π), or None;
@@ -84,6 +69,11 @@ class Corners:
     def __len__(self) -> int:
         return len(self.xy)
 
+    def __repr__(self) -> str:
+        counts = np.bincount(self.status, minlength=len(Status)).tolist()
+        kinds = [f"{counts[s]} {s.name.lower().replace('_', ' ')}" for s in Status if counts[s]]
+        return f"<Corners: {len(self)}{' – ' * bool(kinds)}{', '.join(kinds)}>"
+
     def take(self, index: Any) -> Corners:
         """The corners at `index` (integers or a boolean mask), in that order."""
         pick = lambda a: None if a is None else a[index]  # noqa: E731
@@ -95,7 +85,7 @@ class Corners:
 
 
 @dataclass(frozen=True, eq=False)
-class Board:
+class Board(Value):
     """One recovered grid in one image. Labels are relative to the part that was seen.
 
     `xy` (M, 2) px; `ij` (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image
@@ -147,6 +137,15 @@ class Board:
     def __len__(self) -> int:
         return len(self.xy)
 
+    def __repr__(self) -> str:
+        kind = self.pattern if self.target is None else str(self.target)
+        (cols, rows), (width, height) = self.size, self.image_size
+        whole = "complete" if self.complete else "in part"
+        return f"<Board {cols}×{rows} {whole}, {len(self)} corners, {kind}, {self.orientation}, in {width}×{height} px>"
+
+    def _repr_html_(self) -> str:
+        return drawing(self.image_size, [(self.xy, self.ij)]) + paragraph(repr(self)[1:-1])
+
     @property
     def size(self) -> tuple[int, int]:
         """(columns, rows) of the bounding grid, in inner corners."""
@@ -161,11 +160,14 @@ class Board:
         return self.pattern != "deltille" and len(self) == self.size[0] * self.size[1]
 
     @property
+    def plane(self) -> Plane:
+        """The printed plane that the labels count on; without a gap if the board is one of tags that were not read."""
+        return Plane(self.pattern, self.target.gap if isinstance(self.target, AprilGrid) else None)
+
+    @property
     def points(self) -> Array:
         """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles, sides of tags); see `plane_points`."""
-        if isinstance(self.target, AprilGrid):
-            return self.target.plane(self.ij)
-        return plane_points(self.ij, self.pattern)
+        return self.plane.points(self.ij)
 
     def grid(self) -> Array:
         """Positions as a (rows, columns, 2) array, NaN where a corner is missing."""

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.base import Array, freeze, shape_of
+from rcdn.types.base import Array, Value, freeze, shape_of
 
 DEGREE = 3
 """of the splines"""
 
 
 @dataclass(frozen=True, eq=False)
-class LensCorrection:
+class LensCorrection(Value):
     """A smooth displacement that is added to the distorted point of a parametric lens model, before K.
 
     `control` (rows, columns, 2): control points of a uniform bicubic B-spline, in focal lengths, over the stereographic plane

@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rcdn.errors import RcdnError, shown
+from rcdn.errors import ConfigError, RcdnError, shown
 from rcdn.types.base import Array
+from rcdn.types.plane import plane_points
 
 MOST = 1000
 """squares or tags of a side, and first numbers, at most"""
@@ -46,6 +47,20 @@ class Charuco:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
 
+    def ij_of(self, ids: Array) -> Array:
+        """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
+        wide = self.columns - 1
+        ids = numbers(ids, None if self.rows is None else wide * (self.rows - 1), self)
+        return np.stack([ids % wide, ids // wide], axis=1)
+
+    def places(self) -> Array:
+        """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
+        return grid_of(self.columns - 1, _rows_of(self) - 1)
+
+    def plane(self, ij: Array) -> Array:
+        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from its first corner."""
+        return plane_points(ij)
+
 
 @dataclass(frozen=True)
 class PuzzleBoard:
@@ -64,11 +79,18 @@ class PuzzleBoard:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
+    def ij_of(self, ids: Array) -> Array:
+        """The places (N, 2), both below 501, of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
+        ids = numbers(ids, PUZZLE**2, self)
+        return np.stack([ids % PUZZLE, ids // PUZZLE], axis=1)
 
-def tag_plane(ij: Array, gap: float) -> Array:
-    """Where the corners `ij` (..., 2) of tags lie on their board, (..., 2), in sides of a tag: tags begin at even labels, `gap` apart."""
-    ij = np.asarray(ij)
-    return np.asarray(ij // 2 * (1 + gap) + ij % 2)
+    def places(self) -> Array:
+        """The places (N, 2) of all its corners, rising by their numbers."""
+        return grid_of(PUZZLE, PUZZLE)
+
+    def plane(self, ij: Array) -> Array:
+        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from the first corner of the code."""
+        return plane_points(ij)
 
 
 @dataclass(frozen=True)
@@ -96,12 +118,47 @@ class AprilGrid:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
 
+    def ij_of(self, ids: Array) -> Array:
+        """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
+        wide = 2 * self.columns
+        ids = numbers(ids, None if self.rows is None else 2 * wide * self.rows, self)
+        return np.stack([wide - 1 - ids % wide, ids // wide], axis=1)
+
+    def places(self) -> Array:
+        """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
+        return self.ij_of(np.arange(4 * self.columns * _rows_of(self)))
+
     def plane(self, ij: Array) -> Array:
         """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
-        return tag_plane(ij, self.gap)
+        return plane_points(ij, "aprilgrid", self.gap)
 
 
 Target = Charuco | PuzzleBoard | AprilGrid
+
+
+def grid_of(columns: int, rows: int) -> Array:
+    """The labels (columns · rows, 2) of a whole grid, row by row."""
+    return np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+
+
+def numbers(ids: Array, count: int | None, target: object) -> Array:
+    """`ids` (N,) as whole numbers. Raises RcdnError if a corner of the `target` has another number than 0 to `count` − 1 (None: any)."""
+    ids = np.asarray(ids)
+    if ids.ndim != 1 or (ids.size and ids.dtype.kind not in "iu"):
+        raise RcdnError(f"ids must be whole numbers, (N,), not an array {ids.shape} of {ids.dtype}")
+    wrong = (ids < 0) | (ids >= (np.inf if count is None else count))
+    if wrong.any():
+        known = "0 and more" if count is None else f"0 to {count - 1}"
+        raise RcdnError(f"ids holds {ids[wrong][0]}, but the corners of a {target} are numbered {known}")
+    return ids.astype(np.int64)
+
+
+def _rows_of(target: Charuco | AprilGrid) -> int:
+    if target.rows is None:
+        raise RcdnError(f"how many rows a {target} has is not known: not all of it was seen; give its rows")
+    return target.rows
+
+
 _KINDS: dict[str, type[Target]] = {t.kind: t for t in (Charuco, PuzzleBoard, AprilGrid)}
 
 
@@ -120,22 +177,22 @@ def target_of(record: Any) -> Target:
         target = kind(**{name: value for name, value in record.items() if name in names})
     except TypeError as error:
         raise RcdnError(f"a target of kind {kind.kind} needs the fields {', '.join(sorted(names))}") from error
-    _check(target)
+    check_target(target)
     return target
 
 
-def _check(target: Target) -> None:
-    """Raise RcdnError unless the fields of a target can be those of a print."""
+def check_target(target: Target) -> None:
+    """Raise ConfigError unless the fields of a target can be those of a print."""
     for name, value in asdict(target).items():
         if name in ("columns", "rows", "first_id", "border"):
             least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)
             if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= MOST):
-                raise RcdnError(f"target.{name} must be a whole number from {least} to {MOST}, not {shown(value)}")
+                raise ConfigError(f"target.{name} must be a whole number from {least} to {MOST}, not {shown(value)}")
         elif name in ("marker", "gap"):
             if type(value) not in (int, float) or not 0 < value < 1:
-                raise RcdnError(f"target.{name} must lie between 0 and 1, not {shown(value)}")
+                raise ConfigError(f"target.{name} must lie between 0 and 1, not {shown(value)}")
         elif name in ("legacy", "inverted"):
             if type(value) is not bool:
-                raise RcdnError(f"target.{name} must be true or false, not {shown(value)}")
+                raise ConfigError(f"target.{name} must be true or false, not {shown(value)}")
         elif not isinstance(value, str):
-            raise RcdnError(f"target.{name} must be a name, not {shown(value)}")
+            raise ConfigError(f"target.{name} must be a name, not {shown(value)}")

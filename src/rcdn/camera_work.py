@@ -1,0 +1,72 @@
+"""What the methods of `Camera` do, by the floors that know how: lens models, undistortion, files."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rcdn import geometry, io
+from rcdn.errors import ImageError
+from rcdn.geometry.flat_view import flat_camera
+from rcdn.geometry.resample import Undistortion, undistortion
+from rcdn.types import Array, Camera, Pose
+
+
+def project(camera: Camera, points: Array, pose: Pose | None) -> Array:
+    """See `Camera.project`."""
+    return geometry.project(camera, points if pose is None else geometry.transform(pose, points))
+
+
+def unproject(camera: Camera, xy: Array) -> Array:
+    """See `Camera.unproject`."""
+    return geometry.unproject(camera, xy)
+
+
+def undistorted(camera: Camera, balance: float) -> Camera:
+    """See `Camera.undistorted`."""
+    return flat_camera(camera, balance)
+
+
+def undistort(camera: Camera, image: Any, balance: float) -> Array:
+    """See `Camera.undistort`."""
+    return _undistortion(camera, balance)(_pixels(image))
+
+
+def undistortion_maps(camera: Camera, balance: float) -> tuple[Array, Array]:
+    """See `Camera.undistortion_maps`."""
+    made = _undistortion(camera, balance)
+    return made.map_x.copy(), made.map_y.copy()
+
+
+@lru_cache(maxsize=1)
+def _undistortion(camera: Camera, balance: float) -> Undistortion:
+    return undistortion(camera, balance)
+
+
+def _pixels(image: Any) -> Array:
+    """A picture as an array that OpenCV can resample."""
+    if isinstance(image, str | Path) or image is None:
+        raise ImageError(f"image must be the pixels of a picture, not {type(image).__name__}; read it, with cv2.imread")
+    pixels = np.asarray(image)
+    if (
+        pixels.ndim not in (2, 3)
+        or pixels.dtype not in (np.uint8, np.uint16, np.float32, np.float64)
+        or not pixels.size
+    ):
+        what = f"{pixels.dtype} {pixels.shape}"
+        raise ImageError(f"image must be (H, W) or (H, W, channels), uint8, uint16 or float, and not empty, not {what}")
+    return np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("="))
+
+
+def save(camera: Camera, path: str | Path, format: str | None) -> str:
+    """See `Camera.save`."""
+    fit = io.write_camera(path, camera, format)  # type: ignore[arg-type]  # its value is checked there
+    return "" if fit is None else fit.text
+
+
+def load(path: str | Path, name: str | None, format: str | None) -> Camera:
+    """See `Camera.load`."""
+    return io.read_camera(path, format, name)  # type: ignore[arg-type]  # as in `save`

@@ -1,0 +1,136 @@
+"""A camera's own methods: what they compute is what the floors that know how compute."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+import rcdn
+from rcdn.errors import FormatError, ImageError, RcdnError
+from rcdn.evaluation.camera_scenes import CAMERAS, random_pose
+from rcdn.geometry import project, transform, zero_correction
+from rcdn.types import Camera, Pose
+
+RNG = np.random.default_rng(1)
+POINTS = np.column_stack([RNG.uniform(-0.3, 0.3, (50, 2)), RNG.uniform(0.9, 2, 50)])
+BROWN = CAMERAS["brown"]
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+def test_rays_of_pixels_pass_through_the_points(model):
+    camera = CAMERAS[model]
+    xy = camera.project(POINTS)
+    rays = camera.unproject(xy)
+    along = POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True)
+    assert rays / np.linalg.norm(rays, axis=1, keepdims=True) == pytest.approx(along, abs=1e-8)
+    assert np.array_equal(xy, project(camera, POINTS))
+
+
+def test_lists_and_poses_are_taken():
+    pose = Pose(random_pose(RNG))
+    assert np.array_equal(BROWN.project(POINTS, pose), project(BROWN, transform(pose, POINTS)))
+    assert BROWN.project([0, 0, 2]) == pytest.approx([330, 236])
+    assert BROWN.project(POINTS.reshape(5, 10, 3).tolist()).shape == (5, 10, 2)
+    assert np.isnan(BROWN.project([0, 0, -1])).all()
+
+
+def test_pinholes_are_as_opencv_has_them():
+    xy, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), BROWN.K, BROWN.distortion)
+    assert BROWN.project(POINTS) == pytest.approx(xy[:, 0], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: BROWN.project([1, 2]), r"points must have shape \(\.\.\., 3\), not \(2,\)"),
+        (lambda: BROWN.unproject(3), r"xy must have shape \(\.\.\., 2\), not \(\)"),
+        (lambda: BROWN.unproject([[1, 2], [3]]), "xy must hold numbers in rows of equal length"),
+        (lambda: BROWN.undistorted(2), "balance"),
+        (lambda: BROWN.undistort(np.zeros((10, 10), np.uint8)), "calibrated at 640×480"),
+    ],
+)
+def test_wrong_arguments_are_named(call, words):
+    with pytest.raises(RcdnError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("image", ["a.png", None, np.zeros((480, 640), complex), np.zeros((0, 640), np.uint8), [1]])
+def test_what_is_no_picture_is_said(image):
+    with pytest.raises(ImageError, match="image must be"):
+        BROWN.undistort(image)
+
+
+def seen_disc(camera, ray, shape=(480, 640)):
+    """A picture of a soft bright disc that `camera` sees in the direction of `ray`."""
+    x, y = camera.project(ray)
+    yy, xx = np.mgrid[: shape[0], : shape[1]]
+    return np.exp(-((xx - x) ** 2 + (yy - y) ** 2) / 18) * 200
+
+
+@pytest.mark.parametrize("model", ["brown", "fisheye"])
+@pytest.mark.parametrize("balance", [0.0, 1.0])
+def test_what_is_undistorted_is_where_the_flat_camera_sees_it(model, balance):
+    camera = CAMERAS[model]
+    flat = camera.undistorted(balance)
+    assert (flat.model, flat.image_size) == ("pinhole", camera.image_size)
+    for ray in ([0.1, 0.2, 1], [-0.3, 0.05, 1]):
+        grey = seen_disc(camera, ray)
+        picture = np.stack([grey, 255 - grey, 0 * grey], axis=2).astype(np.uint8)
+        made = camera.undistort(picture, balance)
+        assert made.shape == picture.shape
+        assert made.dtype == np.uint8
+        weight = made[:, :, 0].astype(float)
+        x, y = np.meshgrid(np.arange(640), np.arange(480))
+        centre = [(weight * x).sum() / weight.sum(), (weight * y).sum() / weight.sum()]
+        assert centre == pytest.approx(flat.project(ray), abs=0.5)
+
+
+def test_the_maps_are_those_of_remap():
+    picture = seen_disc(BROWN, [0.1, 0.1, 1]).astype(np.float32)
+    map_x, map_y = BROWN.undistortion_maps()
+    assert map_x.shape == map_y.shape == (480, 640)
+    made = cv2.remap(picture, map_x, map_y, cv2.INTER_CUBIC)[5:-5, 5:-5]
+    assert made == pytest.approx(BROWN.undistort(picture)[5:-5, 5:-5], abs=1e-3)
+    map_x[:] = 0  # theirs is a copy
+    assert BROWN.undistortion_maps()[0].max() > 0
+    assert np.array_equal(BROWN.undistort(Image.fromarray(picture)), BROWN.undistort(picture))
+
+
+@pytest.mark.parametrize("name", ["a.yaml", "camera_info.yaml", "a.txt", "a.cameramodel", "a.json"])
+def test_every_format_comes_back(tmp_path, name):
+    assert BROWN.save(tmp_path / name) == ""
+    again = Camera.load(str(tmp_path / name))
+    assert again.parameters == pytest.approx(BROWN.parameters, abs=1e-9)
+    assert again.image_size == BROWN.image_size
+
+
+def test_saving_says_what_a_format_cannot_hold(tmp_path):
+    correction = zero_correction(BROWN, 5)
+    bent = replace(BROWN, correction=correction.with_control(1e-3 * RNG.normal(size=correction.control.shape)))
+    assert "best fit of" in bent.save(tmp_path / "a.yaml")
+    assert bent.save(tmp_path / "a.json") == ""
+    assert np.array_equal(Camera.load(tmp_path / "a.json").parameters, bent.parameters)
+    with pytest.raises(FormatError, match="which format"):
+        BROWN.save(tmp_path / "a.xyz")
+    with pytest.raises(FormatError, match="no lens model"):
+        CAMERAS["fisheye"].save(tmp_path / "a.txt", format="mrcal")
+    BROWN.save(tmp_path / "a.xyz", format="opencv")
+    assert rcdn.Camera.load(tmp_path / "a.xyz").model == "brown"
+
+
+def test_one_of_several_cameras_is_named(tmp_path):
+    text = "# c\n1 PINHOLE 640 480 500 500 320 240\n2 PINHOLE 640 480 600 600 320 240\n"
+    (tmp_path / "a.txt").write_text(text)
+    assert Camera.load(tmp_path / "a.txt", name="2").K[0, 0] == 600
+    with pytest.raises(FormatError, match="name one of them"):
+        Camera.load(tmp_path / "a.txt")
+
+
+def test_methods_need_nobody_to_have_imported_anything(tmp_path):
+    code = "from rcdn.types.camera import Camera; import numpy as np; print(*Camera(np.eye(3), [], (9, 9), 'pinhole').project([1, 2, 2]))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout == "0.5 1.0\n"

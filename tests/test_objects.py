@@ -1,0 +1,181 @@
+"""What values look like, and that copies and pickles of them are as good as they are."""
+
+import copy
+import pickle
+import xml.etree.ElementTree as ET
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+import rcdn
+from rcdn.config import DetectorConfig, MaxFraction
+from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn.geometry import zero_correction
+from rcdn.synthetic import PRESETS, random_scene, render
+from rcdn.types import Corners, Reason, StereoCalibration, Verdict
+from rcdn.types.named import Named
+from rcdn.types.shown import decimals
+
+COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
+PICTURE = render(random_scene(np.random.default_rng((1, 1)), PRESETS["ordinary"], (640, 480)))
+BOARDS = random_boards(CAMERAS["brown"], 1)[0]
+CALIBRATION = rcdn.calibrate(BOARDS, spacing=SPACING, model="brown", flat=True)
+DETECTION = rcdn.Detector().detect(PICTURE)
+PAIR = StereoCalibration(
+    CALIBRATION, CALIBRATION, np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2, *[np.eye(3, 4)] * 2, np.eye(4)
+)  # fmt: skip
+VALUES = {
+    "corners": DETECTION.corners,
+    "board": DETECTION.boards[0],
+    "detection": DETECTION,
+    "camera": CAMERAS["brown"],
+    "splined camera": replace(CAMERAS["pinhole"], correction=zero_correction(CAMERAS["pinhole"], 5)),
+    "calibration": CALIBRATION,
+    "pair": PAIR,
+    "view": CALIBRATION.views[0],
+    "verdict": CALIBRATION.verdict,
+    "pose": rcdn.estimate_pose(BOARDS[0], CALIBRATION.camera, spacing=SPACING),
+    "config": DetectorConfig.paper(threads=1),
+    "detector": rcdn.Detector(),
+    "deviations": CALIBRATION.std,
+}
+
+
+def arrays(value):
+    """All arrays in a value, in order."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if is_dataclass(value):
+        return [a for field in fields(value) for a in arrays(getattr(value, field.name))]
+    return [a for part in value for a in arrays(part)] if isinstance(value, (list, tuple)) else []
+
+
+def elements(html, tag):
+    """The elements of a name in HTML that is well-formed XML, too."""
+    return [e for e in ET.fromstring(f"<div>{html}</div>").iter() if e.tag.rpartition("}")[2] == tag]
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_every_value_is_one_short_line(name):
+    text = repr(VALUES[name])
+    assert "\n" not in text
+    assert "array(" not in text
+    assert 5 < len(text) < 200
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("name", VALUES)
+def test_copies_are_equal_and_as_unchangeable(name, way):
+    value = VALUES[name]
+    twin = COPIES[way](value)
+    assert type(twin) is type(value)
+    assert repr(twin) == repr(value)
+    for mine, its in zip(arrays(value), arrays(twin), strict=True):
+        assert np.array_equal(mine, its, equal_nan=True)
+        assert its.flags.writeable == mine.flags.writeable
+
+
+def test_what_reprs_say():
+    board, corners = DETECTION.boards[0], DETECTION.corners
+    assert repr(board).startswith(f"<Board {board.size[0]}×{board.size[1]} complete, {len(board)} corners, checker, ")
+    assert repr(corners).startswith(f"<Corners: {len(corners)} – ")
+    assert repr(Corners([], [], [])) == "<Corners: 0>"
+    assert repr(DETECTION) == f"<Detection: {len(corners)} corners, 1 board>"
+    assert repr(replace(DETECTION, boards=[], warnings=("a",))).endswith(" corners, 0 boards, 1 warning>")
+    assert repr(CALIBRATION).startswith(f"<Calibration: {CALIBRATION.verdict.level}, brown 640×480 px, rms 0.2")
+    assert "fx 520, fy 515, cx 330, cy 236, k1 -0.28" in repr(CAMERAS["brown"])
+    assert repr(PAIR).startswith("<StereoCalibration: not judged, baseline 0.1 m, ")
+    bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "The RMS is 9 px.", "Look."),))
+    assert repr(bad) == "<Verdict bad, 1 of 1 checks against it: The RMS is 9 px.>"
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        DetectorConfig(),
+        DetectorConfig(pyramid=False, threshold=MaxFraction(0.3)),
+        DetectorConfig.paper(),
+        DetectorConfig.paper(border=3.0, model="a.onnx"),
+    ],
+)
+def test_the_repr_of_a_config_is_python_that_makes_it(config):
+    text = repr(config)
+    assert eval(text, {"DetectorConfig": DetectorConfig, "MaxFraction": MaxFraction}) == config
+    assert len(text) < 90
+
+
+def test_a_board_is_drawn_where_it_is():
+    board = DETECTION.boards[0]
+    html = board._repr_html_()
+    assert elements(html, "svg")[0].get("viewBox") == "-.5 -.5 640 480"
+    first, *_ = (e for e in elements(html, "circle") if e.get("fill") == "none")
+    corner = board.xy[np.lexsort(board.ij.T)[0]]
+    assert [float(first.get("cx")), float(first.get("cy"))] == pytest.approx(corner, abs=0.06)
+    assert len(elements(html, "polyline")) == board.size[1]
+    assert len(elements(html, "circle")) == len(board) + 1
+    lines = [len(e.get("points").split()) for e in elements(html, "polyline")]
+    assert lines == [board.size[0]] * board.size[1]
+
+
+def test_a_detection_draws_all_and_says_each():
+    twice = replace(DETECTION, boards=[DETECTION.boards[0]] * 2)
+    html = twice._repr_html_()
+    assert len({e.get("stroke") for e in elements(html, "polyline")}) == 2
+    assert len(elements(html, "p")) == 3
+    assert elements(replace(DETECTION, boards=[])._repr_html_(), "svg") == []
+
+
+def test_a_calibration_shows_its_verdict_and_each_parameter_with_its_deviation():
+    bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "It is <wrong>.", "Look."),))
+    html = replace(CALIBRATION, verdict=bad)._repr_html_()
+    assert [e.text for e in elements(html, "p")][:2] == ["Calibration: bad", "It is <wrong>. Look."]
+    cells = [e.text for e in elements(html, "td")]
+    assert cells[::3] == list(CALIBRATION.camera.parameter_names)
+    for value, deviation, shown, after in zip(
+        CALIBRATION.camera.parameters, CALIBRATION.std, cells[1::3], cells[2::3], strict=True
+    ):
+        assert float(shown) == pytest.approx(value, abs=0.06 * deviation)
+        assert float(after) == pytest.approx(deviation, rel=0.06)
+    assert len(elements(PAIR._repr_html_(), "table")) == 2
+    assert len(elements(CAMERAS["fisheye"]._repr_html_(), "td")) == 2 * 8
+
+
+def test_decimals_leave_two_digits_of_a_deviation():
+    assert [decimals(s) for s in (12.0, 0.74, 0.0741, 0.00123, np.nan, np.inf)] == [1, 2, 3, 4, 4, 4]
+
+
+def test_deviations_have_names():
+    std, plain = CALIBRATION.std, np.sqrt(np.diag(CALIBRATION.cov)[:-6])
+    assert std.keys() == CALIBRATION.camera.parameter_names
+    assert {name: std[name] for name in std.keys()} == dict(zip(std.keys(), plain.tolist(), strict=True))  # noqa: SIM118
+    assert dict(std.items())["cy"] == std["cy"] == plain[3]
+    assert "cy" in std
+    assert "k9" not in std
+    with pytest.raises(KeyError, match="k9: not one of fx, fy, cx"):
+        std["k9"]
+
+
+def test_deviations_compute_as_arrays_do():
+    std, plain = CALIBRATION.std, np.array(CALIBRATION.std)
+    for found, wanted in ((std / 2, plain / 2), (std[2:4], plain[2:4]), (np.concatenate([std, std]), [*plain, *plain])):
+        assert type(found) is np.ndarray
+        assert np.array_equal(found, wanted)
+    assert isinstance(std, np.ndarray)
+    assert std.max() == plain.max()
+    assert isinstance(std.max(), np.float64)
+    assert isinstance(np.mean(std), np.float64)
+    with pytest.raises(KeyError):
+        np.sort(std)["fx"]  # the order is another: names would be wrong
+    with pytest.raises(ValueError, match="2 names"):
+        Named([1.0, 2, 3], ("a", "b"))
+
+
+@pytest.mark.parametrize("preset", ["auto", "paper"])
+@pytest.mark.parametrize("way", COPIES)
+def test_a_used_detector_can_be_copied(preset, way):
+    detector = rcdn.Detector(DetectorConfig.preset(preset, threads=1))
+    before = detector.detect(PICTURE)
+    after = COPIES[way](detector).detect(PICTURE)
+    assert np.array_equal(before.corners.xy, after.corners.xy)
+    assert np.array_equal(before.corners.response, after.corners.response)
