@@ -1,16 +1,20 @@
-"""`rcdn board`: a checkerboard, or a deltille, to print at true scale."""
+"""`rcdn board`: a checkerboard, a deltille, or a board that carries codes, to print at true scale."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcdn.cli._options import GridSize, PatternName, parse_size
-from rcdn.cli._spacing import Spacing, check_length
+from rcdn.cli._options import GridSize, parse_size
+from rcdn.cli._spacing import Length, check_length, parse_length
 from rcdn.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.types import Print
 
 MOST_CORNERS = 1_000_000
 
@@ -29,51 +33,237 @@ class Paper(StrEnum):
     tabloid = "tabloid"
 
 
+class Printable(StrEnum):
+    """What can be printed."""
+
+    checker = "checker"
+    deltille = "deltille"
+    charuco = "charuco"
+    aprilgrid = "aprilgrid"
+    puzzleboard = "puzzleboard"
+
+
+OPTIONS = {
+    Printable.charuco: ("dictionary", "marker", "legacy", "inverted", "first"),
+    Printable.aprilgrid: ("family", "gap", "border", "first"),
+    Printable.puzzleboard: ("first",),
+}
+"""the options that a pattern has for itself"""
+
+
+def _size(text: str) -> GridSize:
+    return parse_size(text, least=1)  # of tags 2 are enough; the page knows what each target needs
+
+
 def board(
-    size: Annotated[
-        GridSize,
-        typer.Option(
-            parser=parse_size,
-            metavar="COLSxROWS",
-            help="Inner corners, where four squares (six triangles) meet: 9x6 gives 10x7 squares.",
-        ),
-    ],
-    spacing: Spacing,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="Where to write: a .pdf or .svg file.")
     ],
+    size: Annotated[
+        GridSize | None,
+        typer.Option(
+            parser=_size,
+            metavar="COLSxROWS",
+            help="Inner corners, where four squares (six triangles) meet: 9x6 gives 10x7 squares. Of a ChArUco board its squares, of an "
+            "AprilGrid its tags.",
+        ),
+    ] = None,
+    spacing: Annotated[
+        Length | None,
+        typer.Option(
+            parser=parse_length,
+            metavar="LENGTH",
+            help="Side of one square, triangle or tag, with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025.",
+        ),
+    ] = None,
     paper: Annotated[
         Paper, typer.Option(help="Paper size. It is turned if the board fits better that way.")
     ] = Paper.a4,
     pattern: Annotated[
-        PatternName, typer.Option(help="checker: squares. deltille: triangles, for `rcdn detect --pattern deltille`.")
-    ] = PatternName.checker,
+        Printable,
+        typer.Option(
+            help="checker: squares. deltille: triangles, for `rcdn detect --pattern deltille`. The others carry codes that tell every corner "
+            "from the others, for `--target auto`; --spacing is the side of a square or of a tag."
+        ),
+    ] = Printable.checker,
+    dictionary: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="charuco: OpenCV's dictionary of markers. Usually DICT_4X4_50 or a longer one."
+        ),
+    ] = None,
+    marker: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="charuco: side of a marker over that of a square; usually 0.75."),
+    ] = None,
+    legacy: Annotated[
+        bool, typer.Option("--legacy", help="charuco: as OpenCV before 4.6, even rows begin with a white square.")
+    ] = False,
+    inverted: Annotated[bool, typer.Option("--inverted", help="charuco: white markers in black squares.")] = False,
+    family: Annotated[
+        str | None, typer.Option(metavar="NAME", help="aprilgrid: the family of tags; usually tag36h11, Kalibr's.")
+    ] = None,
+    gap: Annotated[
+        float | None, typer.Option(metavar="SHARE", help="aprilgrid: distance of tags over their side; usually 0.3.")
+    ] = None,
+    border: Annotated[
+        int | None,
+        typer.Option(metavar="BITS", help="aprilgrid: width of a tag's black border, 1 or 2; usually 2, Kalibr's."),
+    ] = None,
+    first: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N",
+            help="The number of the first marker or tag, usually 0. puzzleboard: COLUMN,ROW of its first corner on the code.",
+        ),
+    ] = None,
+    which: Annotated[
+        str | None,
+        typer.Option(
+            "--target",
+            metavar="WHICH",
+            help="What to print in one word, such as charuco:8x6:DICT_4X4_50:0.75, or its YAML file, Kalibr's "
+            "too, in place of --size, --pattern and a pattern's options.",
+        ),
+    ] = None,
+    yaml: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write what is printed as YAML, too: Kalibr's form where it has one for the target."
+        ),
+    ] = None,
 ) -> None:
-    """Write a checkerboard, or a deltille, to print, as PDF or SVG, at true scale.
+    """Write a board to print, as PDF or SVG, at true scale.
 
-    Print it at 100 % ("actual size"), measure the ruler at its foot, and glue it on something flat. Take one odd and
-    one even number (9x6, not 8x6): then the board looks different when it is turned by half, and it is always known
-    which corner is the first.
+    Print it at 100 % ("actual size"), measure the ruler at its foot, and glue it on something flat. Of a plain checkerboard
+    take one odd and one even number (9x6, not 8x6): then the board looks different when it is turned by half, and it is
+    always known which corner is the first.
     """
     ending = output.suffix.lower()
     if ending not in (".pdf", ".svg"):
         raise ConfigError(f"--output {output}: the name must end in .pdf or .svg")
-    if size.cols * size.rows > MOST_CORNERS:
+    given: dict[str, Any] = {
+        "dictionary": dictionary,
+        "marker": marker,
+        "legacy": legacy or None,
+        "inverted": inverted or None,
+    }
+    given |= {"family": family, "gap": gap, "border": border, "first": first}
+    given = {name: value for name, value in given.items() if value is not None}
+    if which is None:
+        target, length = _target(pattern, _present(size), given), spacing
+    else:
+        if size is not None or pattern is not Printable.checker or given:
+            raise ConfigError("--target says what to print; leave out --size, --pattern and the options of patterns")
+        target, length = _read(which, spacing)
+    if length is None:
+        raise ConfigError("--spacing is missing: the side of one square, triangle or tag, such as 25mm")
+    _check(target, length)
+    _write(target, length, paper, output, yaml)
+    if note := _note(target):
+        typer.echo(f"note: {note}")
+
+
+def _present(size: GridSize | None) -> GridSize:
+    if size is None:
+        raise ConfigError("--size is missing, such as 9x6; or give --target WHICH")
+    return size
+
+
+def _read(which: str, spacing: Length | None) -> tuple[Print, Length | None]:
+    """The target of --target, and its spacing: --spacing, or what its file says."""
+    from rcdn.targets.specification import FORMS, read_specification
+    from rcdn.types import Printed, PuzzleBoard
+
+    said = read_specification(which)
+    if isinstance(said, PuzzleBoard):
+        raise ConfigError(f"--target {which}: which part of the code? Write {FORMS['puzzleboard']}")
+    if isinstance(said, Printed):
+        return said.target, spacing or parse_length(f"{said.spacing!r}m")
+    return said, spacing
+
+
+def _check(target: Print, spacing: Length) -> None:
+    size = target.columns, target.rows or 0
+    if size[0] * size[1] > MOST_CORNERS:
         raise ConfigError(
-            f"--size: a board of {size.cols}x{size.rows} can't be printed; {MOST_CORNERS} corners are the most"
+            f"--size: a board of {size[0]}x{size[1]} can't be printed; {MOST_CORNERS} corners are the most"
         )
     check_length(spacing, size)
-    from rcdn.io import write_bytes, write_text
-    from rcdn.report.target import make_target, orientation_note, to_pdf, to_svg
 
-    target = make_target(size, spacing, paper.value, pattern.value)
-    if ending == ".pdf":
-        write_bytes(output, to_pdf(target))
+
+def _note(target: Print) -> str | None:
+    """What to know about a target whose corners could be taken for others."""
+    from rcdn.report.target import orientation_note
+    from rcdn.targets.specification import specification
+    from rcdn.types import AprilGrid, Charuco, Checkerboard
+
+    if isinstance(target, (Charuco, AprilGrid)) and target.first_id:
+        return (
+            f"numbers that begin with {target.first_id} can look like a part of a larger board that begins with 0: "
+            f"say which board it is, --target {specification(target)}"
+        )
+    return orientation_note((target.columns, target.rows)) if isinstance(target, Checkerboard) else None
+
+
+def _write(target: Print, spacing: Length, paper: Paper, output: Path, yaml: Path | None) -> None:
+    from rcdn.io import check_writable, write_bytes, write_text
+    from rcdn.report.target import make_page, to_pdf, to_svg
+    from rcdn.targets.files import write_target
+    from rcdn.types import Printed
+
+    printed = Printed(target, float(spacing))
+    page = make_page(printed, paper.value)
+    if yaml is not None:
+        if yaml.resolve() == output.resolve():
+            raise ConfigError(f"--yaml {yaml} is --output, too; give another name")
+        check_writable(yaml)
+    if output.suffix.lower() == ".pdf":
+        write_bytes(output, to_pdf(page))
     else:
-        write_text(output, to_svg(target))
-    lies = "landscape" if target.page[0] > target.page[1] else "portrait"
-    millimetres = f"{spacing * 1000:.6g} mm {'squares' if pattern is PatternName.checker else 'triangles'}"
-    typer.echo(f"wrote {output}: {size[0]}×{size[1]} inner corners, {millimetres}, {paper.value} {lies}")
+        write_text(output, to_svg(page))
+    lies = "landscape" if page.size[0] > page.size[1] else "portrait"
+    what = page.labels[0].text.removesuffix(" · print at 100 %").replace(" · ", ", ")
+    typer.echo(f"wrote {output}: {what}, {paper.value} {lies}")
+    if yaml is not None:
+        write_target(yaml, printed)
+        typer.echo(f"wrote {yaml}: the target, for --target {yaml}")
     typer.echo("Print it at 100 % and measure the ruler: it must be 100 mm long.")
-    if pattern is PatternName.checker and (note := orientation_note(size)):
-        typer.echo(f"note: {note}")
+
+
+def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Print:
+    """What is to be printed. Raises ConfigError for options that belong to other patterns, and for values that can't be."""
+    from rcdn.targets.specification import whole
+    from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, PuzzlePart
+
+    for name in given:
+        if name not in OPTIONS.get(pattern, ()):
+            of = " or ".join(p for p, names in OPTIONS.items() if name in names)
+            raise ConfigError(f"--{name} is for --pattern {of}; leave it out with {pattern}")
+    if pattern is Printable.puzzleboard:
+        at = given.get("first", "0,0").split(",")
+        if len(at) != 2:
+            raise ConfigError(
+                f"--first: a PuzzleBoard begins at COLUMN,ROW of its code, such as 0,100, not {given['first']!r}"
+            )
+        return PuzzlePart(*size, *(whole(text, "--first") for text in at))
+    first = whole(given.get("first", "0"), "--first")
+    if pattern is Printable.charuco:
+        legacy = given.get("legacy", False) and size.rows % 2 == 0  # with an odd number of rows both are one
+        name = _dictionary(given.get("dictionary"), first + (size.cols * size.rows + 1) // 2)
+        return Charuco(*size, name, given.get("marker", 0.75), first, legacy, given.get("inverted", False))
+    if pattern is Printable.aprilgrid:
+        from rcdn.targets.dictionaries import family_name
+
+        family = family_name(given.get("family", "tag36h11"))
+        return AprilGrid(*size, family, given.get("gap", 0.3), given.get("border", 2), first)
+    return Checkerboard(*size) if pattern is Printable.checker else Deltille(*size)
+
+
+def _dictionary(name: str | None, markers: int) -> str:
+    """The dictionary that was asked for, or the shortest of 4 × 4 bits that has so many `markers`."""
+    from rcdn.targets.dictionaries import dictionary_name
+
+    if name is not None:
+        return dictionary_name(name)
+    return next((f"DICT_4X4_{n}" for n in (50, 100, 250) if markers <= n), "DICT_4X4_1000")

@@ -1,4 +1,4 @@
-"""A checkerboard, or a deltille, to print at true scale: the geometry once, in millimetres, and two thin writers (PDF, SVG).
+"""A target to print at true scale: the page laid out once, in millimetres, and two thin writers (PDF, SVG).
 
 Coordinates are millimetres on the page, origin at its top-left corner, x right, y down.
 """
@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
-import numpy as np
-
 from rcdn.errors import ConfigError
-from rcdn.types import Pattern, plane_points
-from rcdn.types.corners import ROW
+from rcdn.targets.drawing import draw, extent
+from rcdn.targets.specification import specification
+from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Print, Printed, PuzzlePart
+from rcdn.types.shapes import Disc, Rect, Shape
 
 PAPERS = {
     "a0": (841.0, 1189.0),
@@ -31,9 +31,11 @@ PAPERS = {
 QUIET = 10.0
 """Least white around the squares, mm. It also keeps them off the edge, where printers can't print."""
 QUIET_SQUARES = 0.25
-"""Least white around the squares, as a part of a square: large squares need more of it."""
+"""Least white around the squares, as a part of a square (or tag): large squares need more of it."""
 FOOTER = 14.0
-"""Height of the band at the foot of the page for the text and the ruler, mm."""
+"""Height of the band at the foot of the page for a line of text and the ruler, mm."""
+LINE = 4.5
+"""Distance of lines of text, mm."""
 EDGE = 6.0
 """The ruler's ticks end this far above the page's lower edge, mm."""
 RULER = 100.0
@@ -42,23 +44,6 @@ HAIR = 0.2
 """Line width of the ruler, mm."""
 FONT = 3.2
 """Font size, mm."""
-
-
-@dataclass(frozen=True)
-class Rect:
-    """A filled black rectangle; (x, y) is its top-left corner, mm."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-
-
-@dataclass(frozen=True)
-class Triangle:
-    """A filled black triangle; its corners (x, y), mm."""
-
-    corners: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -71,47 +56,47 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Target:
-    """A page with one board. `size` (columns, rows) in inner corners; `spacing` in metres; `page` (width, height) mm.
+class Page:
+    """A page with one target. `size` (width, height) mm; `shapes` are the target's, `ruler` and `labels` the foot of the page."""
 
-    `squares` are the black squares, row by row from the top-left one, `triangles` the black triangles of a deltille; `ruler` and `labels` are
-    the foot of the page.
-    """
-
-    size: tuple[int, int]
-    spacing: float
-    page: tuple[float, float]
-    squares: tuple[Rect, ...]
+    printed: Printed
+    size: tuple[float, float]
+    shapes: tuple[Shape, ...]
     ruler: tuple[Rect, ...]
     labels: tuple[Label, ...]
-    triangles: tuple[Triangle, ...] = ()
 
 
-def make_target(size: tuple[int, int], spacing: float, paper: str = "a4", pattern: Pattern = "checker") -> Target:
-    """Lay out a board of `size` (columns, rows) inner corners with squares of `spacing` metres on `paper`.
+def make_page(printed: Printed, paper: str = "a4") -> Page:
+    """Lay out a target on a sheet of `paper`, which lies or stands, whichever takes the larger squares.
 
-    `pattern` deltille: with triangles of that side; every other row of corners is set off by half a side, and the triangles are those at
-    its inner corners. The sheet lies or stands, whichever takes the larger squares. Raises ConfigError if `size`, `spacing` or `paper`
-    can't be used, or if the board doesn't fit; that message says which spacing does.
+    Raises ConfigError if the target or the `paper` can't be used, or if the target doesn't fit; that message says which spacing does.
     """
+    target, spacing = printed.target, printed.spacing
     if paper not in PAPERS:
         raise ConfigError(f"paper must be one of {', '.join(PAPERS)}, not {paper!r}")
-    if min(size) < 3:
-        raise ConfigError(f"size {size[0]}x{size[1]} is too small: a board has at least 3x3 inner corners")
-    if not (math.isfinite(spacing) and spacing > 0):
-        raise ConfigError(f"spacing must be a length above 0, in metres, not {spacing:g}")
+    least = _LEAST.get(target.kind, 3)
+    if min(target.columns, target.rows or 0) < least:
+        raise ConfigError(
+            f"size {target.columns}x{target.rows} is too small: a {target.kind} to print has at least {least}x{least} {_counted(target)}"
+        )
     upright = PAPERS[paper]
-    page = max((upright, upright[::-1]), key=lambda p: _largest(size, p, pattern))
-    side, most = spacing * 1000, _largest(size, page, pattern)
-    if side > most + 1e-6:
-        raise ConfigError(_too_large(size, spacing, paper, most, pattern))
-    return _layout(size, spacing, page) if pattern == "checker" else _layout_deltille(size, spacing, page)
+    size = max((upright, upright[::-1]), key=lambda p: _largest(target, p))
+    most = _largest(target, size)
+    if spacing * 1000 > most + 1e-6:
+        raise ConfigError(_too_large(printed, paper, most))
+    drawing = draw(printed)
+    left, top = (size[0] - drawing.width * 1000) / 2, (size[1] - _footer(target) - drawing.height * 1000) / 2
+    shapes = tuple(shape.placed(1000, left, top) for shape in drawing.shapes)
+    x, y = QUIET, size[1] - EDGE
+    lines = _text(printed)
+    labels = [Label(x, y - LINE * (len(lines) - k), line) for k, line in enumerate(lines)]
+    return Page(printed, size, shapes, _ruler(x, y), (*labels, Label(x + RULER + 2, y, "100 mm: measure it")))
 
 
-def largest_spacing(size: tuple[int, int], paper: str) -> float:
-    """The largest spacing, metres, at which a board of `size` inner corners fits on `paper`; 0 if none does."""
+def largest_spacing(target: Print, paper: str) -> float:
+    """The largest spacing, metres, at which a target fits on `paper`; 0 if none does."""
     width, height = PAPERS[paper]
-    return max(_largest(size, (width, height)), _largest(size, (height, width)), 0.0) / 1000
+    return max(_largest(target, (width, height)), _largest(target, (height, width)), 0.0) / 1000
 
 
 def orientation_note(size: tuple[int, int]) -> str | None:
@@ -131,30 +116,29 @@ def orientation_note(size: tuple[int, int]) -> str | None:
     )
 
 
-def to_svg(target: Target) -> str:
-    """`target` as SVG text, one user unit a millimetre."""
-    width, height = (_number(v) for v in target.page)
+def to_svg(page: Page) -> str:
+    """`page` as SVG text, one user unit a millimetre."""
+    width, height = (_number(v) for v in page.size)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
         f'viewBox="0 0 {width} {height}">',
         f'<rect width="{width}" height="{height}" fill="white"/>',
         '<g id="squares" fill="black">',
-        *map(_svg_rect, target.squares),
-        *map(_svg_triangle, target.triangles),
+        *map(_svg_shape, page.shapes),
         '</g>\n<g id="ruler" fill="black">',
-        *map(_svg_rect, target.ruler),
+        *map(_svg_shape, page.ruler),
         f'</g>\n<g id="labels" font-family="Helvetica, Arial, sans-serif" font-size="{_number(FONT)}">',
-        *(f'<text x="{_number(t.x)}" y="{_number(t.y)}">{escape(t.text)}</text>' for t in target.labels),
+        *(f'<text x="{_number(t.x)}" y="{_number(t.y)}">{escape(t.text)}</text>' for t in page.labels),
         "</g>\n</svg>\n",
     ]
     return "\n".join(lines)
 
 
-def to_pdf(target: Target) -> bytes:
-    """`target` as a one-page PDF 1.4 that asks the viewer not to scale it when printing."""
-    width, height = (v * 72 / 25.4 for v in target.page)
-    content = _pdf_content(target)
+def to_pdf(page: Page) -> bytes:
+    """`page` as a one-page PDF 1.4 that asks the viewer not to scale it when printing."""
+    width, height = (v * 72 / 25.4 for v in page.size)
+    content = _pdf_content(page)
     objects = [
         b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>",
         b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
@@ -166,66 +150,61 @@ def to_pdf(target: Target) -> bytes:
     return _pdf_file(objects)
 
 
-def _extent(size: tuple[int, int], pattern: Pattern) -> tuple[float, float]:
-    """Width and height of what is printed, in sides of a square or triangle."""
-    cols, rows = size
-    return (cols + 1.0, rows + 1.0) if pattern == "checker" else (cols + 1.5, (rows + 1) * ROW)
+_LEAST = {"aprilgrid": 2}
+"""columns and rows of a printed target, at least; others have 3"""
 
 
-def _largest(size: tuple[int, int], page: tuple[float, float], pattern: Pattern = "checker") -> float:
-    """Side of the largest squares, mm, that fit on a page of that width and height (below 0: none)."""
+def _counted(target: Print) -> str:
+    return {"charuco": "squares", "aprilgrid": "tags"}.get(target.kind, "inner corners")
+
+
+def _footer(target: Print) -> float:
+    """Height of the foot of the page, mm: codes need a second line of text."""
+    return FOOTER + LINE * (not isinstance(target, (Checkerboard, Deltille)))
+
+
+def _largest(target: Print, page: tuple[float, float]) -> float:
+    """The largest spacing, mm, that fits on a page of that width and height (below 0: none)."""
     fits = [
         min((room - 2 * QUIET) / count, room / (count + 2 * QUIET_SQUARES))
-        for room, count in zip((page[0], page[1] - FOOTER), _extent(size, pattern), strict=True)
+        for room, count in zip((page[0], page[1] - _footer(target)), extent(target), strict=True)
     ]
     return min(fits)
 
 
-def _too_large(size: tuple[int, int], spacing: float, paper: str, most: float, pattern: Pattern) -> str:
-    board = f"{size[0]}x{size[1]} inner corners are {size[0] + 1}x{size[1] + 1} squares"
-    if pattern != "checker":
-        board = f"a deltille of {size[0]}x{size[1]} inner corners is {size[0] + 1.5:g} triangles wide"
+def _too_large(printed: Printed, paper: str, most: float) -> str:
+    target, spacing = printed.target, printed.spacing
+    wide, high = extent(target)
+    unit = {"deltille": "triangles wide", "aprilgrid": f"by {high:g} sides of a tag"}.get(
+        target.kind, f"by {high:g} squares"
+    )
+    board = f"a {target.kind} of {target.columns}x{target.rows} {_counted(target)}"
+    if not isinstance(target, Charuco):
+        board += f" is {wide:g} {unit}"
     most = math.floor(most * 10) / 10  # rounded down: the advice must fit
     if most < 1:
         return f"size: {board}, too many for {paper} paper; take a larger paper or a smaller size"
     advice = f"the largest spacing that fits is {most / 1000:g} (metres)"
     if spacing >= 1 and spacing <= most:
         advice = f"spacing is in metres: for {spacing:g} mm give {spacing / 1000:g}"
-    return f"spacing {spacing:g}: {board}, which at {spacing * 1000:g} mm don't fit on {paper} paper; {advice}"
+    return f"spacing {spacing:g}: {board}, which at {spacing * 1000:g} mm doesn't fit on {paper} paper; {advice}"
 
 
-def _layout(size: tuple[int, int], spacing: float, page: tuple[float, float]) -> Target:
-    side = spacing * 1000
-    nx, ny = size[0] + 1, size[1] + 1
-    left, top = (page[0] - nx * side) / 2, (page[1] - FOOTER - ny * side) / 2
-    squares = [
-        Rect(left + a * side, top + b * side, side, side) for b in range(ny) for a in range(nx) if (a + b) % 2 == 0
-    ]
-    x, y = QUIET, page[1] - EDGE
-    text = f"{size[0]}×{size[1]} inner corners · {side:.6g} mm squares · print at 100 %"
-    labels = (
-        Label(x, y - 4.5, text),
-        Label(x + RULER + 2, y, "100 mm: measure it"),
-    )
-    return Target(size, spacing, page, tuple(squares), _ruler(x, y), labels)
-
-
-def _layout_deltille(size: tuple[int, int], spacing: float, page: tuple[float, float]) -> Target:
-    side = spacing * 1000
-    width, height = _extent(size, "deltille")
-    left, top = (page[0] - width * side) / 2, (page[1] - FOOTER - height * side) / 2
-    inner = {(k - j // 2, j) for j in range(size[1]) for k in range(size[0])}
-    first = [(i + d, j + e) for i, j in inner for d, e in ((0, 0), (-1, 0), (0, -1))]
-    triangles = []
-    for i, j in sorted(set(first), key=lambda ij: (ij[1], ij[0])):
-        xy = plane_points(np.array([(i, j), (i + 1, j), (i, j + 1)]), "deltille") * side
-        xy += np.array([left + side, top + ROW * side])
-        a, b, c = ((float(x), float(y)) for x, y in xy)
-        triangles.append(Triangle((a, b, c)))
-    x, y = QUIET, page[1] - EDGE
-    text = f"deltille, {size[0]}×{size[1]} inner corners · {side:.6g} mm triangles · print at 100 %"
-    labels = (Label(x, y - 4.5, text), Label(x + RULER + 2, y, "100 mm: measure it"))
-    return Target(size, spacing, page, (), _ruler(x, y), labels, tuple(triangles))
+def _text(printed: Printed) -> tuple[str, ...]:
+    """What the page says of the target: all that has to be known to use it."""
+    target, side = printed.target, printed.spacing * 1000
+    many = f"{target.columns}×{target.rows}"
+    how = "print at 100 %"
+    if isinstance(target, Charuco):
+        one = f"ChArUco, {many} squares of {side:.6g} mm · markers {target.marker * side:.6g} mm · {how}"
+    elif isinstance(target, AprilGrid):
+        one = f"AprilGrid, {many} tags of {side:.6g} mm · {target.gap * side:.6g} mm apart · {how}"
+    elif isinstance(target, PuzzlePart):
+        one = f"PuzzleBoard, {many} inner corners · {side:.6g} mm squares · {how}"
+    else:
+        of, shape = ("deltille, ", "triangles") if isinstance(target, Deltille) else ("", "squares")
+        return (f"{of}{many} inner corners · {side:.6g} mm {shape} · {how}",)
+    return one, specification(target)
 
 
 def _ruler(x: float, y: float) -> tuple[Rect, ...]:
@@ -241,31 +220,54 @@ def _number(value: float) -> str:
     return f"{value:.5f}".rstrip("0").rstrip(".")
 
 
-def _svg_rect(r: Rect) -> str:
-    x, y, w, h = map(_number, (r.x, r.y, r.width, r.height))
-    return f'<rect x="{x}" y="{y}" width="{w}" height="{h}"/>'
+def _svg_shape(shape: Shape) -> str:
+    if isinstance(shape, Rect):
+        x, y, w, h = map(_number, (shape.x, shape.y, shape.width, shape.height))
+        return f'<rect x="{x}" y="{y}" width="{w}" height="{h}"/>'
+    if isinstance(shape, Disc):
+        x, y, r = map(_number, (shape.x, shape.y, shape.radius))
+        fill = ' fill="white"' if shape.white else ""
+        return f'<circle cx="{x}" cy="{y}" r="{r}"{fill}/>'
+    loops = [" ".join(f"{_number(x)},{_number(y)}" for x, y in loop) for loop in shape.loops]
+    if len(loops) == 1:
+        return f'<polygon points="{loops[0]}"/>'
+    return f'<path fill-rule="evenodd" d="{" ".join(f"M{loop}Z" for loop in loops)}"/>'
 
 
-def _svg_triangle(t: Triangle) -> str:
-    points = " ".join(f"{_number(x)},{_number(y)}" for x, y in t.corners)
-    return f'<polygon points="{points}"/>'
-
-
-def _pdf_content(target: Target) -> bytes:
+def _pdf_content(page: Page) -> bytes:
     """Drawing operators. `cm` makes the unit a millimetre; PDF's y goes up, so it is turned round here."""
-    height = target.page[1]
+    height = page.size[1]
     lines = [f"{72 / 25.4:.9f} 0 0 {72 / 25.4:.9f} 0 0 cm", "0 g"]
-    for r in (*target.squares, *target.ruler):
-        x, y, w, h = map(_number, (r.x, height - r.y - r.height, r.width, r.height))
-        lines.append(f"{x} {y} {w} {h} re")
-    for t in target.triangles:
-        (ax, ay), (bx, by), (cx, cy) = ((_number(x), _number(height - y)) for x, y in t.corners)
-        lines.append(f"{ax} {ay} m {bx} {by} l {cx} {cy} l h")
-    lines.append("f")
-    for label in target.labels:
+    lines += [_pdf_shape(shape, height) for shape in (*page.shapes, *page.ruler)]
+    for label in page.labels:
         text = label.text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
         lines.append(f"BT /F1 {_number(FONT)} Tf {_number(label.x)} {_number(height - label.y)} Td ({text}) Tj ET")
     return "\n".join(lines).encode("cp1252")
+
+
+def _pdf_shape(shape: Shape, height: float) -> str:
+    """Operators that fill a shape on a page of that height, mm."""
+    if isinstance(shape, Rect):
+        x, y, w, h = map(_number, (shape.x, height - shape.y - shape.height, shape.width, shape.height))
+        return f"{x} {y} {w} {h} re f"
+    if isinstance(shape, Disc):
+        return f"{'1' if shape.white else '0'} g {_pdf_circle(shape, height)} f 0 g"
+    paths = []
+    for loop in shape.loops:
+        points = [f"{_number(x)} {_number(height - y)}" for x, y in loop]
+        paths.append(f"{points[0]} m {' l '.join(points[1:])} l h")
+    return f"{' '.join(paths)} f*"
+
+
+def _pdf_circle(disc: Disc, height: float) -> str:
+    """Four Bézier arcs, which leave the circle by less than 3/10,000 of its radius."""
+    handle = 4 / 3 * (math.sqrt(2) - 1)
+    x, y, r = disc.x, height - disc.y, disc.radius
+    at = lambda u, v: f"{_number(x + r * u)} {_number(y + r * v)}"  # noqa: E731
+    parts = [f"{at(1, 0)} m"]
+    for u, v in ((1, 0), (0, 1), (-1, 0), (0, -1)):  # from (u, v) to (−v, u)
+        parts.append(f"{at(u - handle * v, v + handle * u)} {at(-v + handle * u, u + handle * v)} {at(-v, u)} c")
+    return " ".join(parts)
 
 
 def _pdf_file(objects: list[bytes]) -> bytes:
