@@ -24,8 +24,8 @@ edges, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "loca
 blurred_axes, orientation, sieve, symmetry = (
     import_module(f"rcdn.corners.{name}") for name in ("blurred_axes", "orientation", "sieve", "symmetry")
 )
-fit, lattice, smooth, window = (
-    import_module(f"rcdn.precision.{name}") for name in ("fit", "lattice", "smooth", "window")
+fit, lattice, smooth, surroundings, window = (
+    import_module(f"rcdn.precision.{name}") for name in ("fit", "lattice", "smooth", "surroundings", "window")
 )
 KERNELS, ARGUMENTS = native._library().kernels, native._library().arguments
 NUMBER = dict(float64="f8", float32="f4", int64="i8", int32="i4", int8="i1", uint8="u1")
@@ -59,6 +59,15 @@ def dimmed(grey, at):
     return (grey * (1 - share) + 120 * share).astype(np.uint8)
 
 
+def around(ij):
+    """A small dark square beside every corner."""
+    spots = surroundings.drawn(
+        [surroundings.shape(np.array([0.2, 0.3]), np.array([0.2, 0.3]), np.array([[-2.0]]))],
+        np.tile([0, -1, -1, -1], (len(ij), 1)), np.zeros((len(ij), 4, 2)), ij.sum(axis=1) % 2 == 0,
+    )  # fmt: skip
+    return surroundings.Surroundings((spots,), np.full((len(ij), 4), 0.5), ij.astype(float))
+
+
 def use_the_package():
     """Whatever calls kernels."""
     grey = board_picture()
@@ -72,6 +81,7 @@ def use_the_package():
     window.windows(grey, maps, frame)
     maps.pixels(np.arange(len(xy)), np.zeros((len(xy), 2)), xy)
     fit.fit_corners(grey, ij, xy)
+    fit.fit_corners(grey, ij, xy, around(ij))
     smooth.smooth(ij, xy, np.tile(np.eye(2) * 1e-3, (len(xy), 1, 1)), np.ones(len(xy), bool))
     rings = orientation.sample_rings(grey, xy, np.full((len(xy), 3), 6.0))
     blurred_axes.blurred_axes(rings[..., :48], np.full((len(xy), 3), 6.0), np.tile([0.5, 2.0], (len(xy), 1)))

@@ -1,7 +1,7 @@
 /* The parametric fit of corners of a board, each by itself. See rcdn/precision/fit.py. */
 #include "fit_model.h"
 
-CONSTANTS(fit, COUNT, BLUR, BLEED, MEAN, CONTRAST, FRAME, CENTRE, THIN, MOST)
+CONSTANTS(fit, COUNT, BLUR, BLEED, MEAN, CONTRAST, FRAME, REACH, MIDDLE, CENTRE, THIN, MOST, EDGES, CELLS, PARTS, SIDES)
 
 /* Blocks of a window: pixels are at most 2 · ROW / 2 px from the mean of all, and those of one half are mirrored to the other. */
 enum { BLOCKS = (ROW + 2) * (2 * ROW + 3) };
@@ -13,6 +13,7 @@ typedef struct {
     Rows rows;
     float lever[2][PIXELS];
     Window window;
+    Shade shade;
     int32_t at[PIXELS];
     float block[2][BLOCKS][4];
 } Room;
@@ -74,10 +75,13 @@ INLINE void invert(double m[ROWS][ROWS]) {
 }
 
 /* One pass over the pixels at `state`: the room's rows, and sums over them. */
-INLINE Sums look(Room *room, const double *state, double noise, int robust, int others) {
+INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed) {
     const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
     const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
-    return others ? model_rows(&room->window, state, limit, 1, room->rows) : model_rows(&room->window, state, limit, 0, room->rows);
+    if (printed)
+        return model_rows(&room->window, state, limit, next, others, 1, &room->shade, room->rows);
+    return others ? model_rows(&room->window, state, limit, next, 1, 0, NULL, room->rows)
+                  : model_rows(&room->window, state, limit, next, 0, 0, NULL, room->rows);
 }
 
 /* The inverse normal matrix `m` of the room's rows under a prior, and the step of the parameters towards the best fit. */
@@ -183,9 +187,35 @@ ARGUMENT_GROUP(Settings, (REAL, noise), (INT, steps, 0, 100), (INT, robust, 0, 1
 ARGUMENT_GROUP(Found, (SIZE, n, variance, 0), (OUT, double, variance, n), (OUT, double, kept, n), (OUT, double, own, n, COUNT),
                (OUT, double, unit, n, 2, 2), (OUT, double, scores, n, 2))
 
+/* What is printed around corner k, as far as its state tells. */
+INLINE void print_around(const Print *print, index_t k, const double *state, const Window *w, Shade *shade) {
+    float p[BLUR];
+    for (int j = 0; j < BLUR; j++)
+        p[j] = (float)state[j];
+    print_pixels(print, k, p, (float)exponential(-state[BLUR]), (float)exponential(-state[BLUR + 1]), 1, w, shade);
+}
+
+/* Lead a state on by `step`; what is printed follows. */
+INLINE void advance(Room *room, double *state, const double *step, int printed) {
+    const double before[2] = {state[BLUR], state[BLUR + 1]};
+    float change[BLUR + 2];
+    for (int j = 0; j < COUNT; j++)
+        state[j] += clip(step[j], -STEP[j], STEP[j]);
+    for (int j = BLUR; j < BLUR + 2; j++)
+        state[j] = clip(state[j], SHARPEST, SOFTEST);
+    if (!printed)
+        return;
+    for (int j = 0; j < BLUR; j++)
+        change[j] = (float)clip(step[j], -STEP[j], STEP[j]);
+    for (int j = 0; j < 2; j++)
+        change[BLUR + j] = (float)(state[BLUR + j] - before[j]);
+    shift_print(&room->window, change, &room->shade);
+}
+
 /* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led on, bound
  * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. */
-FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
+FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
+            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
             (WHERE, are_frames(frames, n)), (OUT, double, state, n, COUNT), (IN, double, mean, n, COUNT), (IN, double, tie, n, COUNT),
             (GROUP, Settings, settings), (GROUP, Found, found), (WHERE, found.n == n)) {
     const double noise = settings.noise, share = settings.share;
@@ -201,17 +231,20 @@ FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.cor
         double *p = state + COUNT * k, m[ROWS][ROWS], step[COUNT];
         window_pixels(&picture, frame, &room->window);
         window_coordinates(&map, frame, &room->window);
-        const int others = board && crowded(&room->window, p);
+        float next[SIDES];
+        for (int j = 0; j < SIDES; j++)
+            next[j] = print.n ? (float)print.next[SIDES * k + j] : 1;
+        if (print.n)
+            print_around(&print, k, p, &room->window, &room->shade);
+        const int others = board && crowded(&room->window, p, next);
         Sums sums = {0, 0, 0};
         for (index_t s = 0; s <= steps; s++) {
-            sums = look(room, p, noise, (int)robust, others);
+            sums = look(room, p, noise, (int)robust, next, others, print.n > 0);
             if (s == steps && !tell)
                 break;
             solve(room, sums, p, mean + COUNT * k, tie + COUNT * k, noise, m, step);
-            for (int j = 0; j < COUNT && s < steps; j++)
-                p[j] += clip(step[j], -STEP[j], STEP[j]);
-            for (int j = BLUR; j < BLUR + 2; j++)
-                p[j] = clip(p[j], SHARPEST, SOFTEST);
+            if (s < steps)
+                advance(room, p, step, print.n > 0);
         }
         const double loose = sums.weight - FREEDOM > 1 ? sums.weight - FREEDOM : 1;
         variance[k] = sums.heavy / loose > ROUNDING ? sums.heavy / loose : ROUNDING;

@@ -3,14 +3,13 @@
 #define RCDN_FIT_MODEL_H
 
 #include "elementary.h"
-#include "fit_window.h"
+#include "fit_print.h"
 #include "maths.h"
 
 enum { BLUR = 6, BLEED = 8, MEAN = 9, CONTRAST = 10, COUNT = 15, RESIDUAL = 15, ROWS = 16 };
 
 /* blurs at which an edge is no longer felt: erf is 1 to 1e-4 */
 #define FELT 4.0f
-#define PEAK 1.1283792f
 #define WHITE 255.0f
 
 /* Of each pixel: its slopes by the COUNT parameters, then its residual, all × the root of its weight. */
@@ -21,12 +20,13 @@ typedef struct {
     double square, heavy, weight;
 } Sums;
 
-/* Do the edges of the next corners reach into the window? */
-INLINE int crowded(const Window *w, const double *state) {
+/* Do the edges of the `next` (SIDES) corners, squares away, reach into the window? */
+INLINE int crowded(const Window *w, const double *state, const float *next) {
     const float blur_u = FELT * (float)exponential(state[BLUR]), blur_v = FELT * (float)exponential(state[BLUR + 1]);
     int felt = 0;
     for (index_t i = 0; i < w->count; i++)
-        felt |= (1 - fabsf(w->u[i]) < blur_u * w->gu[i]) | (1 - fabsf(w->v[i]) < blur_v * w->gv[i]);
+        felt |= (next[0] + w->u[i] < blur_u * w->gu[i]) | (next[1] - w->u[i] < blur_u * w->gu[i]) | (next[2] + w->v[i] < blur_v * w->gv[i]) |
+                (next[3] - w->v[i] < blur_v * w->gv[i]);
     return felt;
 }
 
@@ -36,10 +36,12 @@ INLINE void next_edge(float z, float *wave, float *by_blur) {
     *by_blur += PEAK * bell_near(z) * z;
 }
 
-/* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the next corners. Levels beyond
- * the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
- * the pixel's squares ± 1 - push = 0: bleed moves edges by turns one way and the other. */
-INLINE Sums model_rows(const Window *w, const double *state, float limit, const int others, Rows rows) {
+/* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the `next` (SIDES) corners;
+ * `printed`: with what is printed,
+ * `shade`. Levels beyond the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
+ * the pixel's squares ± next - push = 0: bleed moves edges by turns one way and the other. */
+INLINE Sums model_rows(const Window *w, const double *state, float limit, const float *next, const int others, const int printed, const Shade *shade,
+                       Rows rows) {
     float p[COUNT];
     for (int k = 0; k < COUNT; k++)
         p[k] = (float)state[k];
@@ -61,26 +63,29 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
             const float bell_u = PEAK * bell_near(z_u), bell_v = PEAK * bell_near(z_v);
             float wave_u = erf_near(z_u), wave_v = erf_near(z_v), soft_u = -bell_u * z_u, soft_v = -bell_v * z_v;
             if (others) {
-                next_edge((u - 1 - push_u) * scale_u, &wave_u, &soft_u);
-                next_edge((u + 1 - push_u) * scale_u, &wave_u, &soft_u);
-                next_edge((v - 1 - push_v) * scale_v, &wave_v, &soft_v);
-                next_edge((v + 1 - push_v) * scale_v, &wave_v, &soft_v);
+                next_edge((u - next[1] - push_u) * scale_u, &wave_u, &soft_u);
+                next_edge((u + next[0] - push_u) * scale_u, &wave_u, &soft_u);
+                next_edge((v - next[3] - push_v) * scale_v, &wave_v, &soft_v);
+                next_edge((v + next[2] - push_v) * scale_v, &wave_v, &soft_v);
             }
-            const float shape = wave_u * wave_v, amplitude = p[CONTRAST] + p[13] * u + p[14] * v;
+            const float waves = wave_u * wave_v, shape = printed ? waves + shade->all[0][i] : waves;
+            const float amplitude = p[CONTRAST] + p[13] * u + p[14] * v;
             const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
             const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
             const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
             const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
             const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
-            const float move_u = -amplitude * by_u * live, move_v = -amplitude * by_v * live;
+            const float slope_u = printed ? by_u + shade->all[1][i] : by_u, slope_v = printed ? by_v + shade->all[2][i] : by_v;
+            const float blur_u = amplitude * soft_u * wave_v, blur_v = amplitude * wave_u * soft_v;
+            const float move_u = -amplitude * slope_u * live, move_v = -amplitude * slope_v * live;
             rows[0][i] = move_u;
             rows[1][i] = move_v;
             rows[2][i] = move_u * v;
             rows[3][i] = move_v * u;
             rows[4][i] = move_u * vv;
             rows[5][i] = move_v * uu;
-            rows[6][i] = amplitude * soft_u * wave_v * live;
-            rows[7][i] = amplitude * wave_u * soft_v * live;
+            rows[6][i] = (printed ? blur_u + amplitude * shade->all[3][i] : blur_u) * live;
+            rows[7][i] = (printed ? blur_v + amplitude * shade->all[4][i] : blur_v) * live;
             rows[8][i] = contrast * (by_u * side_u + by_v * side_v) * live;
             rows[9][i] = live;
             rows[10][i] = shape * live;

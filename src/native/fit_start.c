@@ -42,6 +42,7 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
         out[CENTRE + k] = at < -AWAY ? -AWAY : at > AWAY ? AWAY : at;
     }
     out[THIN] = 4 * (outer - inner) * fabs(area);
+    out[MIDDLE] = out[MIDDLE + 1] = 0;
     return 1;
 }
 
@@ -56,13 +57,17 @@ KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double
     return 0;
 }
 
-/* Residual variance, grey level and contrast, `out` (3), of straight edges of `blur` px: a line through pixels and model. */
-INLINE void line(const Window *w, float blur, float *shape, double *out) {
+/* Residual variance, grey level and contrast, `out` (3), of straight edges of `blur` px, with what is `printed`, if anything: a line through pixels and
+ * model. */
+INLINE void line(const Window *w, float blur, const float *printed, float *shape, double *out) {
     const float sharp = 1 / blur, count = w->count > 1 ? (float)w->count : 1;
     float sum = 0, level = 0, across = 0, square = 0, left = 0;
     INDEPENDENT
     for (index_t i = 0; i < w->padded; i++)
         shape[i] = erf_near(sharp * w->u[i] * w->iu[i]) * erf_near(sharp * w->v[i] * w->iv[i]);
+    if (printed)
+        for (index_t i = 0; i < w->padded; i++)
+            shape[i] += printed[i];
     for (index_t i = 0; i < w->padded; i++) {
         sum += w->mask[i] * shape[i];
         level += w->value[i];
@@ -91,16 +96,22 @@ INLINE void fill_window(const Picture *picture, const double *frames, const Maps
     window_coordinates(&map, frames + FRAME * k, w);
 }
 
-/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners. */
-FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
+/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners with what is printed around them. */
+FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
+            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
             (WHERE, are_frames(frames, n)), (SIZE, many, blurs, 0), (IN, double, blurs, many), (OUT, double, levels, many, n, 3)) {
-    Window *w = malloc(sizeof(Window) + PIXELS * sizeof(float));
+    Window *w = malloc(sizeof(Window) + sizeof(Shade) + PIXELS * sizeof(float));
     if (!w)
         return NO_MEMORY;
+    Shade *shade = (Shade *)(w + 1);
     for (index_t k = 0; k < n; k++) {
         fill_window(&picture, frames, &maps, k, w);
-        for (index_t b = 0; b < many; b++)
-            line(w, (float)blurs[b], (float *)(w + 1), levels + 3 * (b * n + k));
+        for (index_t b = 0; b < many; b++) {
+            const float straight[6] = {0}, sharp = 1 / (float)blurs[b];
+            if (print.n)
+                print_pixels(&print, k, straight, sharp, sharp, 0, w, shade);
+            line(w, (float)blurs[b], print.n ? shade->all[0] : NULL, (float *)(shade + 1), levels + 3 * (b * n + k));
+        }
     }
     free(w);
     return 0;

@@ -14,8 +14,8 @@ enum {
 };
 
 /* A window in the corner's affine frame: `slope` (2, 2) squares by px; half extents and bands, squares; centre and half size of the box, px;
- * every `thin`-th pixel of it is taken. As doubles, in this order. */
-enum { SLOPE = 0, REACH = 4, BAND = 6, CENTRE = 8, BOX = 10, THIN = 12, FRAME = 13 };
+ * every `thin`-th pixel of it is taken; the middle of its extents, squares. As doubles, in this order. */
+enum { SLOPE = 0, REACH = 4, BAND = 6, CENTRE = 8, BOX = 10, THIN = 12, MIDDLE = 13, FRAME = 15 };
 
 /* `count` pixels, and up to a multiple of LANES some without `mask`, zeros. `x`, `y`: px from the centre; `u`, `v`: squares; `gu`, `gv`: lengths of
  * their slopes, squares a px; `iu`, `iv`: 1 / (√2 gu), 1 / (√2 gv). */
@@ -86,7 +86,8 @@ INLINE void window_pixels(const Picture *p, const double *f, Window *w) {
     w->count = 0;
     for (index_t y = top; y <= low && w->count < MOST; y++) {
         const double u = f[1] * (double)y, v = f[3] * (double)y;
-        Run a = strip(by_u, u, f[BAND], strip(by_v, v, f[REACH + 1], row)), b = strip(by_v, v, f[BAND + 1], strip(by_u, u, f[REACH], row));
+        const Run inside = strip(by_v, v - f[MIDDLE + 1], f[REACH + 1], strip(by_u, u - f[MIDDLE], f[REACH], row));
+        Run a = strip(by_u, u, f[BAND], inside), b = strip(by_v, v, f[BAND + 1], inside);
         if (a.first > b.first) {
             const Run swap = a;
             a = b;

@@ -79,9 +79,16 @@ INLINE void moments(const double *weight, const double *s, const double *t, cons
     memcpy(pull, right, sizeof right);
 }
 
-/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the labels around each corner,
+/* Is the place n of a table (side, side) of neighbours two labels from its middle? */
+INLINE int is_far(index_t n, index_t side) {
+    const index_t i = n / side - side / 2, j = n % side - side / 2;
+    return i > 1 || i < -1 || j > 1 || j < -1;
+}
+
+/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the places on the board, `plane` (count, 2), around each corner,
  * by least squares over `near` (count, side²), up to `reach` squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
-FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, flat, 3, 3), (INT, reach, 0, FURTHEST_NEAR),
+FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (IN, double, xy, count, 2), (IN, double, flat, 3, 3),
+            (INT, reach, 0, FURTHEST_NEAR),
             (LET, side, 2 * reach + 1), (WITHIN, int32_t, near, -1, count - 1, count, side * side), (REAL, own), (REAL, far),
             (IN, double, stiff, TERMS), (OUT, double, origin, count, 2), (OUT, double, terms, count, TERMS, 2)) {
     for (index_t k = 0; k < count; k++)
@@ -90,13 +97,13 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN,
         double weight[NEAR] = {0}, s[NEAR] = {0}, t[NEAR] = {0}, i[NEAR] = {0}, j[NEAR] = {0}, normal[TERMS][TERMS];
         for (index_t n = 0; n < side * side; n++) {
             const index_t at = near[k * side * side + n];
-            i[n] = (double)(n / side - side / 2);
-            j[n] = (double)(n % side - side / 2);
             if (at < 0)
                 continue;
+            i[n] = plane[2 * at] - plane[2 * k];
+            j[n] = plane[2 * at + 1] - plane[2 * k + 1];
             s[n] = origin[2 * at] - origin[2 * k];
             t[n] = origin[2 * at + 1] - origin[2 * k + 1];
-            weight[n] = at == k ? own : fabs(i[n]) > 1 || fabs(j[n]) > 1 ? far : 1;
+            weight[n] = at == k ? own : is_far(n, side) ? far : 1;
         }
         moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
         for (index_t a = 0; a < TERMS; a++)
@@ -106,9 +113,9 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN,
     return 0;
 }
 
-/* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2), two kinds one after the other; from one corner to
+/* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2) at their places `plane` (count, 2), two kinds one after the other; from one corner to
  * the next the second kind changes its sign. near (count, 9): as from rcdn_lattice_neighbours. */
-FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
+FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, count, 2), (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
             (OUT, double, out, count, 4)) {
     for (index_t k = 0; k < count; k++) {
         double n = 1e-6, i1 = 0, j1 = 0, ii = 1e-6, ij = 0, jj = 1e-6, sums[3][2] = {{0}};
@@ -116,7 +123,7 @@ FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (WITHIN, int32_t, nea
             const index_t at = near[9 * k + place];
             if (at < 0)
                 continue;
-            const double i = (double)(place / 3 - 1), j = (double)(place % 3 - 1), sign = place % 2 ? -1 : 1;
+            const double i = plane[2 * at] - plane[2 * k], j = plane[2 * at + 1] - plane[2 * k + 1], sign = place % 2 ? -1 : 1;
             const double value[2] = {levels[2 * at], sign * levels[2 * at + 1]};
             n += 1, i1 += i, j1 += j, ii += i * i, ij += i * j, jj += j * j;
             for (index_t a = 0; a < 2; a++) {

@@ -20,7 +20,7 @@ from rcdn.types.base import Array
 
 CHECKED = hasattr(native, "constants")
 """do kernels check their calls?"""
-FRAME = 13
+FRAME = 15
 """numbers of a window, which one kernel makes for others"""
 SAMPLES = 12
 """calls that are kept of each kernel"""
@@ -88,6 +88,7 @@ def calls() -> tuple[tuple[Call, ...], ...]:
     ):
         rcdn.Detector().detect(grey)
         rcdn.Detector(rcdn.DetectorConfig.paper()).detect(grey)
+    rcdn.Detector(rcdn.DetectorConfig(target="auto")).detect(samples.coded_picture())
     for method in ("peak", "com", "edge"):
         rcdn.Detector(rcdn.DetectorConfig(refine=rcdn.config.Refine(method))).detect(squares)
     rcdn.Detector(rcdn.DetectorConfig(pattern="deltille")).detect(samples.picture(5, 4, 12.0, (110, 90), "deltille"))

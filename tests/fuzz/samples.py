@@ -23,6 +23,7 @@ from rcdn.io import (
     write_vnl,
 )
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
+from rcdn.synthetic.coded import charuco_drawing
 from rcdn.types import (
     Array,
     Board,
@@ -197,6 +198,13 @@ def scenes() -> tuple[str, ...]:
     from rcdn.synthetic import PRESETS, random_scene
 
     return tuple(random_scene(np.random.default_rng(k), PRESETS["hard"], (72, 64)).to_json() for k in range(6))
+
+
+@cache
+def coded_picture() -> Array:
+    """A small ChArUco board, a little blurred, seen straight on."""
+    image = cv2.GaussianBlur(charuco_drawing(6, 5, "DICT_4X4_50").image, (0, 0), 3.0)
+    return np.asarray(cv2.resize(image, (168, 144), interpolation=cv2.INTER_AREA))
 
 
 @cache

@@ -27,7 +27,7 @@ def use(path: Path) -> None:
 
 
 def pictures() -> Iterator[Any]:
-    """Pictures (H, W) of every small shape: noise, one value, squares, boards and their parts; both types."""
+    """Pictures (H, W) of every small shape: noise, one value, squares, boards, with codes, too, and their parts; both types."""
     import numpy as np
     from tests.fuzz import samples
 
@@ -40,7 +40,8 @@ def pictures() -> Iterator[Any]:
         yield kinds[(height + width) % 3]
         yield np.ascontiguousarray(kinds[(height + width + 1) % 3], np.float32) * np.float32(0.999)
     whole = samples.picture(7, 5, 12.0, (140, 110))
-    for image in (whole, whole[7:, 11:], whole[:-30, :-41], whole.T, whole[::-1], 255 - whole):
+    coded = samples.coded_picture()
+    for image in (coded, coded[40:, 23:], whole, whole[7:, 11:], whole[:-30, :-41], whole.T, whole[::-1], 255 - whole):
         yield np.ascontiguousarray(image)
         yield np.ascontiguousarray(image, np.float32) / np.float32(255)
 
@@ -49,7 +50,7 @@ def detect_all() -> int:
     """Boards of squares and triangles, as `auto` and as `paper` look for them, on one thread and on three."""
     import rcdn
 
-    settings = [{"threads": 3}, {"threads": 1, "pattern": "deltille"}]
+    settings = [{"threads": 3, "target": "auto"}, {"threads": 1, "pattern": "deltille"}]
     detectors = [rcdn.Detector(rcdn.DetectorConfig(**s)) for s in settings]
     detectors.append(rcdn.Detector(rcdn.DetectorConfig.paper(threads=3)))
     count = 0

@@ -12,6 +12,7 @@ from rcdn.precision.fit import Fit, fit_corners
 from rcdn.precision.lattice import lattice
 from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
+from rcdn.precision.surroundings import Surroundings
 from rcdn.types import Array, Board, Status
 
 __all__ = ["sharpen"]
@@ -32,26 +33,28 @@ DOUBTFUL = 3.0
 """standard deviation of a corner whose fit failed, × the board's median"""
 
 
-def sharpen(grey: Array, board: Board, geometry: bool = True) -> Board:
+def sharpen(grey: Array, board: Board, geometry: bool = True, around: Surroundings | None = None) -> Board:
     """The same board with its corners where a model of the picture says, and their `sigma` (M,), px an axis.
 
-    `grey` (H, W), 0..255; `geometry`: corners also learn from the smoothness of their board. No corner comes, goes or is
+    `grey` (H, W), 0..255; `geometry`: corners also learn from the smoothness of their board; `around`: what is
+    printed besides squares. No corner comes, goes or is
     renamed. Where the fit fails, a corner stays where it was, with a sigma that says so.
     """
     if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
         return board
     try:
-        fit = fit_corners(grey, board.ij, board.xy)
+        fit = fit_corners(grey, board.ij, board.xy, around)
     except np.linalg.LinAlgError:  # a board so crooked that its map folds: nothing is known better
         return board
-    good = _good(board, fit)
+    plane = None if around is None else around.plane
+    good = _good(board, fit, plane)
     if not good.any():
         return board
     xy = np.where(good[:, None], fit.xy, board.xy)
     lost = np.maximum(DOUBTFUL * median(_sigma(fit.cov)[good]), np.linalg.norm(fit.xy - board.xy, axis=1) / np.sqrt(2))
     cov = np.where(good[:, None, None], fit.cov, (np.nan_to_num(lost, nan=1.0) ** 2)[:, None, None] * np.eye(2))
     if geometry:
-        xy, cov = smooth(board.ij, xy, cov, good)
+        xy, cov = smooth(board.ij, xy, cov, good, None if around is None else around.plane_of(xy))
     return replace(board, xy=xy, sigma=_sigma(cov))
 
 
@@ -60,7 +63,7 @@ def _sigma(cov: Array) -> Array:
     return np.sqrt((cov[:, 0, 0] + cov[:, 1, 1]) / 2)
 
 
-def _good(board: Board, fit: Fit) -> Array:
+def _good(board: Board, fit: Fit, plane: Array | None) -> Array:
     """Fits (M,) that may be believed."""
     pitch = nearest_pitch(board.xy)
     move = np.linalg.norm(fit.xy - board.xy, axis=1)
@@ -70,12 +73,12 @@ def _good(board: Board, fit: Fit) -> Array:
     good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
     good &= contrast * np.sign(typical) > max(FAINT * abs(typical), NOTHING)
     good &= fit.variance < NOISY * median(fit.variance)
-    return good & ~_astray(board, fit)
+    return good & ~_astray(board, fit, plane)
 
 
-def _astray(board: Board, fit: Fit) -> Array:
+def _astray(board: Board, fit: Fit, plane: Array | None) -> Array:
     """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
     xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
-    alone, every = lattice(board.ij, xy, own=0.0), np.arange(len(xy))
+    alone, every = lattice(board.ij, xy, 0.0, plane), np.arange(len(xy))
     after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))
     return np.asarray(after > ASTRAY[0] * before + ASTRAY[1])

@@ -15,6 +15,7 @@ from rcdn.precision.lattice import Lattice, Maps, lattice, misfit
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN, SHIFT, crossing
 from rcdn.precision.prior import Prior, board_mean, board_prior, first_prior
 from rcdn.precision.spread import SHARE, spreads
+from rcdn.precision.surroundings import PLAIN, Print, Surroundings
 from rcdn.precision.window import frames
 from rcdn.types import Array
 
@@ -56,8 +57,8 @@ class Found(NamedTuple):
     scores: Array
 
 
-_fit = bind("rcdn_fit", Maps, Settings, Found)
-_levels = bind("rcdn_fit_levels", Maps)
+_fit = bind("rcdn_fit", Maps, Print, Settings, Found)
+_levels = bind("rcdn_fit_levels", Maps, Print)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,41 +89,43 @@ class Round:
     scores: Array
 
 
-def fit_corners(grey: Array, ij: Array, xy: Array) -> Fit:
+def fit_corners(grey: Array, ij: Array, xy: Array, around: Surroundings | None = None) -> Fit:
     """Fit every corner of a board with labels `ij` (N, 2) near `xy` (N, 2) px of `grey` (H, W).
 
     In the rounds after the first, windows and maps start from the corners of the one before, and blur, bleed and light of the
-    whole board are known.
+    whole board are known. `around`: what is printed besides squares.
     """
     if grey.dtype != np.uint8:
         grey = grey.astype(np.float32, copy=False)
     grey = np.ascontiguousarray(grey)
-    every, maps, rim = np.arange(len(xy)), lattice(ij, xy), _rim(ij)
-    blur, state, noise = _start(grey, maps, xy, rim)
-    prior, frame = first_prior(state), frames(maps, xy, rim, blur, SOME)
+    prints, plane, ends = ((PLAIN,), None, None) if around is None else (around.drawn, around.plane, around.ends)
+    every, maps, rim = np.arange(len(xy)), lattice(ij, xy, plane=plane), _rim(ij)
+    blur, state, noise, drawn = _start(grey, maps, frames(maps, xy, rim, WIDE, FEW, ends), prints)
+    prior, frame = first_prior(state), frames(maps, xy, rim, blur, SOME, ends)
     state[:, SHIFT] = maps(every, xy)  # the map is a fit, and doesn't go through its own corner
-    trusting = fit_round(grey, frame, maps, state, prior, noise, TRUSTING, robust=False, tell=False)
+    trusting = fit_round(grey, frame, maps, state, prior, noise, TRUSTING, drawn=drawn, robust=False, tell=False)
     state, noise = trusting.state, min(median(trusting.variance), noise)
     for index, steps in enumerate(ROUNDS):
         first, last = index == 0, index + 1 == len(ROUNDS)
-        done = fit_round(grey, frame, maps, state, prior, noise, steps, tell=first or last, share=SHARE if last else 0)
+        share = SHARE if last else 0.0
+        done = fit_round(grey, frame, maps, state, prior, noise, steps, drawn=drawn, tell=first or last, share=share)
         xy = maps.pixels(every, crossing(done.state), xy)
         if last:
             break
-        state, noise, maps = done.state.copy(), median(done.variance), lattice(ij, xy)
+        state, noise, maps = done.state.copy(), median(done.variance), lattice(ij, xy, plane=plane)
         state[:, SHIFT], state[:, CURVE] = maps(every, xy), 0
         if first:
-            prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior)
-            frame = frames(maps, xy, rim, float(exp(median(state[:, BLUR]))))
+            prior = board_prior(ij, done.state, done.own * done.variance[:, None], prior, plane)
+            frame = frames(maps, xy, rim, float(exp(median(state[:, BLUR]))), ends=ends)
         else:
-            prior = Prior(board_mean(ij, done.state), prior.sd)
-    return Fit(xy, _covariance(maps, ij, xy, done), done.state, done.variance, done.kept)
+            prior = Prior(board_mean(ij, done.state, plane), prior.sd)
+    return Fit(xy, _covariance(maps, ij, xy, done, plane), done.state, done.variance, done.kept)
 
 
-def levels(grey: Array, frame: Array, maps: Lattice, blurs: Array) -> Array:
+def levels(grey: Array, frame: Array, maps: Lattice, blurs: Array, drawn: Print = PLAIN) -> Array:
     """Residual variance, grey level and contrast (K, N, 3) of straight edges of `blurs` (K,) px in each of N windows `frame`."""
     out = np.empty((len(blurs), len(frame), 3))
-    _levels(grey, maps.maps, frame, blurs, out)
+    _levels(grey, maps.maps, drawn, frame, blurs, out)
     return out
 
 
@@ -135,6 +138,7 @@ def fit_round(
     noise: float,
     steps: int,
     *,
+    drawn: Print = PLAIN,
     robust: bool = True,
     board: bool = True,
     tell: bool = True,
@@ -149,17 +153,17 @@ def fit_round(
     state = state.copy()
     found = Found(*(np.zeros((len(frame), *tail)) for tail in ((), (), (COUNT,), (2, 2), (2,))))
     settings = Settings(noise, steps, robust, board, tell, share)
-    _fit(grey, maps.maps, frame, state, prior.mean, 1 / prior.sd**2, settings, found)
+    _fit(grey, maps.maps, drawn, frame, state, prior.mean, 1 / prior.sd**2, settings, found)
     return Round(state, *found)
 
 
-def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round) -> Array:
+def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Array:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
     usual = median(done.kept)
     odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
-    extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise))
+    extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise, plane))
     cov = cov + extra[:, None, None] * np.eye(2)
     jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
     return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
@@ -169,12 +173,13 @@ def _rim(ij: Array) -> Array:
     return np.asarray((ij == ij.min(axis=0)) | (ij == ij.max(axis=0)))
 
 
-def _start(grey: Array, maps: Lattice, xy: Array, rim: Array) -> tuple[float, Array, float]:
-    """The blur of `BLURS` under which straight edges fit the board best, and the states (N, COUNT) and variance that go with it."""
-    found = levels(grey, frames(maps, xy, rim, WIDE, FEW), maps, BLURS)
-    typical = medians(found[..., 0])
-    best = int(np.argmin(typical))
-    state = np.zeros((len(xy), COUNT))
+def _start(grey: Array, maps: Lattice, frame: Array, prints: tuple[Print, ...]) -> tuple[float, Array, float, Print]:
+    """The blur of `BLURS` and the print under which straight edges fit the board best, and the states (N, COUNT) and variance that go with them."""
+    found = np.stack([levels(grey, frame, maps, BLURS, drawn) for drawn in prints])
+    typical = [medians(each[..., 0]) for each in found]
+    kind = int(np.argmin([values.min() for values in typical]))
+    best = int(np.argmin(typical[kind]))
+    state = np.zeros((len(frame), COUNT))
     state[:, BLUR] = log(BLURS[best])
-    state[:, [MEAN, CONTRAST]] = found[best, :, 1:]
-    return float(BLURS[best]), state, float(typical[best])
+    state[:, [MEAN, CONTRAST]] = found[kind, best, :, 1:]
+    return float(BLURS[best]), state, float(typical[kind][best]), prints[kind]

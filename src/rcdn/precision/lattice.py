@@ -81,21 +81,23 @@ class Lattice:
         return xy
 
 
-def lattice(ij: Array, xy: Array, own: float = 1.0) -> Lattice:
+def lattice(ij: Array, xy: Array, own: float = 1.0, plane: Array | None = None) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
+    `plane` (N, 2): where labels lie on the board, squares, if not where they say.
 
     Raises LinAlgError for positions that aren't finite, as fits of a board in a line become: LAPACK would print of them.
     """
     xy = np.ascontiguousarray(xy, float)
     if not np.isfinite(xy).all():
         raise np.linalg.LinAlgError("positions are not finite")
-    flat, near = _rectifier(ij, xy), neighbours(ij)
+    plane = np.ascontiguousarray(ij if plane is None else plane, float)
+    flat, near = _rectifier(plane, xy), neighbours(ij)
     origin, terms = np.empty((len(xy), 2)), np.empty((len(xy), TERMS, 2))
-    _lattice(xy, flat, REACH, near, own, FAR, STIFF, origin, terms)
+    _lattice(plane, xy, flat, REACH, near, own, FAR, STIFF, origin, terms)
     return Lattice(flat, origin, terms)
 
 
-def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
+def misfit(maps: Lattice, ij: Array, xy: Array, noise: float, plane: Array | None = None) -> float:
     """How far a board's corners lie off their neighbours' maps, median RMS along an axis, squares: what is too crooked for them.
 
     Of corners with all eight neighbours, and beyond what `noise` (variance of positions, squares²) explains; 0 if there are none.
@@ -104,22 +106,23 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float) -> float:
     inner = np.flatnonzero(near.min(axis=1) >= 0)
     if not len(inner):
         return 0.0
-    off = maps(inner, xy[near[inner]]) - RING
+    step = RING if plane is None else plane[near[inner]] - plane[inner][:, None]
+    off = maps(inner, xy[near[inner]]) - step
     left = (off**2).sum(axis=(1, 2)) / (2 * (len(RING) - TERMS))
     return float(np.sqrt(max(median(left) - noise, 0.0)))
 
 
-def _rectifier(ij: Array, xy: Array) -> Array:
+def _rectifier(plane: Array, xy: Array) -> Array:
     """Homography from pixels to squares; an affine map where the homography has its horizon on the board."""
     try:
-        flat = inverse(homography(ij, xy))
+        flat = inverse(homography(plane, xy))
         depth = (xy * flat[2, :2]).sum(axis=1) + flat[2, 2]
         low, high = float(depth.min()), float(depth.max())
         if max(low, -high) > HORIZON * max(-low, high):
             return flat
     except np.linalg.LinAlgError:
         pass
-    return np.ascontiguousarray(np.vstack([affine(xy, ij), [0, 0, 1]]))
+    return np.ascontiguousarray(np.vstack([affine(xy, plane), [0, 0, 1]]))
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Array:

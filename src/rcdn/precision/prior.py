@@ -45,17 +45,17 @@ def first_prior(state: Array) -> Prior:
     return Prior(state.copy(), sd)
 
 
-def board_prior(ij: Array, state: Array, variance: Array, before: Prior) -> Prior:
+def board_prior(ij: Array, state: Array, variance: Array, before: Prior, plane: Array | None = None) -> Prior:
     """What the corners at `ij` (N, 2) have in common, and how far they really stray from it (empirical Bayes).
 
-    `state`, `variance` (N, COUNT): the first round's parameters and their variances, given `before`. Blur and bleed are
+    `state`, `variance` (N, COUNT): the first round's parameters and their variances, given `before`; `plane`: as of `lattice`. Blur and bleed are
     those of the board; slopes of the light follow from the neighbours' grey levels; edges turn and bend as the map says.
     The spread is what the estimates vary by, less what noise explains, and a corner that strays much further is let
     go. So a board in even light gains all the information that free slopes would cost, and one in a patchy shadow
     keeps its freedom.
     """
     near = neighbours(ij, 1)
-    mean, sd = _mean(near, state), np.full_like(state, np.inf)
+    mean, sd = _mean(near, state, ij if plane is None else plane), np.full_like(state, np.inf)
     inner, stray, least = near.min(axis=1) >= 0, np.abs(state - mean), _least(state)[PAIRS]
     for mine in (np.flatnonzero(inner), np.flatnonzero(~inner)):
         at = mine[:, None, None], PAIRS
@@ -66,16 +66,16 @@ def board_prior(ij: Array, state: Array, variance: Array, before: Prior) -> Prio
     return Prior(mean, sd)
 
 
-def board_mean(ij: Array, state: Array) -> Array:
+def board_mean(ij: Array, state: Array, plane: Array | None = None) -> Array:
     """What the corners at `ij` (N, 2) have in common: the means (N, COUNT) of `board_prior`."""
-    return _mean(neighbours(ij, 1), state)
+    return _mean(neighbours(ij, 1), state, ij if plane is None else plane)
 
 
-def _mean(near: Array, state: Array) -> Array:
+def _mean(near: Array, state: Array, plane: Array) -> Array:
     mean = np.zeros_like(state)
     edges = slice(BLUR.start, BLEED.stop)
     mean[:, edges] = medians(state[:, edges].T)
-    mean[:, LIGHT] = _light(near, state)
+    mean[:, LIGHT] = _light(near, state, plane)
     return mean
 
 
@@ -96,8 +96,8 @@ def _spread(stray: Array, variance: Array, least: Array) -> Array:
     return np.where(stray > LOUD * np.sqrt(variance + common), stray, np.sqrt(common))
 
 
-def _light(near: Array, state: Array) -> Array:
-    """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9)."""
+def _light(near: Array, state: Array, plane: Array) -> Array:
+    """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9) at `plane` (N, 2)."""
     slopes = np.empty((len(state), 4))
-    _slopes(near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)
+    _slopes(np.ascontiguousarray(plane, float), near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)
     return slopes

@@ -127,10 +127,11 @@ class Evidence:
         return np.take(by_degree, np.concatenate([degree, degree]), axis=1)
 
 
-def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Array]:
+def smooth(ij: Array, xy: Array, cov: Array, trusted: Array, plane: Array | None = None) -> tuple[Array, Array]:
     """Posterior positions (N, 2) px and covariances (N, 2, 2) px² of a board's corners.
 
-    `ij` (N, 2) labels; `xy` (N, 2) px with independent errors of `cov` (N, 2, 2) px². Only `trusted` (N,) corners that
+    `ij` (N, 2) labels, which lie on the board at `plane` (N, 2) squares if not where they say; `xy` (N, 2) px with independent errors of
+    `cov` (N, 2, 2) px². Only `trusted` (N,) corners that
     also fit the rest take part; the others stay, those that don't fit with a covariance that allows for it. Everything stays
     as it came if the board is too small to tell. Raises LinAlgError where a covariance is not positive definite.
     """
@@ -139,7 +140,7 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
         lines = [len(set(ij[use, k].tolist())) for k in (0, 1)]
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
-        flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use])
+        flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use], None if plane is None else plane[use])
         alien = beyond > 2 * MISFIT * MISFIT
         if not alien.any() or not again:
             break
@@ -151,9 +152,9 @@ def smooth(ij: Array, xy: Array, cov: Array, trusted: Array) -> tuple[Array, Arr
     return moved, spread
 
 
-def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, Array]:
+def _posterior(ij: Array, xy: Array, cov: Array, plane: Array | None) -> tuple[Array, Array, Array, Array]:
     """Positions (N, 2) and their covariances (N, 2, 2); what the data lie off the smooth board, (N, 2) px, and that squared (N,), in variances."""
-    base, sheet = sheet_of(ij, xy, cov)
+    base, sheet = sheet_of(ij, xy, cov, plane)
     full = Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
     best = likeliest(full)
     count, root = len(xy), full.root(best)
@@ -166,14 +167,18 @@ def _posterior(ij: Array, xy: Array, cov: Array) -> tuple[Array, Array, Array, A
     return base + moved, known, off, beyond
 
 
-def sheet_of(ij: Array, xy: Array, cov: Array) -> tuple[Array, Sheet]:
-    """Positions (N, 2) px by a homography, and what may lead away from them."""
+def sheet_of(ij: Array, xy: Array, cov: Array, plane: Array | None = None) -> tuple[Array, Sheet]:
+    """Positions (N, 2) px by a homography, and what may lead away from them. `plane`: as of `smooth`."""
     base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, HOMOGRAPHY))
-    _tangent(ij.astype(float), homography(ij, xy), base, tangent)
+    flat = np.ascontiguousarray(ij if plane is None else plane, float)
+    _tangent(flat, homography(flat, xy), base, tangent)
     at = ij - ij.min(axis=0)
     columns, rows = at.max(axis=0).tolist()
     along, down, degree = _pairs(min(DEGREE, columns), min(DEGREE, rows))
-    one, two = _polynomials(columns + 1)[at[:, 0]], _polynomials(rows + 1)[at[:, 1]]
+    if plane is None:
+        one, two = _polynomials(columns + 1)[at[:, 0]], _polynomials(rows + 1)[at[:, 1]]
+    else:
+        one, two = (_orthonormal(p, min(DEGREE, n)) for p, n in zip(_scaled(plane), (columns, rows), strict=True))
     bent = np.take(one, along, axis=1) * np.take(two, down, axis=1)
     return base, Sheet(tangent, bent, degree, xy - base, np.ascontiguousarray(cov, float))
 
@@ -181,9 +186,19 @@ def sheet_of(ij: Array, xy: Array, cov: Array) -> tuple[Array, Sheet]:
 @functools.lru_cache(maxsize=32)
 def _polynomials(size: int) -> Array:
     """Orthonormal polynomials (size, DEGREE + 2) of labels 0 … size - 1; the last column is 0."""
-    top = min(DEGREE, size - 1)
-    out = np.zeros((size, DEGREE + 2))
-    out[:, : top + 1] = legvander(2 * np.arange(size) / max(size - 1, 1) - 1, top) * np.sqrt(2 * np.arange(top + 1) + 1)
+    return _orthonormal(2 * np.arange(size) / max(size - 1, 1) - 1, min(DEGREE, size - 1))
+
+
+def _scaled(plane: Array) -> Array:
+    """Both coordinates (2, N) of places (N, 2), from −1 to 1."""
+    low, high = plane.min(axis=0), plane.max(axis=0)
+    return np.asarray((2 * (plane - low) / np.maximum(high - low, 1e-9) - 1).T)
+
+
+def _orthonormal(at: Array, top: int) -> Array:
+    """Orthonormal polynomials (len(at), DEGREE + 2) of numbers from −1 to 1; those beyond degree `top` are 0."""
+    out = np.zeros((len(at), DEGREE + 2))
+    out[:, : top + 1] = legvander(at, top) * np.sqrt(2 * np.arange(top + 1) + 1)
     return out
 
 

@@ -17,8 +17,8 @@ from rcdn.native import bind, constants
 from rcdn.precision.lattice import Lattice, Maps
 from rcdn.types import Array
 
-FRAME, CENTRE, THIN = (constants("fit")[name] for name in ("FRAME", "CENTRE", "THIN"))
-"""numbers that tell a window, see `frames`; where its centre begins; the last: every how many-th pixel is taken"""
+FRAME, REACH, CENTRE, THIN, MIDDLE = (constants("fit")[name] for name in ("FRAME", "REACH", "CENTRE", "THIN", "MIDDLE"))
+"""numbers that tell a window, see `frames`; where its half extents, its centre and the middle of its extents begin; which is its thinning"""
 FULL = constants("fit")["MOST"]
 """pixels that no window exceeds"""
 
@@ -43,18 +43,30 @@ class Windows:
     mask: Array
 
 
-def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.inf) -> Array:
+def frames(maps: Lattice, xy: Array, rim: Array, blur: float, most: float = np.inf, ends: Array | None = None) -> Array:
     """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2), squares; centre (2) and
-    half size (2) of a box that holds the window, px; and every how many-th pixel is taken.
+    half size (2) of a box that holds the window, px; every how many-th pixel is taken; middle (2) of the extents, squares.
 
     `rim` (N, 2) bool: no corner follows on one side along u, v. `blur` px, about that of the picture. Where a window holds more
-    than `most` pixels, every second, third, … is taken. Raises LinAlgError where a map folds.
+    than `most` pixels, every second, third, … is taken. `ends` (N, 4): squares towards −u, +u, −v, +v
+    beyond which no pixel is. Raises LinAlgError where a map folds.
     """
     out = np.empty((len(xy), FRAME))
     if _frames(maps.maps, np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
         raise np.linalg.LinAlgError("a map folds on a corner")
+    if ends is not None:
+        _cut(out, ends)
     out[:, THIN] = max(1, round(median(out[:, THIN]) / most))
     return out
+
+
+def _cut(frame: Array, ends: Array) -> None:
+    """Let windows `frame` (N, FRAME) reach no further than `ends` (N, 4)."""
+    for k in (0, 1):
+        reach = frame[:, REACH + k].copy()
+        low, high = (np.minimum(ends[:, 2 * k + side], reach) for side in (0, 1))
+        frame[:, REACH + k], frame[:, MIDDLE + k] = (high + low) / 2, (high - low) / 2
+        frame[:, THIN] *= frame[:, REACH + k] / reach  # about
 
 
 def windows(grey: Array, maps: Lattice, frame: Array) -> Windows:
