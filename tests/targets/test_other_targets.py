@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from coded_scene import aprilgrid, charuco, numbered, puzzleboard, seen
 
-from rcdn.calibration.labels import Coded, settle
+from rcdn.calibration.coded import Geometries
 from rcdn.cli._cache_entries import packed, unpacked
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
@@ -104,9 +104,9 @@ def test_parts_of_a_coded_board_have_their_place_on_the_whole(detector):
     cut = replace(board, xy=board.xy[part], ij=board.ij[part], response=board.response[part], status=board.status[part],
                   sigma=board.sigma[part], ids=board.ids[part])  # fmt: skip
     other = replace(board, target=replace(board.target, dictionary="DICT_5X5_50"))
-    coded = Coded.of([board, cut])
-    labels = settle([board, cut, other], coded.size, False, coded)
-    assert coded.size == (6, 8)
+    geometries = Geometries.of([board, cut], 0.03)
+    labels = geometries.labelled([board, cut, other], strict=False)
+    assert geometries.main.size == (6, 8)
     assert [label.settled for label in labels] == [True, True, False]
     np.testing.assert_array_equal(labels[1].ij, board.ij[part])
     assert "another target" in labels[2].reason

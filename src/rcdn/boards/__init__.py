@@ -11,6 +11,7 @@ import numpy as np
 
 from rcdn.boards.alternating import alternating
 from rcdn.boards.fill import fill
+from rcdn.boards.fragments import fragments
 from rcdn.boards.graph import Field, Label, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
@@ -20,10 +21,11 @@ from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
+from rcdn.geometry.near import nearest
 from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
 
 Sized = TypeVar("Sized", bound=_Sized)
-__all__ = ["BOARDS", "find_boards", "has_cells", "largest"]
+__all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
@@ -83,6 +85,16 @@ def find_boards(
     if field.asked[0] >= allowed(grey.size, *GROWN):
         told.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
+
+
+def find_pieces(grey: Array, candidates: Candidates, boards: list[Board]) -> list[Board]:
+    """Pieces of boards among the corners that are in none of the `boards`, for readers of codes (see `fragments`); most are no boards at all."""
+    field = as_field(grey, candidates)
+    free = np.ones(len(field.xy), bool)
+    for board in boards:
+        free &= nearest(board.xy, field.xy, 1)[0][:, 0] > 0.5
+    grids = fragments(field, free, len(candidates.all))
+    return [as_board(field, candidates, Grid(at, field.xy)) for at in grids]
 
 
 def _parts(field: Field, grids: list[dict[Label, int]], free: Array) -> tuple[list[Grid], dict[Grid, int]]:

@@ -1,7 +1,7 @@
 """Lattices whose steps are long and short in turn, as on AprilGrids: tags, and small squares between their corners.
 
 The link graph and the flood fill know no pitch, so that such a grid is labelled like any other. What differs is where the next corner lies: on the
-printed plane (`tag_plane`) u is at ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag, and v likewise.
+printed plane (`plane_points`) u is at ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag, and v likewise.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.target import tag_plane
+from rcdn.types.plane import plane_points
 
 UNEVEN = float(log(1.5))
 """log of the ratio of neighbouring steps from which on a lattice alternates"""
@@ -29,8 +29,10 @@ REACHES = (1.4, 2.4)
 """sides of a tag within which corners predict the next one; the second where the first has too few"""
 FEW = 8
 """corners that are too few for a prediction"""
-NEAR = 0.35
-"""how far from its predicted place a corner may lie, gaps"""
+NEAR, NEAR_WEAK = 0.35, 0.2
+"""how far from its predicted place a corner may lie, gaps; one whose response is weak for its board, when all others are known"""
+WEAK = 0.75
+"""such a response, share of the board's median"""
 ROUNDS = 100
 """of growth by one corner to each side"""
 
@@ -103,12 +105,14 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Array) -> d
         if not new:
             break
         at |= new
-    return {spot: corner for spot, corner in at.items() if _agrees(field.xy, at, gap, spot)}
+    weak = WEAK * median(field.response[list(at.values())])
+    near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in at.items()}
+    return {spot: corner for spot, corner in at.items() if _agrees(field.xy, at, gap, spot, near[spot])}
 
 
-def _agrees(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> bool:
+def _agrees(xy: Array, at: dict[Label, int], gap: float, spot: Label, near: float) -> bool:
     guess = _predicted(xy, at, gap, spot)
-    return guess is not None and float(np.linalg.norm(xy[at[spot]] - guess[0], axis=0)) < NEAR * guess[1]
+    return guess is not None and float(np.linalg.norm(xy[at[spot]] - guess[0], axis=0)) < near * guess[1]
 
 
 def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tuple[Array, float] | None:
@@ -122,7 +126,7 @@ def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tupl
     if len(near) < FEW:
         return None
     labels = np.array(near)
-    where, here = tag_plane(labels, gap), tag_plane(np.array(spot), gap)
+    where, here = (plane_points(ij, "aprilgrid", gap) for ij in (labels, np.array(spot)))
     far = np.abs(where - here).max(axis=1)
     close = next(
         (c for reach in REACHES if (c := far < reach).sum() >= FEW and np.ptp(labels[c], axis=0).min() > 0), None

@@ -2,6 +2,19 @@
 
 from __future__ import annotations
 
-from rcdn.targets.read import identified
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["identified"]
+if TYPE_CHECKING:
+    from rcdn.targets.read import check_told as check_told
+    from rcdn.targets.read import identified as identified
+
+__all__ = ["check_told", "identified"]
+
+
+def __getattr__(name: str) -> Any:
+    """Loaded at their first use: reading takes SciPy, whose import is slow."""
+    if name not in __all__:
+        raise AttributeError(f"module 'rcdn.targets' has no attribute {name!r}")
+    from rcdn.targets import read
+
+    return getattr(read, name)

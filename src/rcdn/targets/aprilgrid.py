@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, MOST_COLUMNS, gains
-from rcdn.targets.families import families
+from rcdn.errors import ConfigError, shown
+from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, MOST_COLUMNS, SURE, gains
+from rcdn.targets.families import families, family_of
 from rcdn.targets.marker import Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified
@@ -21,25 +22,28 @@ NAMES = {
 }
 
 
-def read_aprilgrid(grey: Array, grid: Array) -> Reading | None:
-    """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if no numbering is certain."""
+def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> Reading | None:
+    """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; `told`: the only target that it may be.
+    None if no numbering is certain.
+    """
     lifted = _lifted(rectified(grey, grid, SAMPLES))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
     if seen.sum() < 2:
         return None
     found: list[tuple[float, str, int, int, int, int]] = []
-    for frame in FRAMES:
-        for side in (4, 5, 6):
+    own = None if told is None else family_of(dictionary_of(told.family))
+    for frame in FRAMES if told is None else (Frame(told.border, filling=True),):
+        for side in (4, 5, 6) if own is None else (own.bits.shape[1],):
             look = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
             if look is None:
                 continue
             ratios = np.zeros((*seen.shape, side + 2 * frame.border, side + 2 * frame.border))
             ratios[seen] = evidence(modules(lifted[seen], look, side, frame), frame.border)
-            for family in families(side):
+            for family in families(side) if own is None else (own,):
                 if family.names[0] in NAMES:
-                    found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border)
+                    found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border, told)
     found.sort(key=lambda f: -f[0])
-    if not found or found[0][0] < ACCEPT:
+    if not found or found[0][0] < (ACCEPT if told is None else SURE + np.log2(4 * _places(seen.shape, told))):
         return None
     same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbers, whatever the border
     others = [f[0] for f in found if same(f) != same(found[0])]
@@ -47,7 +51,27 @@ def read_aprilgrid(grey: Array, grid: Array) -> Reading | None:
     if margin < MARGIN:
         return None
     bits, name, border, turns, columns, lowest = found[0]
+    if told is not None:
+        row, column = divmod(lowest - told.first_id, told.columns)
+        width = seen.shape[1 - turns % 2]
+        return Reading(told, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
     return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
+
+
+def dictionary_of(family: str) -> str:
+    """OpenCV's name of a family of AprilTags. Raises ConfigError if AprilGrids of it aren't read."""
+    for dictionary, name in NAMES.items():
+        if name == family:
+            return dictionary
+    raise ConfigError(f"family must be one of {', '.join(NAMES.values())}, not {shown(family)}")
+
+
+def _places(shape: tuple[int, ...], told: AprilGrid) -> int:
+    """At how many places of a board `shape` (R, C) tags can lie, either way up; at least 1."""
+    rows = told.rows or MOST_COLUMNS
+    return max(
+        (rows - shape[0] + 1) * (told.columns - shape[1] + 1), (rows - shape[1] + 1) * (told.columns - shape[0] + 1), 1
+    )
 
 
 def gap_of(grid: Array) -> float:
@@ -93,7 +117,7 @@ def _lifted(cells: Array) -> Array:
 
 
 def _numberings(
-    ratios: Array, seen: Array, bits: Array, name: str, border: int
+    ratios: Array, seen: Array, bits: Array, name: str, border: int, told: AprilGrid | None = None
 ) -> list[tuple[float, str, int, int, int, int]]:
     """(evidence, family, border, turns, columns, number of the tag at the bottom left of the upright grid) of the likeliest numberings."""
     out = []
@@ -104,16 +128,9 @@ def _numberings(
         up = height - 1 - row
         # OpenCV's pictures of these tags are turned by half against those that are printed
         gain = gains(turned[row, column], np.rot90(bits, 2, (1, 2)), border)
-        if np.maximum(gain.max(axis=1), 0).sum() < ACCEPT:
+        if np.maximum(gain.max(axis=1), 0).sum() < (ACCEPT if told is None else SURE):
             continue
-        surest = np.argsort(-gain.max(axis=1))[:8]
-        tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]
-        k, columns = (
-            a.ravel() for a in np.meshgrid(np.arange(tag.size), np.arange(width, MOST_COLUMNS + 1), indexing="ij")
-        )
-        square = np.repeat(surest, tag.shape[1])[k]
-        lowest = tag.ravel()[k] - column[square] - columns * up[square]
-        choice = np.unique(np.stack([columns, lowest], axis=1)[lowest >= 0], axis=0)
+        choice = _choices(gain, column, up, width) if told is None else _choices_of(told, width, height)
         if not len(choice):
             continue
         number = choice[:, 1:] + column + choice[:, :1] * up
@@ -123,6 +140,25 @@ def _numberings(
             (float(score[m]), name, border, turns, int(choice[m, 0]), int(choice[m, 1])) for m in np.argsort(-score)[:2]
         ]
     return out
+
+
+def _choices_of(told: AprilGrid, width: int, height: int) -> Array:
+    """Columns and the number of the tag at the bottom left, (M, 2), of all places of width × height tags on a board."""
+    rows = told.rows or MOST_COLUMNS
+    place = [(c, r) for r in range(rows - height + 1) for c in range(told.columns - width + 1)]
+    return np.array([(told.columns, told.first_id + r * told.columns + c) for c, r in place]).reshape(-1, 2)
+
+
+def _choices(gain: Array, column: Array, up: Array, width: int) -> Array:
+    """Columns and the number of the tag at the bottom left, (M, 2), that the surest tags suggest."""
+    surest = np.argsort(-gain.max(axis=1))[:8]
+    tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]
+    k, columns = (
+        a.ravel() for a in np.meshgrid(np.arange(tag.size), np.arange(width, MOST_COLUMNS + 1), indexing="ij")
+    )
+    square = np.repeat(surest, tag.shape[1])[k]
+    lowest = tag.ravel()[k] - column[square] - columns * up[square]
+    return np.asarray(np.unique(np.stack([columns, lowest], axis=1)[lowest >= 0], axis=0))
 
 
 def _placed(

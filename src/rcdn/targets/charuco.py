@@ -12,23 +12,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.targets.families import Family, families
+from rcdn.targets.families import Family, families, family_of
 from rcdn.targets.layout import index_of, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
 
-ACCEPT = 46.0
-"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁶ layouts (4 turns, 10 families, 2 parities,
-62 widths, 2,000 places, 4 rims)"""
+ACCEPT = 49.0
+"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
+62 widths, 2,000 places, 4 rims; 8 pieces of boards)"""
+SURE = 23.0
+"""bits of evidence that make one layout certain: 10⁻⁶, of 8 pieces"""
+CERTAIN = 5.0
+"""bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
-COVERED = 0.05
-"""probability that a square doesn't show its marker: a hand, glare, a torn print"""
+RIMS = 4
+"""layouts of a place that differ in which outermost squares are on the board"""
+COVERED, COVERED_RIM, BLANK = 0.05, 0.3, 0.02
+"""probability that a square doesn't show its marker (a hand, glare, a torn print); that one doesn't some of whose corners weren't found; that such a
+one shows paper instead"""
+PAPER = 0.6
+"""share of a marker's black border that is white on paper without it"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
 MOST_COLUMNS = 64
+FRAMED = 16.0
+"""bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
+HOPEFUL = 100
+"""layouts of one kind and turn that all squares are asked about"""
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
 
@@ -47,20 +60,32 @@ class _Layout:
     highest: int
 
 
-def read_charuco(squares: Array, marked: Array, inner: Array, aspect: float) -> Reading | None:
+def read_charuco(
+    squares: Array, marked: Array, inner: Array, aspect: float, told: Charuco | None = None, part: bool = False
+) -> Reading | None:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px. None if no layout is certain.
+    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
+    where the corners end says nothing of where the board does. None if no layout is certain.
     """
     scored: list[_Scores] = []
-    for side in SIDES:
+    known = None if told is None else (family_of(told.dictionary),)
+    for side in SIDES if known is None else (known[0].bits.shape[1],):
         look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
             ratios[marked] = evidence(
-                modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border
+                modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border, inner[marked]
             )
-            scored += [_Scores.of(ratios, marked, look, f, turns) for f in families(side) for turns in range(4)]
-    return _best(sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), inner)
+            if framed(ratios[marked], FRAME.border) < FRAMED:
+                continue
+            scored += [
+                _Scores.of(ratios, marked, inner, look, f, turns) for f in known or families(side) for turns in range(4)
+            ]
+    if told is not None:
+        return _place(scored, inner, told)
+    return _best(
+        sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), None if part else _ends(squares, inner)
+    )
 
 
 def _open_sides(marked: Array) -> Array:
@@ -70,40 +95,69 @@ def _open_sides(marked: Array) -> Array:
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
-def _best(scored: list[_Scores], inner: Array) -> Reading | None:
-    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier."""
-    usual, whole = (_likeliest(scored, inner, any_first) for any_first in (False, True))
+def _ends(squares: Array, inner: Array) -> Array:
+    """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
+
+    All corners were found, and the square is in the picture, where the next corners would have been seen.
+    """
+    return np.asarray(np.isfinite(squares).all(axis=(2, 3)) & inner[1:-1, 1:-1].all())
+
+
+def _best(scored: list[_Scores], ends: Array | None) -> Reading | None:
+    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier.
+
+    A part of a board, without `ends`, doesn't tell which it is then; see `_ends`.
+    """
+    usual, whole = (_likeliest(scored, ends, any_first) for any_first in (False, True))
     from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
     layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
-    if not layouts or layouts[0].bits < ACCEPT:
+    if not layouts or layouts[0].bits < ACCEPT or (ends is None and not from_0):
         return None
     margin = layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
-    return _reading(layouts[0], inner, margin) if margin > MARGIN else None
+    if margin <= MARGIN:
+        return None
+    return _reading(layouts[0], _rows(layouts[0], ends), margin)
 
 
-def _likeliest(scored: list[_Scores], inner: Array, any_first: bool) -> list[_Layout]:
+def _place(scored: list[_Scores], inner: Array, told: Charuco) -> Reading | None:
+    """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that one."""
+    usable = [s for s in scored if (s.look.white < 0) == told.inverted]
+    count = 0
+    layouts: list[_Layout] = []
+    for scores in usable:
+        places = scores.places_on(told)
+        count += len(places)
+        layouts += scores.scored(places, told.rows)
+    layouts.sort(key=lambda x: -x.bits)
+    if not layouts or layouts[0].bits < SURE + np.log2(RIMS * count):
+        return None
+    top, margin = layouts[0], layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
+    return Reading(told, top.turns, top.place, top.bits, margin) if margin > MARGIN else None
+
+
+def _likeliest(scored: list[_Scores], ends: Array | None, any_first: bool) -> list[_Layout]:
     layouts: list[_Layout] = []
     for scores in scored:
         if layouts and scores.hope < layouts[0].bits - MARGIN:
             break  # nothing that is left comes near the best
-        found = filter(_possible(inner), scores.layouts(any_first))
+        found = filter(_possible(ends), scores.layouts(any_first))
         layouts = sorted([*layouts, *found], key=lambda x: -x.bits)
     return layouts
 
 
-def _rows(layout: _Layout, inner: Array) -> int | None:
+def _rows(layout: _Layout, ends: Array | None) -> int | None:
     """How many rows the board has; None if there may be more, unseen."""
-    whole = layout.last_row and inner[1:-1, 1:-1].all()
-    return layout.place[1] + inner.shape[layout.turns % 2] if whole else None
+    if ends is None or not layout.last_row or not np.rot90(ends, layout.turns)[-1].all():
+        return None
+    return layout.place[1] + ends.shape[layout.turns % 2]
 
 
-def _possible(inner: Array) -> Callable[[_Layout], bool]:
+def _possible(ends: Array | None) -> Callable[[_Layout], bool]:
     """Whether a layout is one that is printed: a white first square goes with an even number of rows."""
-    return lambda layout: layout.odd or (_rows(layout, inner) or 0) % 2 == 0
+    return lambda layout: layout.odd or (_rows(layout, ends) or 0) % 2 == 0
 
 
-def _reading(top: _Layout, inner: Array, margin: float) -> Reading:
-    rows = _rows(top, inner)
+def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
     target = Charuco(
         top.columns,
         rows,
@@ -129,10 +183,13 @@ class _Scores:
     turns: int
 
     @classmethod
-    def of(cls, ratios: Array, marked: Array, look: Appearance, family: Family, turns: int) -> _Scores:
+    def of(cls, ratios: Array, marked: Array, inner: Array, look: Appearance, family: Family, turns: int) -> _Scores:
         turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
         row, column = np.nonzero(np.rot90(marked, turns))
-        gain = gains(turned[row, column], family.bits, FRAME.border)
+        shown = turned[row, column]
+        paper = (shown[:, ~inner_modules(shown.shape[-1], FRAME.border)] > 1).mean(axis=1) > PAPER
+        covered = np.where(np.rot90(inner, turns)[row, column], COVERED, np.where(paper, BLANK, COVERED_RIM))
+        gain = gains(shown, family.bits, FRAME.border, covered[:, None])
         height, width = marked.shape if turns % 2 == 0 else marked.shape[::-1]
         return cls(gain, row, column, (height, width), look, family, turns)
 
@@ -143,27 +200,51 @@ class _Scores:
 
     def layouts(self, any_first: bool) -> Iterator[_Layout]:
         """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as large as the squares seen."""
-        found = self._whole_boards() if any_first else self._parts_of_boards()
-        found = np.unique(found, axis=0)
+        yield from self.scored(self._hopeful(_unique(self._whole_boards() if any_first else self._parts_of_boards())))
+
+    def _hopeful(self, found: Array) -> Array:
+        """Those of the layouts (M, 5) that suit the surest squares best, if they are many."""
+        if len(found) <= HOPEFUL:
+            return found
+        some = np.argsort(-self.gain.max(axis=1))[:ANCHORS]
+        marker, exists, _ = self._markers_of(found, some, None)
+        bits = np.where(exists, self.gain[some, np.clip(marker, 0, len(self.family) - 1)], 0.0).sum(axis=1)
+        return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
+
+    def _markers_of(self, found: Array, some: Array, rows: int | None) -> tuple[Array, Array, Array]:
+        """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is such a marker, and whether the
+        square is on the board."""
+        u, v, columns, odd, first = (a[:, None] for a in found.T)
+        column, row = u + self.column[some], v + self.row[some]
+        on_board = (column >= 0) & (row >= 0) & (column < columns) & (row < (rows or np.inf))
+        marker = first + index_of(column, row, columns, odd.astype(bool))
+        return marker, on_board & (marker >= 0) & (marker < len(self.family)), on_board
+
+    def scored(self, found: Array, rows: int | None = None) -> Iterator[_Layout]:
+        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: of the board, if that is known."""
         if not len(found):
             return
-        u, v, columns, odd, first = (a[:, None] for a in found.T)
-        column, row = u + self.column, v + self.row
-        on_board = (column >= 0) & (row >= 0) & (column < columns)
-        marker = first + index_of(column, row, columns, odd.astype(bool))
+        marker, exists, on_board = self._markers_of(found, np.arange(len(self.row)), rows)
         last = np.broadcast_to(self.row == self.shape[0] - 1, marker.shape)
-        exists = on_board & (marker >= 0) & (marker < len(self.family))
         gain = np.where(exists, self.gain[np.arange(len(self.row)), np.clip(marker, 0, len(self.family) - 1)], 0.0)
         body, foot = (gain * ~last).sum(axis=1), (gain * last).sum(axis=1)
         bits = np.where((on_board & ~exists & ~last).any(axis=1), -np.inf, body + np.maximum(foot, 0))
         for k in np.argsort(-bits)[:3]:
             used = exists[k] & (~last[k] | (foot[k] > 0))
-            if np.isfinite(bits[k]) and used.any():
-                place = (int(u[k, 0]), int(v[k, 0]))
+            if np.isfinite(bits[k]) and used.any() and self._agree_with(gain[k]):
+                u, v, columns, odd, first = found[k].tolist()
                 yield _Layout(
-                    float(bits[k]), self.look, self.family, int(columns[k, 0]), place, bool(odd[k, 0]), int(first[k, 0]), self.turns,
+                    float(bits[k]), self.look, self.family, columns, (u, v), bool(odd), first, self.turns,
                     bool(foot[k] > 0), int(marker[k][used].max()),
                 )  # fmt: skip
+
+    def _agree_with(self, gain: Array) -> bool:
+        """Do most of the squares that are certain of their marker by themselves show that of a layout, whose evidence in each is `gain` (K,)?
+
+        Else a few markers that happen to follow each other would outweigh all that the others say.
+        """
+        certain = self.gain.max(axis=1) > CERTAIN + np.log2(len(self.family))
+        return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
 
     def _anchors(self) -> tuple[Array, Array]:
         """Squares (A,) that are surest of their marker, and the likeliest markers of each, together (A · CANDIDATES,)."""
@@ -184,6 +265,16 @@ class _Scores:
         fits = (u >= -1) & (v >= -1) & (u + self.shape[1] - 1 <= columns)
         return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
 
+    def places_on(self, told: Charuco) -> Array:
+        """All layouts (M, 5) of the board `told`."""
+        height, width = self.shape
+        odd = not (told.legacy and (told.rows or 0) % 2 == 0)
+        most = told.rows or int(place_of(np.array(len(self.family)), np.array(told.columns), np.array(odd))[1]) + 1
+        # the outermost squares that were sampled may lie beyond the board
+        u, v = np.meshgrid(np.arange(-1, told.columns - width + 2), np.arange(-1, most - height + 2))
+        known = (np.full(u.size, n) for n in (told.columns, odd, told.first_id))
+        return np.stack([u.ravel(), v.ravel(), *known], axis=1)
+
     def _whole_boards(self) -> Array:
         square, marker = self._anchors()
         k, odd = (a.ravel() for a in np.meshgrid(np.arange(len(square)), [0, 1], indexing="ij"))
@@ -193,13 +284,32 @@ class _Scores:
         return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
 
 
-def gains(ratios: Array, bits: Array, border: int) -> Array:
-    """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m)."""
+def _unique(layouts: Array) -> Array:
+    """Each of the layouts (M, 5) once."""
+    if not len(layouts):
+        return layouts
+    low = layouts.min(axis=0)
+    key = np.ravel_multi_index(tuple((layouts - low).T), tuple((np.ptp(layouts, axis=0) + 1).tolist()))
+    return np.asarray(layouts[np.unique(key, return_index=True)[1]])
+
+
+def gains(ratios: Array, bits: Array, border: int, covered: Array | float = COVERED) -> Array:
+    """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m).
+
+    `covered` (K, 1), or one for all: probability that a square doesn't show its marker.
+    """
     inside = inner_modules(ratios.shape[-1], border)
     own, frame = ratios[:, inside], ratios[:, ~inside]
     black = _gain(-own).sum(axis=1) + np.minimum(_gain(-frame).sum(axis=1), 0)  # the frame is black, or it is no marker
     shown = black[:, None] + (own / np.log(2)) @ bits.reshape(len(bits), -1).T.astype(float)
-    return np.asarray(np.log2(COVERED + (1 - COVERED) * np.exp2(np.minimum(shown, 500))))
+    return np.asarray(np.log2(covered + (1 - covered) * np.exp2(np.minimum(shown, 500))))
+
+
+def framed(ratios: Array, border: int) -> float:
+    """Evidence, bits, for black borders of markers whose modules have log-likelihood `ratios` (K, m, m), hidden ones among them."""
+    frame = ratios[:, ~inner_modules(ratios.shape[-1], border)]
+    black = np.minimum(_gain(-frame).sum(axis=1), 500)
+    return float(np.log2(COVERED_RIM + (1 - COVERED_RIM) * np.exp2(black)).sum())
 
 
 def _gain(ratio: Array) -> Array:

@@ -8,6 +8,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from rcdn.errors import ConfigError, shown
 from rcdn.types import Array
 
 FAMILIES: tuple[tuple[str, ...], ...] = (
@@ -45,6 +46,15 @@ class Family:
 def families(side: int) -> tuple[Family, ...]:
     """All families of markers with `side`² bits."""
     return tuple(f for f in map(_family, FAMILIES) if f.bits.shape[1] == side)
+
+
+def family_of(dictionary: str) -> Family:
+    """The family that the dictionary called so by OpenCV is of. Raises ConfigError if OpenCV has none of that name."""
+    for names in FAMILIES:
+        if dictionary in names and dictionary in _family(names).names:
+            return _family(names)
+    known = ", ".join(name for names in FAMILIES for name in _family(names).names)
+    raise ConfigError(f"dictionary must be one of {known}, not {shown(dictionary)}")
 
 
 @lru_cache

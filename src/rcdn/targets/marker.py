@@ -19,6 +19,8 @@ CAP = 4.0
 """largest log-likelihood ratio of a module: one in fifty is wrong for reasons that the model doesn't know"""
 LEAST_SIGMA = 0.08
 """standard deviation of a module of the sharpest picture, black to white: prints and lenses aren't perfect"""
+PRIOR = 1.0
+"""weight of what the gaps say of white beside tags that fill their squares: sharp tags show none but inside"""
 STIFF = 0.02
 """pull of the modules towards black where the blur leaves too little to tell"""
 
@@ -59,6 +61,8 @@ def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearanc
     around, inside = _around(x, ratio, along_x, along_y, frame), _square(x, inner, along_x, along_y)
     gram = [np.einsum("kyx,kyx->k", a, b) for a, b in ((around, around), (around, inside), (inside, inside))]
     right = [np.einsum("kyx,yx->k", a, even) for a in (around, inside)]
+    if frame.filling:  # how much of the inside is white is not known, and white gaps are 1
+        gram[0], right[0] = gram[0] + PRIOR, right[0] + PRIOR
     determinant = gram[0] * gram[2] - gram[1] ** 2 + 1e-12
     white = (gram[2] * right[0] - gram[1] * right[1]) / determinant
     middle = (gram[0] * right[1] - gram[1] * right[0]) / determinant
@@ -121,13 +125,15 @@ def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, A
     return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
 
 
-def evidence(values: Array, border: int) -> Array:
+def evidence(values: Array, border: int, trusted: Array | None = None) -> Array:
     """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
 
-    The noise is that of the frames, which are black, and of the distances to the nearer of black and white.
+    The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)
+    to show markers (all, if it is None).
     """
     inside = inner_modules(values.shape[-1], border)
-    off, own = values[:, ~inside], values[:, inside]
+    sample = values if trusted is None else values[trusted]
+    off, own = sample[:, ~inside], sample[:, inside]
     if not np.isfinite(off).any() or not np.isfinite(own).any():
         return np.zeros_like(values)
     frames = np.sqrt(np.nanmedian(off**2) / 0.455)  # 0.455: median of χ² with one degree of freedom

@@ -9,18 +9,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from rcdn.targets.glance import FAINT
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, PuzzleBoard
 from rcdn.types.target import PUZZLE
 
-ACCEPT = 40.0
-"""bits: 10⁻⁶ (20 bits) over the 2²⁰ places and turns"""
+ACCEPT = 43.0
+"""bits: 10⁻⁶ (20 bits) over the 2²⁰ places and turns, of 8 pieces of boards"""
 MARGIN = 20.0
 CAP = 3.0
 """largest log-likelihood ratio of a circle: one in twenty is hidden, dirty or glared"""
 LEAST_SIGMA = 0.05
-FAINT = 0.12
-"""grey of circles against the mean of the squares beside, share of their contrast, under which there are none"""
 CODE_1 = (
     "00001011100001110101010100100011010110110000111011100010100100010001111110000010101111110100110010010101110101110000111111011011010110011011111011100111101001111010001",
     "01100001111110111111110100010010000011110001001100000100010001100001100000011100011010100011101110101101110110010010000110100110001110101000111000100110001111010100100",

@@ -6,60 +6,54 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcdn.targets.aprilgrid import read_aprilgrid
+from rcdn.targets import glance
+from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
 from rcdn.targets.charuco import read_charuco
+from rcdn.targets.families import family_of
 from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares
-from rcdn.types import Array, Board
+from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
 
 SAMPLES = 32
 """a square's side on the raster"""
-GLANCE = 8
-"""the same where it is only asked whether there may be markers"""
-PLAIN = 0.15
-"""standard deviation inside of squares, share of the contrast, under which they hold no markers"""
 
 
-def identified(grey: Array, board: Board) -> Board:
+def identified(grey: Array, board: Board, told: Target | None = None, part: bool = False) -> Board:
     """The board with its `target` and `ids`, its labels being places on the target; the same board if it carries no code that is certain.
 
-    `grey` (H, W), 0..255. Wrong at most once in a million boards whose squares hold random dots.
+    `grey` (H, W), 0..255; `told`: the only target that it may be; `part`: the board may go on where its corners end.
+    Wrong at most once in a million boards whose squares hold random dots.
     """
     if board.pattern == "aprilgrid":
-        return _tags(grey, board)
-    if board.pattern != "checker" or min(board.size) < 2:
+        return _tags(grey, board, told) if told is None or isinstance(told, AprilGrid) else board
+    if isinstance(told, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
         return board
     grid, found = grid_with_ring(board)
-    inner = whole_squares(found)
-    marked = _marked(rectified(grey, grid, GLANCE), inner)
     reading = None
-    if marked is not None:
-        squares = rectified(grey, grid, SAMPLES)
-        lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
-        reading = read_charuco(lifted, marked, inner, aspect_of(grid))
-    reading = reading or read_puzzle(grey, grid, found)
+    if not isinstance(told, PuzzleBoard):
+        reading = _markers(grey, grid, whole_squares(found), told, part)
+    if reading is None and not isinstance(told, Charuco):
+        reading = read_puzzle(grey, grid, found)
     return board if reading is None else _placed(board, reading)
 
 
-def _marked(squares: Array, inner: Array) -> Array | None:
-    """Which squares (R, C), of one colour, hold markers; None if neither colour's squares are less plain than the other's."""
-    row, column = np.indices(inner.shape)
-    middle = squares[:, :, 1:-1, 1:-1]
-    level, spread = middle.mean(axis=(2, 3)), middle.var(axis=(2, 3))
-    colours = [(row + column) % 2 == k for k in (0, 1)]
-    known = [c & inner & np.isfinite(level) for c in colours]
-    if min(k.sum() for k in known) < 1:
+def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part: bool) -> Reading | None:
+    """What the markers in the squares of a `grid_with_ring` say."""
+    marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
+    if marked is None:
         return None
-    rim = np.concatenate(
-        [squares[:, :, :1, :].reshape(*inner.shape, -1), squares[:, :, -1:, :].reshape(*inner.shape, -1)], axis=2
-    ).mean(axis=2)
-    contrast = abs(float(np.median(rim[known[0]])) - float(np.median(rim[known[1]])))
-    noise = [float(np.median(spread[k])) for k in known]
-    more = int(np.argmax(noise))
-    if noise[more] - noise[1 - more] < (PLAIN * contrast) ** 2:
-        return None
-    return np.asarray(colours[more])
+    squares = rectified(grey, grid, SAMPLES)
+    lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
+    return read_charuco(lifted, marked, inner, aspect_of(grid), told, part)
+
+
+def check_told(target: Target) -> None:
+    """Raises ConfigError unless the target is one that is read."""
+    if isinstance(target, Charuco):
+        family_of(target.dictionary)
+    elif isinstance(target, AprilGrid):
+        dictionary_of(target.family)
 
 
 def _dark(squares: Array, marked: Array, inner: Array) -> Array:
@@ -75,13 +69,13 @@ def _dark(squares: Array, marked: Array, inner: Array) -> Array:
     return np.where(known.any(axis=0), mean, np.median(level[usable]))
 
 
-def _tags(grey: Array, board: Board) -> Board:
+def _tags(grey: Array, board: Board, told: AprilGrid | None) -> Board:
     """A lattice of tags with the numbers of an AprilGrid."""
     columns, rows = (2 * (n // 2 + 1) for n in board.ij.max(axis=0).tolist())
     grid, index = np.full((rows, columns, 2), np.nan), np.full((rows, columns), -1)
     i, j = board.ij.T
     grid[j, i], index[j, i] = board.xy, np.arange(len(board))
-    reading = read_aprilgrid(grey, grid)
+    reading = read_aprilgrid(grey, grid, told)
     return board if reading is None else _relabelled(board, reading, index)
 
 

@@ -1,0 +1,86 @@
+"""Pieces of boards that the recovery leaves out, for readers of codes: what a code says is proof enough, so that the pieces need not be.
+
+Glare, hands and markers that stand too close disturb the links of a board. Here cells are made of any four corners that stand like a square's
+and agree on its colour; an edge may be covered for a third of its length. Nothing but a code makes a board of such a piece.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.boards.edges import edge_contrast
+from rcdn.boards.graph import Field, Label, label
+from rcdn.geometry.elementary import arctan2
+from rcdn.geometry.near import nearest
+from rcdn.types import Array
+
+AROUND = 10
+"""neighbours of a corner that may be those of its cells"""
+MOST = 250
+"""corners that are looked at, the surest of a picture"""
+SKEW, RATIO = 0.35, 2.5
+"""least sine of the angle between a cell's sides, and largest ratio of their lengths"""
+OFF = 0.22
+"""how far a cell's fourth corner may lie from the parallelogram of the others, share of the shorter side"""
+TURN = np.deg2rad(32)
+"""how far a side may turn from its corners' axes"""
+SHOWN = 0.12
+"""contrast of two thirds of a side, share of its corners' """
+LEAST = 6
+"""corners of a piece"""
+PIECES = 6
+"""pieces of a picture, the largest"""
+QUALITY = 0.12
+"""least response × fit of a corner"""
+
+
+def fragments(field: Field, free: Array, known: int) -> list[dict[Label, int]]:
+    """Grids {(u, v): corner} among the corners that are `free` (N,) bool, of the first `known`, the largest first.
+
+    They hold six corners or more; each has the colours of a board, but may be no board at all.
+    """
+    usable = free & (field.polarity != 0) & (field.quality >= QUALITY)
+    usable[known:] = False
+    rows = np.flatnonzero(usable)
+    rows = rows[np.argsort(-field.quality[rows], kind="stable")][:MOST]
+    if len(rows) < LEAST:
+        return []
+    quads = _shown(field, _coloured(field, rows[_quads(field.xy[rows])]))
+    grids = [grid for grid in label(field, quads) if len(grid) >= LEAST]
+    return sorted(grids, key=lambda g: (-len(g), min(g.values())))[:PIECES]
+
+
+def _quads(xy: Array) -> Array:
+    """Four corners each (Q, 4), rows of `xy` (N, 2), that stand like those of a square, clockwise on the screen, each once."""
+    near = nearest(xy, xy, min(AROUND, len(xy) - 1) + 1)[1][:, 1:]
+    one, two = (a.ravel() for a in np.meshgrid(np.arange(near.shape[1]), np.arange(near.shape[1])))
+    a = np.repeat(np.arange(len(xy)), len(one))
+    b, c = near[:, one].ravel(), near[:, two].ravel()
+    along, down = xy[b] - xy[a], xy[c] - xy[a]
+    lengths = np.linalg.norm(along, axis=1), np.linalg.norm(down, axis=1)
+    short, long = np.minimum(*lengths), np.maximum(*lengths)
+    cross = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
+    some = np.flatnonzero((cross > SKEW * short * long) & (long < RATIO * short))
+    gap, d = nearest(xy, (xy[b] + xy[c] - xy[a])[some], 1)
+    close = gap[:, 0] < OFF * short[some]
+    quads = np.stack([a[some], b[some], d[:, 0], c[some]], axis=1)[close]
+    first = quads.argmin(axis=1)[:, None]
+    return np.unique(np.take_along_axis(quads, (first + np.arange(4)) % 4, axis=1), axis=0)
+
+
+def _coloured(field: Field, quads: Array) -> Array:
+    """Those of the `quads` (Q, 4) whose corners lie along their axes and agree on the colour inside."""
+    step = field.xy[np.roll(quads, -1, axis=1)] - field.xy[quads]
+    colour, turn = field.side_colour(quads, arctan2(step[..., 1], step[..., 0]))
+    return quads[(turn < TURN).all(axis=1) & (np.abs(colour.sum(axis=1)) == 4)]
+
+
+def _shown(field: Field, quads: Array) -> Array:
+    """Those of the `quads` (Q, 4) whose four sides are seen in the picture, in two thirds of their lengths at least."""
+    start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
+    contrast = edge_contrast(field.grey, field.xy[start], field.xy[end])
+    step = field.xy[end] - field.xy[start]
+    colour = field.side_colour(start, arctan2(step[:, 1], step[:, 0]))[0]
+    usual = np.minimum(field.contrast[start], field.contrast[end])
+    seen = (contrast * colour[:, None] > SHOWN * usual[:, None]).sum(axis=1) >= 2
+    return quads[seen.reshape(-1, 4).all(axis=1)]

@@ -1,0 +1,81 @@
+"""Drop-ins with the shapes of OpenCV's own detectors, for code that has them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+
+from rcdn.config import DetectorConfig
+from rcdn.detector import Detector
+from rcdn.errors import ConfigError, shown
+from rcdn.types import Array, Charuco
+from rcdn.types.ranges import grid_size
+
+KEPT = 8
+"""boards for which a detector is kept"""
+
+
+def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:
+    """A drop-in for `cv2.findChessboardCorners(image, pattern_size)`: (found, corners (N, 1, 2) float32, row by row).
+
+    `pattern_size`: inner corners (columns, rows). The corners are sub-pixel already. (False, None) where no complete board of that size
+    is in the picture. Raises ConfigError for a size under 3×3 and ImageError for an unusable image.
+    """
+    cols, rows = grid_size(pattern_size, "pattern_size", 3)
+    for board in _detector("plain").boards(image):
+        grid = board.grid_of((cols, rows)) if board.complete else None
+        if grid is not None:
+            return True, np.ascontiguousarray(grid.reshape(-1, 1, 2), np.float32)
+    return False, None
+
+
+def detect_charuco(image: Any, board: Any) -> tuple[Array | None, Array | None]:
+    """A drop-in for `cv2.aruco.CharucoDetector(board).detectBoard(image)[:2]`: (corners (N, 1, 2) float32, ids (N, 1) int32), rising by id.
+
+    The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, whose dictionary, size, ids and legacy flag count. The corners are
+    sub-pixel already; of several such boards in the picture they are those of the largest. (None, None) where nothing of it is certain.
+    Raises ConfigError for another board, and for one whose markers are none of OpenCV's or aren't numbered one after the other; ImageError
+    for an unusable image.
+    """
+    target = charuco_of(board)
+    found = [b for b in _detector(target).boards(image) if b.target == target and b.ids is not None]
+    if not found:
+        return None, None
+    ids = np.asarray(found[0].ids)
+    order = np.argsort(ids)
+    corners = np.ascontiguousarray(found[0].xy[order].reshape(-1, 1, 2), np.float32)
+    return corners, ids[order].reshape(-1, 1).astype(np.int32)
+
+
+def charuco_of(board: Any) -> Charuco:
+    """OpenCV's board as a target. Raises ConfigError if there is no such target."""
+    if not isinstance(board, cv2.aruco.CharucoBoard):
+        raise ConfigError(f"board must be a cv2.aruco.CharucoBoard, not {shown(board)}")
+    columns, rows = board.getChessboardSize()
+    ids = np.ravel(board.getIds())
+    if not np.array_equal(ids, ids[0] + np.arange(len(ids))):
+        raise ConfigError("board: its markers must be numbered one after the other, as they are unless ids are given")
+    legacy = bool(board.getLegacyPattern()) and rows % 2 == 0  # with an odd number of rows both patterns are one
+    ratio = round(board.getMarkerLength() / board.getSquareLength(), 6)
+    return Charuco(columns, rows, _dictionary_of(board.getDictionary(), int(ids[-1])), ratio, int(ids[0]), legacy)
+
+
+def _dictionary_of(dictionary: Any, highest: int) -> str:
+    """The name of OpenCV's dictionary that has the same markers, up to `highest` at least. Raises ConfigError if none has."""
+    from rcdn.targets.families import families
+
+    side = int(dictionary.markerSize)
+    bits = [cv2.aruco.Dictionary.getBitsFromByteList(row[None], side) for row in dictionary.bytesList]
+    for family in families(side):
+        if len(bits) <= len(family) and np.array_equal(bits, family.bits[: len(bits)]):
+            return family.smallest(max(highest, len(bits) - 1))
+    raise ConfigError("board: its dictionary has other markers than OpenCV's dictionaries, which are what is read")
+
+
+@lru_cache(maxsize=KEPT)
+def _detector(target: Charuco | Literal["plain"]) -> Detector:
+    """One detector for all calls, made at the first."""
+    return Detector(DetectorConfig(target=target))

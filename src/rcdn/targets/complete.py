@@ -1,0 +1,129 @@
+"""Corners that are missing inside of a board whose codes were read, looked for where the print has them.
+
+The codes settle where the board lies and where it ends, so that its edges alone must be seen to cross where the corners around predict it: no
+network, no candidate. A corner where nothing crosses stays missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rcdn.boards.edges import crossings
+from rcdn.boards.fill import with_sense
+from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.validate import predicted_excess
+from rcdn.types import Array, Board, Charuco, Status
+
+ROUNDS = 12
+SEEN = 0.3
+"""least strength of both edges, share of the usual one on the board"""
+OFF = 0.14
+"""largest offset from the prediction, squares"""
+LEAST = 6
+"""corners of a board that can predict others"""
+
+
+def completed(grey: Array, board: Board) -> Board:
+    """The read `board` with the corners that are seen where its others predict them, within its print; without those that lie elsewhere.
+
+    `grey` (H, W), 0..255.
+    """
+    if board.pattern != "checker" or len(board) < LEAST or not len(_missing(board, board.ij)[1]):
+        return board
+    grey = np.ascontiguousarray(grey)
+    grid = Grid({(u, v): k for k, (u, v) in enumerate(board.ij.tolist())}, board.xy)
+    _drop_misfits(grid)
+    if len(grid) < LEAST:
+        return board
+    known = grid.labels
+    guess = grid.predictions(known)
+    sense = with_sense(guess)
+    sign, usual = _usual(grey, known[sense], guess.take(sense))
+    if sign == 0:
+        return board
+    for _ in range(ROUNDS):
+        spots, guess = grid.beside()
+        some = np.intersect1d(with_sense(guess), np.flatnonzero(_printed(board, spots)))
+        new = _seen(grey, spots[some], guess.take(some), sign, usual) if len(some) else {}
+        if not new:
+            break
+        grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
+        grid.xy = np.concatenate([grid.xy, list(new.values())])
+    return _of_grid(board, grid)
+
+
+def _printed(board: Board, spots: Array) -> Array:
+    """(K,) bool: which places `spots` (K, 2) lie within the print; where its end isn't known, within what was seen."""
+    low, high = board.ij.min(axis=0), board.ij.max(axis=0)
+    if isinstance(board.target, Charuco):
+        low = np.zeros(2, int)
+        high = np.array([board.target.columns - 2, board.target.rows - 2 if board.target.rows else high[1]])
+    return np.asarray(((spots >= low) & (spots <= high)).all(axis=1))
+
+
+def _missing(board: Board, known: Array) -> tuple[Array, Array]:
+    """All places (N, 2) of a board's bounding grid, or of its print; and which of them are not `known`."""
+    low, high = np.minimum(known.min(axis=0), 0), known.max(axis=0)
+    if isinstance(board.target, Charuco):
+        high = np.maximum(high, [board.target.columns - 2, (board.target.rows or 0) - 2])
+    else:
+        low = known.min(axis=0)
+    places = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))), axis=-1).reshape(
+        -1, 2
+    )
+    have = set(map(tuple, known.tolist()))
+    return places, np.array([p for p in map(tuple, places.tolist()) if p not in have])
+
+
+def _drop_misfits(grid: Grid) -> None:
+    """Drop corners, in place, that lie off their neighbours' prediction, the worst first."""
+    while len(grid) >= LEAST:
+        spots = list(grid.at)
+        excess = predicted_excess(grid, spots)
+        excess = np.where(excess == 2, 0, excess)  # neighbours that can't say
+        if excess.max() <= 1:
+            return
+        del grid.at[spots[int(excess.argmax())]]
+
+
+def _usual(grey: Array, at: Array, guess: Predictions) -> tuple[int, Array]:
+    """The colouring, ±1, under which edges cross at known corners `at` (K, 2), and their usual strengths (2,); 0 if they don't."""
+    best, usual = 0, np.zeros(2)
+    for sign in (-1, 1):
+        if len(at):
+            strength = np.median(_look(grey, at, guess, sign)[1], axis=0)
+            if strength.min() > usual.min():
+                best, usual = sign, strength
+    return best, usual
+
+
+def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array, Array]:
+    colour = sign * (1.0 - 2 * (at.sum(axis=1) % 2))
+    return crossings(grey, guess.xy, guess.du, guess.dv, colour)
+
+
+def _seen(grey: Array, at: Array, guess: Predictions, sign: int, usual: Array) -> dict[tuple[int, int], Array]:
+    """Positions (2,) px of those of the spots `at` (K, 2) where both edges are seen to cross."""
+    offset, strength = _look(grey, at, guess, sign)
+    xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv
+    inside = ((xy >= 1) & (xy <= np.array(grey.shape[::-1]) - 2)).all(axis=1)
+    fine = inside & (np.abs(offset).max(axis=1) <= OFF) & (strength >= SEEN * usual).all(axis=1)
+    return {(int(at[k, 0]), int(at[k, 1])): xy[k] for k in np.flatnonzero(fine)}
+
+
+def _of_grid(board: Board, grid: Grid) -> Board:
+    """The board with the corners of a grid, whose first rows of positions are its own."""
+    ij, index = grid.labels, grid.corners
+    order = np.lexsort((ij[:, 0], ij[:, 1]))
+    ij, index = ij[order], index[order]
+    old = index < len(board)
+    own = np.where(old, index, 0)
+    target = board.target
+    return replace(
+        board, xy=grid.xy[index], ij=ij, response=np.where(old, board.response[own], 0.0),
+        status=np.where(old, board.status[own], np.uint8(Status.COMPLETED)),
+        sigma=None if board.sigma is None else np.where(old, board.sigma[own], np.nan),
+        ids=None if target is None else target.ids(ij),
+    )  # fmt: skip

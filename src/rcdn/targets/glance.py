@@ -1,0 +1,143 @@
+"""A first look at a board: the squares around some of its corners, from few samples. It says whether there may be codes, before any is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from rcdn.types import Array, Board
+
+SAMPLES = 8
+"""a square's side on the raster"""
+MOST = 64
+"""corners around which squares are looked at"""
+PLAIN = 0.15
+"""standard deviation inside of squares, share of the contrast, under which they hold no markers"""
+FAINT = 0.12
+"""grey of circles on edges against the mean of the squares beside, share of their contrast, under which there are none"""
+LOOSER = 0.8
+"""share of these limits that makes a board worth reading: few of its squares were looked at"""
+FEW = 8
+"""edges that are too few to see a bend"""
+REACH = 30000
+"""px: OpenCV samples no larger pictures"""
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """Grey of the four squares around each of K corners, `squares` (K, 2, 2, S, S), row by row; `odd` (K,) bool: whether the one at the upper left
+    is of the other colour; `edges` (4, K): grey in the middle of the edges from the corner over the mean of both sides, share of the first side's
+    contrast to the other, freed of what bent edges and spreading ink make of it; NaN where there is no contrast."""
+
+    squares: Array
+    odd: Array
+    edges: Array
+
+    @property
+    def may_carry_codes(self) -> bool:
+        """Are there markers in squares of one colour, or circles on the edges?"""
+        known = np.abs(self.edges[np.isfinite(self.edges)])
+        level = float(np.median(known)) if len(known) else 0.0
+        return level >= LOOSER * FAINT or self._spread_of_one_colour > (LOOSER * PLAIN) ** 2
+
+    @property
+    def _spread_of_one_colour(self) -> float:
+        """By how much the variance inside of squares of one colour exceeds the other's, share of the squared contrast."""
+        a, b = np.indices((2, 2))
+        colour = ((a + b)[None] + self.odd[:, None, None]) % 2 == 1
+        spread = self.squares[..., 1:-1, 1:-1].var(axis=(3, 4))
+        rim = self.squares[..., :: SAMPLES - 1, :].mean(axis=(3, 4))
+        dark, bright = (tuple(float(np.median(v[c])) for v in (spread, rim)) for c in (colour, ~colour))
+        return abs(dark[0] - bright[0]) / max((dark[1] - bright[1]) ** 2, 1e-6)
+
+
+def glance_at(grey: Array, board: Board) -> Glance | None:
+    """A first look at a board of squares; None if none of its corners has all those around it. `grey` (H, W)."""
+    grid = board.grid()
+    if min(grid.shape[:2]) < 3:
+        return None
+    around = np.lib.stride_tricks.sliding_window_view(grid, (3, 3), axis=(0, 1))  # (R − 2, C − 2, 2, 3, 3)
+    row, column = np.nonzero(np.isfinite(around).all(axis=(2, 3, 4)))
+    if not len(row):
+        return None
+    some = np.linspace(0, len(row) - 1, min(len(row), MOST)).astype(int)
+    row, column = row[some], column[some]
+    values = _sampled(grey, _places() @ around[row, column].reshape(len(row), 2, 9).swapaxes(1, 2))
+    if values is None:
+        return None
+    squares = values[:, : 4 * SAMPLES**2].reshape(-1, 2, 2, SAMPLES, SAMPLES)
+    circle = values[:, 4 * SAMPLES**2 :].reshape(-1, 4, 11)
+    one, other = circle[..., 9], circle[..., 10]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        edges = ((circle[..., :9].mean(axis=2) - (one + other) / 2) / (one - other)).T
+    return Glance(squares, (row + column) % 2 == 1, np.array([_unbent(edge, row, column) for edge in edges]))
+
+
+def _unbent(values: Array, row: Array, column: Array) -> Array:
+    """Values (K,) at places of the grid without what fits them best of a plane, which bent edges make, and a chequer, which spreading ink makes; NaN
+    where they are none."""
+    known = np.abs(values) < 1.5
+    if known.sum() < FEW:
+        return np.where(known, values, np.nan)
+    causes = np.stack([np.ones(len(row)), row, column, (row + column) % 2], axis=1)
+    return np.where(known, values - causes @ np.linalg.lstsq(causes[known], values[known], rcond=None)[0], np.nan)
+
+
+def _sampled(grey: Array, xy: Array) -> Array | None:
+    """Grey at `xy` (K, P, 2) px, (K, P) float32, the rim's beyond the picture; None if that takes too large a part of it."""
+    limits = np.array(grey.shape[::-1]) - 1
+    low = np.clip(np.floor(xy.min(axis=(0, 1))) - 1, 0, limits).astype(int)
+    high = np.clip(np.ceil(xy.max(axis=(0, 1))) + 2, low + 1, limits + 1).astype(int)
+    if (high - low).max() > REACH:
+        return None
+    at = (xy - low).astype(np.float32)
+    part = grey[low[1] : high[1], low[0] : high[0]]
+    seen = cv2.remap(part, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(seen, np.float32)
+
+
+@lru_cache
+def _places() -> Array:
+    """(P, 9) weights of the nine corners around and at a corner, row by row, that give the places of samples: those of the four squares; and for each
+    of four edges nine in its middle and one on either side."""
+    nodes = np.eye(9).reshape(3, 3, 9)
+    step = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    v, u = (a.reshape(-1, 1) for a in np.meshgrid(step, step, indexing="ij"))
+    squares = []
+    for r in (0, 1):
+        for c in (0, 1):
+            upper, lower = ((1 - u) * nodes[k, c] + u * nodes[k, c + 1] for k in (r, r + 1))
+            squares.append((1 - v) * upper + v * lower)
+    edges = []
+    for turns in range(4):
+        turned = np.rot90(nodes, turns)
+        middle = (turned[1, 1] + turned[1, 2]) / 2
+        above, below = ((turned[k, 1] + turned[k, 2]) / 2 for k in (0, 2))
+        along, across = turned[1, 2] - turned[1, 1], (below - above) / 2
+        edges += [middle + a * along + b * across for a in (-0.09, 0.0, 0.09) for b in (-0.09, 0.0, 0.09)]
+        edges += [middle + 0.35 * (side - middle) for side in (above, below)]
+    return np.concatenate([*squares, np.array(edges)])
+
+
+def marked_squares(squares: Array, inner: Array) -> Array | None:
+    """Which of the `squares` (R, C, S, S), of one colour, hold markers, (R, C) bool; None if neither colour's are less plain than the other's.
+    Those count that are `inner` (R, C)."""
+    row, column = np.indices(inner.shape)
+    middle = squares[:, :, 1:-1, 1:-1]
+    level, spread = middle.mean(axis=(2, 3)), middle.var(axis=(2, 3))
+    colours = [(row + column) % 2 == k for k in (0, 1)]
+    known = [c & inner & np.isfinite(level) for c in colours]
+    if min(k.sum() for k in known) < 1:
+        return None
+    rim = np.concatenate(
+        [squares[:, :, :1, :].reshape(*inner.shape, -1), squares[:, :, -1:, :].reshape(*inner.shape, -1)], axis=2
+    ).mean(axis=2)
+    contrast = abs(float(np.median(rim[known[0]])) - float(np.median(rim[known[1]])))
+    noise = [float(np.median(spread[k])) for k in known]
+    more = int(np.argmax(noise))
+    if noise[more] - noise[1 - more] < (PLAIN * contrast) ** 2:
+        return None
+    return np.asarray(colours[more])
