@@ -8,14 +8,14 @@ import pytest
 from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration import next_view as module
 from rcdn.calibration.added_view import Information, Prior, share_told, variances, weight_of
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
 from rcdn.calibration.solver import Linear
 from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, see
 from rcdn.geometry import project, transform
-from rcdn.types import Calibration, Camera
+from rcdn.types import SQUARES, Calibration, Camera
 
 BROWN = CAMERAS["brown"]
 NOISE = 0.2
@@ -106,7 +106,7 @@ def test_a_view_of_the_calibration_tells_about_its_share(middling):
     _, calibration = middling
     assert share_told(calibration, Prior.of(calibration)) == pytest.approx(0.9, abs=0.2)
     assert weight_of(calibration) == pytest.approx(1 / NOISE, rel=0.3)
-    assert pattern_of(calibration) == "checker"
+    assert plane_of(calibration) == SQUARES
 
 
 @pytest.mark.parametrize("model", CAMERAS)
@@ -132,7 +132,7 @@ def test_the_board_is_in_the_frame_and_leans_as_said(model):
 def test_the_side_that_is_named_is_nearer_and_where_it_says():
     camera = Camera([[600, 0, 319.5], [0, 600, 239.5], [0, 0, 1]], [], (640, 480), "pinhole")
     calibration = calibrate(random_boards(camera, 4, 5)[0], SPACING, model="pinhole")
-    every = module._candidates(calibration, SIZE, "checker", np.array([0.5]))
+    every = module._candidates(calibration, SIZE, SQUARES, np.array([0.5]))
     half = np.array([4, 2.5]) * SPACING
     for T, middle, tilt, side in zip(every.T, every.middle, every.tilt, every.side, strict=True):
         if tilt and np.hypot(*(middle - 319.5)) < 100:

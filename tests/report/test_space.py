@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_calibration_report import BROWN, FISHEYE, FOLDED, SPACING, simulated
+from test_calibration_report import BROWN, FISHEYE, FOLDED, simulated
 
 from rcdn.geometry import project
 from rcdn.report.calibration import script, space
@@ -29,7 +29,7 @@ def test_every_board_is_drawn_where_it_was():
     look = space.Look(*_look(art))
     for (drawn, corners), view in zip(boards, calibration.views, strict=True):
         assert look.to(corners) == pytest.approx(drawn, abs=0.1)
-        assert corners == pytest.approx(space.outline(view, SPACING), abs=1e-3)
+        assert corners == pytest.approx(space.outline(calibration, view), abs=1e-3)
         assert (drawn > 0).all()
         assert (drawn < [space.WIDTH, space.HEIGHT]).all()
     assert "Drag to turn it" in art

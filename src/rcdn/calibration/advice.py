@@ -23,8 +23,8 @@ def advise(calibration: Calibration) -> tuple[str, ...]:
 
 
 def notes(calibration: Calibration) -> tuple[str, ...]:
-    """Sentences on the board's size and symmetry; () if there is nothing to note."""
-    return tuple(text for note in (_sizes, _symmetric) if (text := note(calibration)))
+    """Sentences on the board's size, symmetry and codes; () if there is nothing to note."""
+    return tuple(text for note in (_sizes, _symmetric, _targets, _unread) if (text := note(calibration)))
 
 
 def _sizes(c: Calibration) -> str:
@@ -45,7 +45,25 @@ def _symmetric(c: Calibration) -> str:
         return ""
     cols, rows = c.size
     turn = "half a turn" if c.orientation == "ambiguous_180" else "quarter turns"
+    article = "An" if str(cols)[0] == "8" or cols in (11, 18) else "A"
     return (
-        f"A {cols}×{rows} board looks the same after {turn}: lens and RMS don't mind, but poses may be turned by that. A board with one odd "
+        f"{article} {cols}×{rows} board looks the same after {turn}: lens and RMS don't mind, but poses may be turned by that. A board with one odd "
         "and one even side (9×6) has only one way up."
     )
+
+
+def _targets(c: Calibration) -> str:
+    shown = Counter(str(v.target or "a plain board") for v in c.used_views)
+    if len(shown) < 2 or (
+        len(shown) == 2 and all(v.spacing == c.spacing for v in c.used_views) and "a plain board" in shown
+    ):
+        return ""
+    what = ", ".join(f"{name} in {n} views" for name, n in shown.most_common())
+    return f"The views show several targets ({what}): each counts with its own places and spacing."
+
+
+def _unread(c: Calibration) -> str:
+    unread = sum(v.target is None and v.spacing == c.spacing for v in c.used_views) if c.target is not None else 0
+    if not unread:
+        return ""
+    return f"The codes of {unread} of the used views were not read: these boards count as parts of the {c.target} at an unknown place."

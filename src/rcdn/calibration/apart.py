@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
+from rcdn.calibration.board_points import has_shape, plane_of
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.difference import camera_difference, common_grid
 from rcdn.calibration.groups import FEWEST, describe
@@ -69,10 +70,11 @@ def _corners(calibration: Calibration, views: Sequence[BoardView]) -> tuple[Corn
     compromise if its views aren't of one camera."""
     every = [np.ones(len(v), bool) for v in views]
     corners, sigma = corners_of(replace(calibration, shape=None), views, every)
-    if calibration.shape is None or sum(v.settled for v in views) < FEWEST_SHAPED:
+    if calibration.shape is None or sum(has_shape(calibration, v) for v in views) < FEWEST_SHAPED:
         return corners, sigma, False
     size = calibration.shape.size
-    basis = [shape_basis(v.ij, size) * v.settled for v in views]
+    plane = plane_of(calibration)
+    basis = [shape_basis(v.ij, size, plane) * has_shape(calibration, v) for v in views]
     return replace(corners, basis=np.concatenate(basis)), sigma, True
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from rcdn.calibration.board_points import plane_of
 from rcdn.types import Calibration
 
 
@@ -21,5 +24,6 @@ def measure_board(calibration: Calibration) -> BoardFacts:
     shape = calibration.shape
     if shape is None or calibration.orientation == "ambiguous_90":
         return BoardFacts(float("nan"), float("nan"))
-    side = (max(shape.size) - 1) * calibration.spacing
-    return BoardFacts(shape.stretch / calibration.spacing, shape.bend / side)
+    sides = plane_of(calibration).points(np.array(shape.size) - 1) * calibration.spacing
+    step = float(np.mean(sides / np.maximum(np.array(shape.size) - 1, 1)))
+    return BoardFacts(shape.stretch / step, shape.bend / float(max(sides)))

@@ -9,6 +9,8 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from rcdn.calibration.coded import Geometries
+from rcdn.calibration.labels import Labelled
 from rcdn.calibration.pose import estimate_pose
 from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
@@ -37,22 +39,31 @@ def chosen(leave_out: Sequence[str], names: Sequence[str]) -> set[int]:
 
 def without(
     solve: Callable[[Sequence[Board], Sequence[str]], Calibration],
+    targets: Callable[[Sequence[Board]], Geometries],
     boards: Sequence[Board],
     names: Sequence[str],
     leave_out: Sequence[str],
 ) -> Calibration:
     """What `solve` gives of all `boards` but those that `leave_out` names; these are among its views with the reason REASON.
 
-    Their poses and residuals are those under the camera of the others, and their labels start at their own first corner.
+    Their poses and residuals are those under the camera of the others, and their labels start at their own first corner; those of boards with
+    codes at the first corner of their target, one of the `targets` of the others.
     """
     out = chosen(leave_out, names)
     rest = [k for k in range(len(boards)) if k not in out]
     done = solve([boards[k] for k in rest], [names[k] for k in rest])
     found = dict(zip(rest, done.views, strict=True))
+    labels = dict(
+        zip(
+            sorted(out),
+            targets([boards[k] for k in rest]).labelled([boards[k] for k in sorted(out)], False),
+            strict=True,
+        )
+    )
     turn: Counter[str] = Counter()
     views = []
     for k, (board, name) in enumerate(zip(boards, names, strict=True)):
-        view = found[k] if k in found else _view(board, name, done)
+        view = found[k] if k in found else _view(board, name, labels[k], done)
         views.append(replace(view, board=turn[name]))
         turn[name] += 1
     return replace(done, views=tuple(views))
@@ -99,23 +110,31 @@ def _own_name(name: str) -> str:
     return name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1] or name
 
 
-def _view(board: Board, name: str, done: Calibration) -> BoardView:
+def _view(board: Board, name: str, label: Labelled, done: Calibration) -> BoardView:
     pose, residuals = None, np.full((len(board), 2), np.nan)
-    if board.image_size == tuple(done.camera.image_size):
+    if label.target is None:
+        label = replace(label, ij=board.ij - (board.ij.min(axis=0) if len(board) else 0), settled=False)
+    placed = replace(board, ij=label.ij, target=label.target, ids=None if label.target is None else board.ids)
+    side = done.spacing if label.reason else label.spacing
+    if board.image_size == tuple(done.camera.image_size) and (board.pattern != "aprilgrid" or label.target is not None):
         try:
-            found = estimate_pose(board, done.camera, done.spacing)
+            found = estimate_pose(placed, done.camera, side)
             pose, residuals = Pose(found.T_cam_board), found.residuals
         except CalibrationError:
             pass
     return BoardView(
         name=name,
         board=0,
-        ij=board.ij - (board.ij.min(axis=0) if len(board) else 0),
+        ij=label.ij,
         xy=board.xy,
         sigma=sigma_of(board),
         pose=pose,
         residuals=residuals,
         used=np.zeros(len(board), bool),
         reason=REASON,
-        settled=False,
+        settled=label.settled,
+        target=label.target,
+        ids=placed.ids,
+        plane=placed.plane,
+        spacing=side,
     )

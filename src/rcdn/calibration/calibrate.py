@@ -10,10 +10,10 @@ import numpy as np
 
 from rcdn.calibration import choose, robust, smooth_lens
 from rcdn.calibration.advice import judged
-from rcdn.calibration.arguments import check_boards, check_spacing, texts
+from rcdn.calibration.arguments import check_boards, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
-from rcdn.calibration.cut import whole_size
-from rcdn.calibration.labels import Coded, Labelled, Size, orientation_of, settle
+from rcdn.calibration.coded import Geometries, Geometry, Spacing
+from rcdn.calibration.labels import Labelled, Size
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
@@ -48,6 +48,8 @@ SYSTEMATIC = 0.15
 """share of the sensor's cells whose mean residual isn't chance, from which on a smooth correction of the lens is tried"""
 FIXABLE = ("aspect", "principal_point")
 """what may be held fixed: fx = fy; the principal point in the middle of the picture"""
+ENOUGH = 6
+"""pictures, below which those held out don't tell whether a board's shape is real"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that a model leaves: beyond it a model isn't tried any further"""
 HOPELESS = 0.2
@@ -56,7 +58,7 @@ HOPELESS = 0.2
 
 def calibrate(
     boards: Sequence[Board],
-    spacing: float,
+    spacing: Spacing,
     *,
     names: Sequence[str] | None = None,
     model: str = "auto",
@@ -67,53 +69,73 @@ def calibrate(
 ) -> Calibration:
     """The camera that took `boards`, with poses, residuals and standard deviations.
 
-    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of
-    a square (of a deltille: of a triangle), m. `names` of the boards' pictures: boards of one name are held out together (default: each
-    board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4),
-    `rational` (8), or `auto`: the simplest that does nearly as well as the best on pictures held out. `size` (columns, rows) of the board
-    in inner corners; default: the usual one of the complete boards that the picture's border can't have cut. `flat`: the board is known to be
-    perfect, a glass one, say; by default its shape is solved for, too, where five views settle which corner is which (`rcdn.calibration.shape`).
-    `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the middle of the picture), or both.
-    `leave_out`: names of pictures that the camera shall not rest on, or `name:2` for the second board of one; they stay among the views.
+    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of a
+    square (of a deltille: of a triangle, of an AprilGrid: of a tag), m; for boards of several kinds a dict of them: `checker`, `deltille`,
+    `charuco`, `aprilgrid`, `puzzleboard`. Boards whose codes were read lie at their places on their target. `names` of the boards'
+    pictures: boards of one name are held out together (default: each board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1
+    p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the simplest that does nearly as well as the best on
+    pictures held out. `size` (columns, rows) of the board in inner corners; default: the usual one of the complete boards that the
+    picture's border can't have cut. `flat`: the board is known to be perfect, a glass one, say; by default its shape is solved for, too,
+    where five views settle which corner is which (`rcdn.calibration.shape`). `fix`: what is held fixed, `aspect` (fx = fy),
+    `principal_point` (the middle of the picture), or both. `leave_out`: names of pictures that the camera shall not rest on, or `name:2`
+    for the second board of one; they stay among the views.
 
     Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
     out and named. Covariances are by the scatter of whole views (`rcdn.calibration.uncertainty.clustered`), views alike counting as one.
     Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
     """
-    _check(boards, spacing, names, model, size)
+    check_arguments(boards, names, model, size)
     fixed = check_fix(fix)
-    names = [f"board {k}" for k in range(len(boards))] if names is None else texts(names, "names")
+    names = names_of(boards, names)
     leave_out = texts(leave_out, "leave_out")
     if leave_out:
         from rcdn.calibration.by_hand import without  # which rests on this module
 
         return without(
             lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat, fix=fix),
+            lambda some: Geometries.of(some, spacing, size),
             boards,
             names,
             leave_out,
         )
-    image_size = one_size(boards, names)
-    coded = Coded.of(boards)
-    whole = coded.size if coded else size or whole_size(boards)
-    labels = settle(boards, whole, size is not None, coded)
-    task = usable(boards, labels, names, image_size, spacing, whole)
+    return with_geometries(
+        boards, Geometries.of(boards, spacing, size), names, model, flat, fixed, strict=size is not None
+    )
+
+
+def with_geometries(
+    boards: Sequence[Board],
+    geometries: Geometries,
+    names: Sequence[str],
+    model: str = "auto",
+    flat: bool = False,
+    fixed: frozenset[str] = frozenset(),
+    strict: bool = False,
+) -> Calibration:
+    """What `calibrate` gives of boards of these `geometries`; `strict`: plain boards that can't be part of the whole are refused."""
+    image_size, whole = one_size(boards, names), geometries.main
+    labels = geometries.labelled(boards, strict)
+    task = usable(boards, labels, names, image_size, whole)
     start = first_camera(task.seen, image_size)
     task, T = with_poses(task, poses(start, task.seen))
     models = AUTO if model in ("auto", "splined") else (model,)
-    fits = _fits(task, models, start, T, spacing, fixed, shaped=not flat and task.settled >= FEWEST_SHAPED)
+    shaped = not flat and task.settled >= FEWEST_SHAPED
+    fits = _fits(task, models, start, T, whole.spacing, fixed, shaped)
     chosen, scores = _choose(task, fits)
-    done = _result(task, boards, labels, names, fits[chosen], whole, scores, spacing)
+    if shaped and _flat_predicts_better(task, fits[chosen], fixed):
+        fits = _fits(task, models, start, T, whole.spacing, fixed, shaped=False)
+        chosen, scores = _choose(task, fits)
+    done = _result(task, boards, labels, names, fits[chosen], whole, scores)
     if model == "splined" or (model == "auto" and mean_residuals(done).share > SYSTEMATIC):
-        better = _splined(task, fits[chosen], scores[0], spacing, asked=model == "splined")
+        better = _splined(task, fits[chosen], scores[0], whole.spacing, asked=model == "splined")
         if better is not None:
-            done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores), spacing)
+            done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores))
     _believable(done)
     return judged(done)
 
 
-def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None) -> None:
-    check_spacing(spacing)
+def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model: str, size: Size | None) -> None:
+    """Raise ConfigError for arguments of `calibrate` that have no meaning, CalibrationError without boards."""
     check_boards(boards)
     if model not in MODELS:
         raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
@@ -121,17 +143,16 @@ def _check(boards: Sequence[Board], spacing: float, names: Sequence[str] | None,
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
     if size is not None:
         grid_size(size, "size", 2)
-    if any(board.pattern == "aprilgrid" for board in boards):
-        raise ConfigError(
-            "boards: cameras can't be calibrated from AprilGrids yet; leave them out, or give their corners to Kalibr"
-        )
-    if len({board.pattern for board in boards}) > 1:
-        raise ConfigError("boards: some are of squares and some of triangles (deltilles); calibrate from one kind")
     for k, board in enumerate(boards):
         if not np.isfinite(board.xy).all():
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+
+
+def names_of(boards: Sequence[Board], names: Sequence[str] | None) -> list[str]:
+    """The names of the boards' pictures; without any each board is a picture of its own."""
+    return [f"board {k}" for k in range(len(boards))] if names is None else texts(names, "names")
 
 
 def check_fix(fix: Collection[str]) -> frozenset[str]:
@@ -180,6 +201,22 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
     return scores[0].model, tuple(scores)
 
 
+def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
+    """Whether a perfect board predicts pictures held out better, clearly, than one of the shape that the pictures ask for.
+
+    Views that hardly differ (none tilted, say) don't settle a shape: it then explains what is particular to them.
+    """
+    if len(np.unique(task.picture)) < ENOUGH:
+        return False
+    common = choose.Task(task.corners, fit.weight, task.picture)
+    flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
+    errors = [
+        choose.rms(choose.held_out(state, common, default_free(state, shape=True)), fit.weight)
+        for state in (flat, fit.state)
+    ]
+    return errors[0] * choose.SIMPLER < errors[1]
+
+
 def _splined(
     task: Usable, fit: robust.Fit, score: ModelScore, spacing: float, asked: bool
 ) -> tuple[robust.Fit, ModelScore] | None:
@@ -204,9 +241,8 @@ def _result(
     labels: list[Labelled],
     names: Sequence[str],
     fit: robust.Fit,
-    whole: Size | None,
+    whole: Geometry,
     scores: tuple[ModelScore, ...],
-    spacing: float,
 ) -> Calibration:
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     if len(used) < FEWEST_VIEWS:
@@ -218,14 +254,17 @@ def _result(
     lens = [*range(len(camera.parameters)), *range(len(cov) - 6, len(cov))]
     return Calibration(
         camera=camera,
-        spacing=float(spacing),
+        spacing=whole.spacing,
         views=_views(task, boards, labels, names, fit),
         cov=cov[np.ix_(lens, lens)],
         noise=fit.noise,
         models=scores,
-        size=whole,
-        orientation=None if whole is None else orientation_of(whole),
-        shape=None if whole is None or not len(fit.state.shape) else board_shape(fit.state.shape, whole),
+        size=whole.size,
+        orientation=whole.orientation,
+        shape=None
+        if whole.size is None or not len(fit.state.shape)
+        else board_shape(fit.state.shape, whole.size, whole.plane),
+        target=whole.target,
     )
 
 
@@ -250,6 +289,10 @@ def _views(
                 used=np.zeros(len(board), bool) if f is None else fit.used[mine],
                 reason=task.reasons[k] if f is None else fit.reasons[f],
                 settled=label.settled,
+                target=label.target,
+                ids=None if label.target is None else board.ids,
+                plane=label.plane,
+                spacing=label.spacing,
             )
         )
         turn[name] += 1

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import without_pose
-from rcdn.types import Array, BoardView, Calibration, plane_points
+from rcdn.types import Array, BoardView, Calibration
 
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
@@ -55,14 +55,14 @@ class ViewInformation:
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
-    pattern = pattern_of(calibration)
     ij, xy, sigma = (
         np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
         for name in ("ij", "xy", "sigma")
     )
     frame = np.repeat(np.arange(len(views)), [int(m.sum()) for m in masks])
-    known = np.repeat([calibration.shape is not None and v.settled for v in views], [int(m.sum()) for m in masks])
-    board, basis = plane_points(ij, pattern) * calibration.spacing, np.zeros((len(ij), 1))
+    known = np.repeat([has_shape(calibration, v) for v in views], [int(m.sum()) for m in masks])
+    board = np.concatenate([flat_points(calibration, v)[m] for v, m in zip(views, masks, strict=True)])
+    basis = np.zeros((len(ij), 1))
     board[known], basis[known] = on_shape(board[known], ij[known], calibration.shape)
     return Corners3(frame, np.zeros(len(frame), int), board, xy, basis), np.nan_to_num(sigma)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from rcdn.geometry import apply_homography, homography
-from rcdn.types import Array, Board, Charuco, Orientation, Target
+from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
 
 Size = tuple[int, int]
 GRID = 0.25
@@ -18,57 +17,33 @@ GRID = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """Labels `ij` (M, 2) of a board's corners, of the whole board if `settled`, else of the part seen; `reason`: why it can't be used."""
+    """Labels `ij` (M, 2) of a board's corners, of the whole board if `settled`, else of the part seen; `reason`: why it can't be used.
+
+    `plane` that they count on, with sides of `spacing` m; the `target` that codes name; `main`: whether the board is the one that most views show.
+    """
 
     ij: Array
     settled: bool
     reason: str = ""
+    plane: Plane = SQUARES
+    spacing: float = 1.0
+    target: Target | None = None
+    main: bool = True
+
+    @property
+    def places(self) -> Array:
+        """(M, 2) m: where the corners lie on the printed plane."""
+        return self.plane.points(self.ij) * self.spacing
 
 
-@dataclass(frozen=True, eq=False)
-class Coded:
-    """The coded target of a set of boards: `size` (columns, rows) of its corners as far as they are seen, the `first` of which is at that place."""
-
-    target: Target
-    first: Array
-    size: Size
-
-    @classmethod
-    def of(cls, boards: Sequence[Board]) -> Coded | None:
-        """The target that most of the coded boards are of; None if there are none."""
-        usual = Counter(_identity(b.target) for b in boards if b.target is not None)
-        if not usual:
-            return None
-        most = max(usual, key=lambda t: usual[t])
-        mine = [b for b in boards if b.target is not None and _identity(b.target) == most]
-        low, high = np.min([b.ij.min(axis=0) for b in mine], axis=0), np.max([b.ij.max(axis=0) for b in mine], axis=0)
-        known = [b.target.rows for b in mine if isinstance(b.target, Charuco) and b.target.rows]
-        if isinstance(most, Charuco):
-            low, high = np.zeros(2, int), np.array([most.columns - 2, max(known) - 2 if known else high[1]])
-        return cls(most, low, (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1))
-
-    def label(self, board: Board) -> Labelled:
-        """Labels of a coded board on the whole target."""
-        if board.target is None or _identity(board.target) != self.target:
-            return Labelled(board.ij, False, f"it shows another target: {board.target}")
-        return Labelled(board.ij - self.first, True)
-
-
-def _identity(target: Target) -> Target:
-    """What is the same in all views of one target: not its measured proportions, nor how much of it was seen."""
-    return replace(target, rows=None, marker=0.5) if isinstance(target, Charuco) else target
-
-
-def settle(boards: Sequence[Board], size: Size | None, strict: bool, coded: Coded | None = None) -> list[Labelled]:
+def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Labelled]:
     """Labels of each board in a whole board of `size` (columns, rows).
 
     A board whose box has that size, holes included, is settled; one that lies the other way is turned a quarter, so that the square inside (0, 0)
     keeps its colour. A smaller one may lie anywhere in the whole: it keeps its own labels. What can't be part of the whole
-    keeps them, too, or is refused if `strict` (the user named the size). `coded`: the target that some boards' codes name; these have its labels.
+    keeps them, too, or is refused if `strict` (the user named the size).
     """
-    return [
-        coded.label(b) if coded and b.target is not None else _label(b, size, strict, coded is None) for b in boards
-    ]
+    return [_label(b, size, strict) for b in boards]
 
 
 def orientation_of(size: Size) -> Orientation:
@@ -79,14 +54,11 @@ def orientation_of(size: Size) -> Orientation:
     return "ambiguous_90" if cols == rows and cols % 2 == 0 else "ambiguous_180"
 
 
-def _label(board: Board, size: Size | None, strict: bool, alone: bool) -> Labelled:
-    """`alone`: no other board's codes say which corner is which, so that a board that looks the same when it is turned may be labelled as it lies."""
+def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)
     if size is None or board.pattern != "checker":  # where a deltille ends isn't known, and it has no quarter turns
-        return Labelled(own, False)
-    if not alone and orientation_of(board.size) != "unique":
         return Labelled(own, False)
     if board.size == size:
         return Labelled(own, True)

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration.added_view import Information, Prior, share_told, variances, weight_of
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import flat_points, plane_of
 from rcdn.calibration.sight import off_axis, out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
-from rcdn.types import Array, Calibration, Pose, plane_points
-from rcdn.types.corners import Pattern
+from rcdn.types import Array, Calibration, Plane, Pose
 
 PLACES = (0.12, 0.31, 0.5, 0.69, 0.88)
 """where the board's middle may be, shares of the frame's width and height"""
@@ -94,9 +93,9 @@ def next_view(calibration: Calibration) -> NextView | None:
     points, by_camera, by_motion = _judged(calibration)
     if not len(distances) or not len(points) or not np.isfinite(calibration.cov).all():
         return None
-    pattern, size = pattern_of(calibration), _size(calibration)
-    candidates = _candidates(calibration, size, pattern, distances)
-    board, share = _corners(size, pattern, calibration.spacing)
+    plane, size = plane_of(calibration), _size(calibration)
+    candidates = _candidates(calibration, size, plane, distances)
+    board, share = _corners(size, plane, calibration.spacing)
     seen = _in_frame(calibration, candidates, board)
     good = seen.mean(axis=1) >= INSIDE
     if not good.any():
@@ -112,7 +111,7 @@ def next_view(calibration: Calibration) -> NextView | None:
     after = np.sqrt(np.concatenate(worst))
     best = _best(after, seen.mean(axis=1))
     before = float(np.nanmax(projection_uncertainty(calibration, points)))
-    return _found(calibration, candidates, best, size, pattern, float(seen[best].mean()), before, float(after[best]))
+    return _found(calibration, candidates, best, size, plane, float(seen[best].mean()), before, float(after[best]))
 
 
 def _best(after: Array, inside: Array) -> int:
@@ -148,7 +147,7 @@ def _distances(calibration: Calibration) -> Array:
     seen = []
     for view in calibration.used_views:
         if view.pose is not None:
-            middle = (view.ij.min(axis=0) + view.ij.max(axis=0)) / 2 * calibration.spacing
+            middle = flat_points(calibration, view, (view.ij.min(axis=0) + view.ij.max(axis=0)) / 2)
             seen.append(float(np.linalg.norm(view.pose.R[:, :2] @ middle + view.pose.t)))
     return np.unique(np.quantile(seen, DISTANCES)) if seen else np.zeros(0)
 
@@ -161,14 +160,14 @@ def _size(calibration: Calibration) -> tuple[int, int]:
     return (cols, rows) if (cols >= rows) == (width >= height) else (rows, cols)
 
 
-def _corners(size: tuple[int, int], pattern: Pattern, spacing: float) -> tuple[Array, float]:
+def _corners(size: tuple[int, int], plane: Plane, spacing: float) -> tuple[Array, float]:
     """(N, 2) m, some of the board's corners, evenly spread; and how many corners each stands for."""
     picks = [np.unique(np.linspace(0, n - 1, min(n, MOST_CORNERS)).round()) for n in size]
     ij = np.stack(np.meshgrid(*picks), axis=-1).reshape(-1, 2)
-    return plane_points(ij, pattern) * spacing, size[0] * size[1] / len(ij)
+    return plane.points(ij) * spacing, size[0] * size[1] / len(ij)
 
 
-def _candidates(calibration: Calibration, size: tuple[int, int], pattern: Pattern, distances: Array) -> _Candidates:
+def _candidates(calibration: Calibration, size: tuple[int, int], plane: Plane, distances: Array) -> _Candidates:
     """All poses: places × distances × tilts."""
     width, height = calibration.camera.image_size
     spots = np.array([[x * width, y * height] for y in PLACES for x in PLACES]) - 0.5
@@ -181,7 +180,7 @@ def _candidates(calibration: Calibration, size: tuple[int, int], pattern: Patter
     # a positive turn about (−sin, cos) brings the side (cos, sin) of the board nearer
     lean = rotation(np.stack([-np.sin(side) * angle, np.cos(side) * angle, 0 * angle], axis=-1))
     R = _facing(rays)[:, None] @ lean
-    middle = plane_points((np.array(size) - 1) / 2, pattern) * calibration.spacing
+    middle = plane.points((np.array(size) - 1) / 2) * calibration.spacing
     T = np.tile(np.eye(4), (len(rays), len(distances), len(tilts), 1, 1))
     T[..., :3, :3] = R[:, None]
     T[..., :3, 3] = rays[:, None, None] * distances[:, None, None] - (R[..., :2] @ middle)[:, None]
@@ -242,13 +241,13 @@ def _found(
     candidates: _Candidates,
     best: int,
     size: tuple[int, int],
-    pattern: Pattern,
+    plane: Plane,
     inside: float,
     before: float,
     after: float,
 ) -> NextView:
     last = np.array(size) - 1
-    box = plane_points(np.array([[0, 0], [last[0], 0], last, [0, last[1]]]), pattern) * calibration.spacing
+    box = plane.points(np.array([[0, 0], [last[0], 0], last, [0, last[1]]])) * calibration.spacing
     tilt = float(candidates.tilt[best])
     return NextView(
         pose=Pose(candidates.T[best]),

@@ -8,6 +8,7 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_board, check_camera, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.coded import frame_of
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import pose_covariance
@@ -29,9 +30,11 @@ def estimate_pose(
 ) -> PoseEstimate:
     """`T_cam_board` of `board` under `camera`: where its corner (0, 0) and its columns (x), rows (y) and back (z) are.
 
-    `spacing`: side of a square, m (default: the pose is in squares). `shape`: `Calibration.shape`, for whole boards. Starts from both poses
-    that a plane allows (IPPE, Collins & Bartoli 2014), refines them with corners weighted by sigma and outliers left out, and takes the
-    better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its own first corner.
+    `spacing`: side of a square (of a triangle, of a tag), m (default: the pose is in those). `shape`: `Calibration.shape`, for whole
+    boards. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them with corners weighted by sigma and
+    outliers left out, and takes the better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its
+    own first corner, and a board whose codes were read by that of its target; `T_cam_target` then is the same place in the coordinates of
+    that target's own tools.
     Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
     """
     check_spacing(spacing)
@@ -55,6 +58,7 @@ def estimate_pose(
         gaps,
         Pose(others[0].state.poses[0]) if others else None,
         bool(others and worse[0] < SURE * first.scale),
+        None if board.target is None else first.state.poses[0] @ frame_of(board.target, spacing),
     )
 
 

@@ -83,7 +83,11 @@ def _disagree(
     given: Sequence[tuple[int, int]],
 ) -> str:
     text = f"only {most} of {len(pairs)} pairs agree on where the cameras stand"
-    if first.orientation == "unique" and _agree_mirrored(first, second, pairs) > max(most, len(pairs) // 2):
+    if (
+        first.orientation == "unique"
+        and first.target is None
+        and _agree_mirrored(first, second, pairs) > max(most, len(pairs) // 2)
+    ):
         return f"{text}, but they would if one camera's pictures were mirrored: turn its mirror (selfie) mode off"
     if (found := _shift(first, second, given, most)) is not None:
         by, agreeing, (a, b) = found
@@ -116,8 +120,8 @@ def _shift(
 
 
 def tells(*views: BoardView) -> bool:
-    """Whether views can tell where cameras stand: it is settled which corner is which, and they weren't left out."""
-    return all(v.settled and not v.reason for v in views)
+    """Whether views of one board can tell where cameras stand: it is settled which corner is which, and they weren't left out."""
+    return all(v.settled and not v.reason and v.target == views[0].target for v in views)
 
 
 def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[int, int]]) -> int:

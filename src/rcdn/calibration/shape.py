@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from rcdn.calibration.bundle import Prior, State
-from rcdn.types import Array, BoardShape
+from rcdn.types import SQUARES, Array, BoardShape, Plane
 
 Size = tuple[int, int]
 DEGREE, DECAY = 4, 2.0
@@ -34,13 +34,15 @@ FEWEST_SHAPED = 5
 """views of the whole board, below which it is taken as perfect"""
 
 
-def shape_basis(ij: Array, size: Size) -> Array:
-    """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows): polynomials that are orthogonal to each other
-    and to a constant over the board's corners, of mean square 1 there (0 if so few corners have no such function).
+def shape_basis(ij: Array, size: Size, plane: Plane = SQUARES) -> Array:
+    """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows) on its `plane`: polynomials that are orthogonal to
+    each other and to a constant over the board's corners, of mean square 1 there (0 if so few corners have no such function).
 
     The two of the first degree have the same slope along x and along y, and a mean square of 1 together.
     """
-    whole, here = _products(all_labels(size), size), _products(np.asarray(ij, float), size)
+    far = np.maximum(plane.points(np.array(size) - 1), 1)
+    every = plane.points(all_labels(size))
+    whole, here = _products(every, far), _products(plane.points(ij), far)
     for k in range(len(FUNCTIONS) + 1):  # Gram–Schmidt
         length = np.sqrt((whole[:, k] ** 2).mean())
         for values in (whole, here):
@@ -48,8 +50,8 @@ def shape_basis(ij: Array, size: Size) -> Array:
         share = whole[:, k] @ whole[:, k + 1 :] / len(whole)
         for values in (whole, here):
             values[:, k + 1 :] -= np.outer(values[:, k], share)
-    sides = np.array(size) ** 2 - 1.0
-    here[:, 1:3] *= np.sqrt(sides / sides.mean())
+    spread = every.var(axis=0)
+    here[:, 1:3] *= np.sqrt(spread / spread.mean())
     return here[:, 1:]
 
 
@@ -58,9 +60,9 @@ def all_labels(size: Size) -> Array:
     return np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
 
 
-def _products(ij: Array, size: Size) -> Array:
-    """(N, 1 + B) products of Legendre polynomials that run over −1 to 1 from the first to the last corner, a constant first."""
-    x, y = (2 * ij[:, k] / max(size[k] - 1, 1) - 1 for k in (0, 1))
+def _products(places: Array, far: Array) -> Array:
+    """(N, 1 + B) products of Legendre polynomials that run over −1 to 1 from the first corner to the last, at `far` (2,), a constant first."""
+    x, y = (2 * places / far - 1).T
     across, down = legvander(x, DEGREE), legvander(y, DEGREE)
     return np.stack([across[:, i] * down[:, j] for i, j in ((0, 0), *FUNCTIONS)], axis=1)
 
@@ -111,9 +113,9 @@ def likelier(state: State, covariance: Array, spacing: float) -> Spread:
     return Spread(*(float(np.clip(value, LEAST * spacing, MOST * spacing)) for value in (plane, depth)))
 
 
-def board_shape(coefficients: Array, size: Size) -> BoardShape:
+def board_shape(coefficients: Array, size: Size, plane: Plane = SQUARES) -> BoardShape:
     """The shape of `coefficients` (B, 3) m at all corners of a board of `size`."""
-    return BoardShape((shape_basis(all_labels(size), size) @ coefficients).reshape(size[1], size[0], 3))
+    return BoardShape((shape_basis(all_labels(size), size, plane) @ coefficients).reshape(size[1], size[0], 3))
 
 
 KNOWN = np.array([[0.0, 0.0, 1.0]])

@@ -10,8 +10,10 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
+from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, default_free
-from rcdn.calibration.calibrate import calibrate
+from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
+from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
 from rcdn.calibration.shape import KNOWN, on_shape
@@ -28,7 +30,7 @@ Names = tuple[Sequence[str], Sequence[str]]
 def calibrate_stereo(
     left: Sequence[Board],
     right: Sequence[Board],
-    spacing: float,
+    spacing: Spacing,
     *,
     pairs: Sequence[tuple[int, int]] | None = None,
     names: Names | None = None,
@@ -49,8 +51,9 @@ def calibrate_stereo(
     check_boards(right, "right")
     pairs = _pairs(left, right, pairs)
     named = names or (None, None)
-    first = _alone(0, left, spacing, named[0], model, size)
-    second = _alone(1, right, spacing, named[1], model, size or first.size)
+    geometries = _common(left, right, spacing, size)
+    first = _alone(0, left, geometries or spacing, named[0], model, size)
+    second = _alone(1, right, geometries or spacing, named[1], model, size or first.size)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): name the size to use"
@@ -59,12 +62,15 @@ def calibrate_stereo(
     if model == "auto":
         boards, whole = (left, right), size or first.size
         first, second, note = one_model(
-            (first, second), lambda side, name: _alone(side, boards[side], spacing, named[side], name, whole), pairs
+            (first, second),
+            lambda side, name: _alone(side, boards[side], geometries or spacing, named[side], name, whole),
+            pairs,
         )
     shared = [p for p in pairs if tells(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
+        some = "1 pair shows" if len(shared) == 1 else f"{len(shared)} pairs show"
         raise CalibrationError(
-            f"only {len(shared)} pairs show the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
+            f"only {some} the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
             "and check that the pictures are given in the same order or with the same names"
         )
     T, turned, odd = place(first, second, shared, pairs)
@@ -72,16 +78,30 @@ def calibrate_stereo(
     start = _start(task, first, second, T)
     start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
-    done = _result(task, fit, first, second, odd, spacing)
+    done = _result(task, fit, first, second, odd)
     return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
 
 
+def _common(left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None) -> Geometries | None:
+    """The targets that both cameras saw, so that a corner has one label in both; None if no board's codes were read."""
+    both = [*left, *right]
+    return Geometries.of(both, spacing, size) if any(b.target is not None for b in both) else None
+
+
 def _alone(
-    side: int, boards: Sequence[Board], spacing: float, names: Sequence[str] | None, model: str, size: Size | None
+    side: int,
+    boards: Sequence[Board],
+    of: Spacing | Geometries,
+    names: Sequence[str] | None,
+    model: str,
+    size: Size | None,
 ) -> Calibration:
-    """The calibration of the left (0) or the right (1) camera alone; errors say whose it is."""
+    """The calibration of the left (0) or the right (1) camera alone, of boards of a spacing, or of known geometries; errors say whose it is."""
     try:
-        return calibrate(boards, spacing, names=names, model=model, size=size)
+        if not isinstance(of, Geometries):
+            return calibrate(boards, of, names=names, model=model, size=size)
+        check_arguments(boards, names, model, size)
+        return with_geometries(boards, of, names_of(boards, names), model)
     except CalibrationError as error:
         raise CalibrationError(f"{('left', 'right')[side]} camera: {error}") from error
 
@@ -106,10 +126,12 @@ def _pairs(
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their corners; `rows` (camera, view) →
-    rows of the corners; the `shape` of the board, that of the left camera's calibration; `turned`: quarter turns of right views."""
+    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their `corners` and labels `ij`
+    (N, 2); `rows` (camera, view) → rows of the corners; the `shape` of the board, that of the left camera's calibration; `turned`: quarter
+    turns of right views."""
 
     seen: list[tuple[int, int]]
+    ij: Array
     corners: Corners3
     sigma: Array
     rows: dict[tuple[int, int], Array]
@@ -121,7 +143,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
     alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
     alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
     seen = [*pairs, *alone]
-    frame, camera, ij, xy, sigma, known, rows, at = [], [], [], [], [], [], {}, 0
+    frame, camera, ij, flat, xy, sigma, known, rows, at = [], [], [], [], [], [], [], {}, 0
     for f, pair in enumerate(seen):
         for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
             if k < 0:
@@ -131,13 +153,14 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
             frame.append(np.full(len(view), f))
             camera.append(np.full(len(view), c))
             ij.append(turn_labels(view.ij, first.size or (1, 1), turn) if turn else view.ij)
+            flat.append(flat_points(calibration, view, ij[-1]))
             xy.append(view.xy)
-            known.append(np.full(len(view), view.settled and first.shape is not None))
+            known.append(np.full(len(view), has_shape(first, view)))
             sigma.append(np.nan_to_num(view.sigma))
             rows[c, k] = np.arange(at, at + len(view))
             at += len(view)
     joint = np.concatenate(ij)
-    board, basis, settled = joint * first.spacing, np.zeros((len(joint), 1)), np.concatenate(known)
+    board, basis, settled = np.concatenate(flat), np.zeros((len(joint), 1)), np.concatenate(known)
     board[settled], basis[settled] = on_shape(board[settled], joint[settled], first.shape)
     corners = Corners3(
         np.concatenate(frame),
@@ -146,7 +169,7 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
         np.concatenate(xy),
         basis,
     )
-    return _Task(seen, corners, np.concatenate(sigma), rows, first.shape)
+    return _Task(seen, joint, corners, np.concatenate(sigma), rows, first.shape)
 
 
 def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
@@ -155,13 +178,13 @@ def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> St
 
 
 def _result(
-    task: _Task, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]], spacing: float
+    task: _Task, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
 ) -> StereoCalibration:
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     pairs = [f for f in used if min(task.seen[f]) >= 0]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
-            f"only {len(pairs)} pairs agree with each other: check that pictures are paired by moment"
+            f"only {len(pairs)} {'pair agrees' if len(pairs) == 1 else 'pairs agree'} with the others: check that pictures are paired by moment"
         )
     cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)
@@ -188,7 +211,9 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
     if not names:
         return ()
     some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
-    return (f"{len(names)} pairs disagree with the others on where the cameras stand and were left out: {some}.",)
+    those = "1 pair disagrees" if len(names) == 1 else f"{len(names)} pairs disagree"
+    left_out = "was left out" if len(names) == 1 else "were left out"
+    return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
 
 
 def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
@@ -212,10 +237,14 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
             continue
         f = int(task.corners.frame[rows[0]])
         T = fit.state.rig[camera] @ fit.state.poses[f]
-        ij = np.rint(task.corners.board[rows] / before.spacing).astype(int)
         views.append(
             replace(
-                view, ij=ij, pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=fit.reasons[f]
+                view,
+                ij=task.ij[rows],
+                pose=Pose(T),
+                residuals=fit.residuals[rows],
+                used=fit.used[rows],
+                reason=fit.reasons[f],
             )
         )
     lens = fit.state.cameras[camera]
@@ -232,15 +261,13 @@ def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: C
 
 
 def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
-    """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras."""
+    """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if
+    none was seen by both."""
     E = cross_matrix(T[:3, 3] / np.linalg.norm(T[:3, 3])) @ T[:3, :3]
     squares = []
     for f in pairs:
         a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
-        labels = [
-            {tuple(x): r for x, r in zip(task.corners.board[rows].round(9).tolist(), rows, strict=True)}
-            for rows in (a, b)
-        ]
+        labels = [{tuple(x): r for x, r in zip(task.ij[rows].tolist(), rows, strict=True)} for rows in (a, b)]
         common = [(labels[0][x], labels[1][x]) for x in labels[0] if x in labels[1]]
         mine = np.array([(p, q) for p, q in common if fit.used[p] and fit.used[q]])
         if not len(mine):
@@ -250,7 +277,7 @@ def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, righ
         for ray, normal, camera in ((y, x @ E.T, right), (x, y @ E, left)):
             angle = (ray * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
             squares.append((angle * camera.K[0, 0]) ** 2)
-    return float(np.sqrt(np.nanmean(np.concatenate(squares))))
+    return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else float("nan")
 
 
 def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:

@@ -43,6 +43,7 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
     used = sum(not a.reason and not b.reason for a, b in zip(stereo.left.views, stereo.right.views, strict=False))
     factor = growth(stereo.left.camera.image_size)
     share = baseline_std(stereo) / max(stereo.baseline, 1e-12)
+    shared = np.isfinite(stereo.epipolar)
     return [
         reason(
             "pairs", used, "Enough pairs for chance to average out.", f"Only {used} pairs: one bad pair can bend the result.",
@@ -55,8 +56,9 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
         reason(
             "epipolar", stereo.epipolar, "Matching points lie on one row of the rectified pictures.",
             f"Matching corners lie {stereo.epipolar:.2f} px off their epipolar lines: the cameras moved against each other, or "
-            "weren't triggered together.",
-            "Trigger both cameras at one moment, with the board held still.", factor=factor,
+            "weren't triggered together." if shared else "No corner was seen by both cameras: nothing tells how far off the rows are.",
+            "Trigger both cameras at one moment, with the board held still." if shared
+            else "Add pairs in which both see the same part of the board.", factor=factor,
         ),
         reason(
             "baseline", share, "The pairs settle how far the cameras stand apart.", f"The baseline is known only to ±{share:.1%}.",

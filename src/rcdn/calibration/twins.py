@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import choose
+from rcdn.calibration.board_points import flat_points
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import AUTO
 from rcdn.calibration.rig import matrix
@@ -167,7 +168,7 @@ def _seen(models: list[Calibration], camera: int, at: int, pictures: list[int]) 
     lengths = [len(v) for v in chosen]
     frame = np.repeat(at + np.arange(len(views)), lengths)
     xy, sigma = (np.concatenate([getattr(v, key) for v in chosen]) for key in ("xy", "sigma"))
-    board = np.concatenate([v.ij for v in chosen]) * widest.spacing
+    board = np.concatenate([flat_points(widest, v) for v in chosen])
     corners = Corners3(frame, np.full(len(frame), camera), board, xy, np.zeros((len(frame), 0)))
     used = np.concatenate([v.used for v in chosen])
     weight = used / np.hypot(max(widest.noise, 1e-4), np.nan_to_num(sigma))

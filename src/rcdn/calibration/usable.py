@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3
+from rcdn.calibration.coded import Geometry
 from rcdn.calibration.groups import describe
-from rcdn.calibration.labels import Labelled, Size, in_line, mirrored
+from rcdn.calibration.labels import Labelled, in_line, mirrored
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
 from rcdn.errors import CalibrationError
-from rcdn.types import Array, Board, plane_points
+from rcdn.types import Array, Board
 
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 LOOSEST = 1e3
@@ -82,10 +83,9 @@ def usable(
     labels: list[Labelled],
     names: Sequence[str],
     image_size: tuple[int, int],
-    spacing: float,
-    whole: Size | None,
+    whole: Geometry,
 ) -> Usable:
-    """Boards with corners enough."""
+    """Boards with corners enough; `whole`: the board whose shape may be solved for."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -95,28 +95,28 @@ def usable(
             index.append(k)
     if len(index) < FEWEST_VIEWS:
         raise CalibrationError(too_few(len(index), reasons))
-    ij = [labels[k].ij for k in index]
-    lengths = [len(a) for a in ij]
+    seen = [Seen(labels[k].places, boards[k].xy) for k in index]
+    lengths = [len(s.xy) for s in seen]
     frame = np.repeat(np.arange(len(index)), lengths)
-    joint = np.concatenate(ij)
     sigma = np.concatenate([sigma_of(boards[k]) for k in index])
     corners = Corners3(
         frame,
         np.zeros(len(frame), int),
-        plane_points(joint, boards[0].pattern) * spacing,
-        np.concatenate([boards[k].xy for k in index]),
+        np.concatenate([s.board for s in seen]),
+        np.concatenate([s.xy for s in seen]),
         _basis([labels[k] for k in index], whole),
     )
     picture = np.repeat([numbers[names[k]] for k in index], lengths)
-    seen = [Seen(plane_points(a, boards[k].pattern) * spacing, boards[k].xy) for k, a in zip(index, ij, strict=True)]
-    settled = sum(labels[k].settled for k in index)
+    settled = sum(labels[k].settled and labels[k].main for k in index)
     return Usable(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
 
 
-def _basis(labels: list[Labelled], whole: Size | None) -> Array:
-    """(N, B) functions of the board's shape at the corners; 0 in views that don't settle which corner is which."""
+def _basis(labels: list[Labelled], whole: Geometry) -> Array:
+    """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or that don't settle which corner is which."""
     parts = [
-        shape_basis(label.ij, whole) if label.settled and whole else np.zeros((len(label.ij), len(FUNCTIONS)))
+        shape_basis(label.ij, whole.size, whole.plane)
+        if label.settled and label.main and whole.size
+        else np.zeros((len(label.ij), len(FUNCTIONS)))
         for label in labels
     ]
     return np.concatenate(parts)

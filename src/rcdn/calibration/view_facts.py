@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.board_points import flat_points
 from rcdn.errors import present
 from rcdn.geometry import transform
 from rcdn.types import Array, BoardView, Calibration
@@ -71,8 +72,9 @@ def places(calibration: Calibration, views: list[BoardView]) -> Array:
 def _outline(calibration: Calibration, view: BoardView) -> Array:
     """(4, 2) where the corners of the view's part of the board lie, px of a lens without distortion (so that none folds back)."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
-    ends = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
-    points = transform(present(view.pose, "the pose of a view"), ends * calibration.spacing)
+    ends = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    flat = np.column_stack([flat_points(calibration, view, ends), np.zeros(4)])
+    points = transform(present(view.pose, "the pose of a view"), flat)
     K = calibration.camera.K
     rays = points[:, :2] / np.maximum(points[:, 2:], 1e-3 * np.linalg.norm(points, axis=1, keepdims=True))
     return np.asarray(rays * K[[0, 1], [0, 1]])

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
-import typer
-
+from rcdn.cli import _talk
 from rcdn.cli._cache import Cache
 from rcdn.cli._calibration_outputs import Outputs
-from rcdn.cli._group import one_line
+from rcdn.cli._group import many, one_line
 from rcdn.cli._options import GridSize
 from rcdn.cli._pair_file import PairFile
-from rcdn.cli._spacing import Length, check_length
+from rcdn.cli._spacing import Length, Lengths, check_spacing, metres, sizes_of
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError
 
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from rcdn.cli._pictures import Pictures
     from rcdn.io import ImageResult
     from rcdn.types import Board, Calibration, StereoCalibration, Verdict
+
+
+REASONS = ("not supported: ", "mirrored: ")
+"""how the warnings begin that say why something isn't a board"""
 
 
 class Run:
@@ -42,16 +46,13 @@ class Run:
         got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size)
         self.failed = self.failed or bool(got.failures)
         for note in got.notes:
-            typer.echo(note, err=True)
+            _talk.note(note)
         if not any(image.boards for image in got.images):
-            raise CalibrationError(
-                f"no board was found in {len(got.images)} pictures; see what `rcdn detect --overlay` draws: squares need sharp, dark-light edges"
-            )
+            raise CalibrationError(_no_board([image.warnings for image in got.images]))
         return got
 
-    def check(self, got: Gathered, spacing: Length) -> None:
+    def check(self, got: Gathered, spacing: Length | Lengths) -> None:
         """Raise ConfigError if the boards that were found speak against --board or --spacing."""
-        from rcdn.calibration.cut import whole_size
         from rcdn.cli._summary import size_hint
 
         complete = [{b.size for b in image.boards if b.complete} for image in got.images]
@@ -59,15 +60,15 @@ class Run:
         if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
             if "squares have" in hint:
                 raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
-            typer.echo(f"hint: {hint}", err=True)
-        check_length(spacing, self.size or whole_size(_flat(got.images)[0]))
+            _talk.note(f"hint: {hint}")
+        check_spacing(spacing, sizes_of(_flat(got.images)[0], self.size))
 
 
 @dataclass(frozen=True)
 class Problem:
     """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, and what to `fix`."""
 
-    spacing: Length
+    spacing: Length | Lengths
     model: str
     flat: bool = False
     leave_out: tuple[str, ...] = ()
@@ -86,7 +87,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     run.check(got, problem.spacing)
     boards, names = _flat(got.images)
     done = calibrate(
-        boards, float(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
+        boards, metres(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
         leave_out=problem.leave_out, fix=problem.fix,
     )  # fmt: skip
     done = advised(done)
@@ -117,7 +118,7 @@ def two_cameras(
     pairs = _paired_boards(left, right, pair_file)
     (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
     done = calibrate_stereo(
-        boards, others, float(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
+        boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
     )
     out = _camera_text.left_out_lines(done.left) + _camera_text.left_out_lines(done.right)
     _say(done, _camera_text.stereo_lines(done), out)
@@ -133,9 +134,15 @@ def two_cameras(
 
 
 def _paired_boards(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
-    """(index of the left board, index of the right one) of the largest boards of pictures that belong together."""
-    first, second = _first_boards(left.images), _first_boards(right.images)
-    return [(first[a], second[b]) for a, b in _paired(left, right, pair_file) if a in first and b in second]
+    """(index of the left board, index of the right one) of one board in pictures that belong together: of one target, else the largest ones."""
+    from rcdn.calibration.coded import same_boards
+
+    first, second = _starts(left.images), _starts(right.images)
+    return [
+        (first[a] + k, second[b] + m)
+        for a, b in _paired(left, right, pair_file)
+        for k, m in same_boards(left.images[a].boards, right.images[b].boards)
+    ]
 
 
 def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
@@ -147,8 +154,17 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
         return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
     found = pair_names(one, two)
     if hint := pairing_hint(one, two, found):
-        typer.echo(one_line(hint), err=True)
+        _talk.note(one_line(hint))
     return found.pairs
+
+
+def _no_board(warnings: Sequence[Sequence[str]]) -> str:
+    """Why pictures with these `warnings` each have no board."""
+    reasons = [text for texts in warnings for text in texts if text.startswith(REASONS)]
+    why = "see what `rcdn detect --overlay` draws: squares need sharp, dark-light edges"
+    if reasons:
+        why = f"{len(reasons)} of them: {reasons[0]}"
+    return f"no board was found in {many(len(warnings), 'picture')}; {why}"
 
 
 def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
@@ -157,14 +173,9 @@ def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
     return boards, [image.path for image in images for _ in image.boards]
 
 
-def _first_boards(images: Sequence[ImageResult]) -> dict[int, int]:
-    """For each picture that has boards the index of its largest among all."""
-    at, first = 0, {}
-    for k, image in enumerate(images):
-        if image.boards:
-            first[k] = at
-        at += len(image.boards)
-    return first
+def _starts(images: Sequence[ImageResult]) -> list[int]:
+    """For each picture the index of its largest board among all."""
+    return [0, *accumulate(len(image.boards) for image in images)]
 
 
 def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
@@ -172,7 +183,7 @@ def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pict
 
     pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
     if pictures.left_out:
-        typer.echo(f"note: --report: {pictures.left_out}", err=True)
+        _talk.note(f"note: --report: {pictures.left_out}")
     return pictures
 
 
@@ -180,4 +191,4 @@ def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: 
     from rcdn.cli._camera_text import advice_lines, verdict_line
 
     for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
-        typer.echo(line)
+        _talk.say(line)

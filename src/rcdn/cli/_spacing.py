@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rcdn.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.types import Board
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, '"': 0.0254, "": 1.0}
 """m; a number alone is in metres"""
@@ -23,6 +27,10 @@ class Length(float):
 
     text: str
     unit: bool
+
+
+class Lengths(dict[str, Length]):
+    """A length for each of several kinds of boards."""
 
 
 def parse_length(text: str) -> Length:
@@ -61,11 +69,71 @@ def _likely(spacing: Length) -> str:
     return f"{spacing.text}{unit} ({spacing * UNITS[unit]:.6g})"
 
 
+def parse_spacing(text: str) -> Length | Lengths:
+    """One length, or `charuco=30mm,aprilgrid=88mm`. Raises typer.BadParameter."""
+    if "=" not in str(text):
+        return parse_length(text)
+    found = Lengths()
+    for part in str(text).split(","):
+        kind, sign, length = part.partition("=")
+        kind = kind.strip()
+        if not sign or not kind or kind in found:
+            raise typer.BadParameter(
+                f"{text!r} is no list of lengths; give each kind of board one: charuco=30mm,aprilgrid=88mm"
+            )
+        found[kind] = parse_length(length)
+    return found
+
+
+def side(spacing: Length | Lengths, kind: str) -> float:
+    """m: the length for boards of a `kind`. Raises ConfigError if none was given."""
+    if isinstance(spacing, Lengths):
+        if kind not in spacing:
+            raise ConfigError(f"--spacing names no length for boards of the kind {kind}: add {kind}=30mm")
+        return float(spacing[kind])
+    return float(spacing)
+
+
+def metres(spacing: Length | Lengths) -> float | dict[str, float]:
+    """The same as `calibrate` takes it."""
+    return {k: float(v) for k, v in spacing.items()} if isinstance(spacing, Lengths) else float(spacing)
+
+
+def check_spacing(spacing: Length | Lengths, sizes: Mapping[str, tuple[int, int] | None] | None = None) -> None:
+    """`check_length` of each length with the size (inner corners) of its kind of board, as far as `sizes` names it."""
+    sizes = sizes or {}
+    if isinstance(spacing, Lengths):
+        for kind, length in spacing.items():
+            check_length(length, sizes.get(kind))
+    else:
+        check_length(spacing, max((s for s in sizes.values() if s is not None), key=max, default=None))
+
+
+def sizes_of(boards: Sequence[Board], plain: tuple[int, int] | None = None) -> dict[str, tuple[int, int] | None]:
+    """(columns, rows) by kind of board, for `check_spacing`: of boards without codes the size `plain`, or the usual one."""
+    from rcdn.calibration.coded import kind_of
+    from rcdn.calibration.cut import whole_size
+
+    kinds = {kind_of(b) for b in boards}
+    sizes = {kind: whole_size([b for b in boards if kind_of(b) == kind]) for kind in kinds}
+    return sizes if plain is None else {**sizes, "checker": plain}
+
+
 Spacing = Annotated[
     Length,
     typer.Option(
         parser=parse_length,
         metavar="LENGTH",
         help="Side of one square (or triangle), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025.",
+    ),
+]
+SpacingOrFile = Annotated[
+    Length | None,
+    typer.Option(
+        "--spacing",
+        parser=parse_spacing,
+        metavar="LENGTH",
+        help="Side of one square (or triangle, or tag), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025. For several "
+        "kinds of boards charuco=30mm,aprilgrid=88mm (checker, deltille, puzzleboard). Needed unless --target names a file, which says it.",
     ),
 ]

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._cache import open_cache
 from rcdn.cli._calibration_outputs import (
     CameraFileFormat,
@@ -27,12 +28,12 @@ from rcdn.cli._options import (
     Pattern,
     PatternName,
     PicturePlaces,
-    Target,
-    TargetName,
 )
 from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
-from rcdn.cli._spacing import Spacing, check_length
+from rcdn.cli._spacing import SpacingOrFile, check_spacing
+from rcdn.cli._talk import Quiet
+from rcdn.cli._target import PLAIN, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 
@@ -46,7 +47,7 @@ def calibrate(
             "detect, corners.vnl). With --stereo two: the left and the right camera's.",
         ),
     ],
-    spacing: Spacing,
+    spacing: SpacingOrFile = None,
     model: LensModel = Model.auto,
     board: BoardSize = None,
     flat: Flat = False,
@@ -66,12 +67,13 @@ def calibrate(
     force: Force = False,
     fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
-    target: Target = TargetName.plain,
+    target: Target = PLAIN,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     frames: Frames = 40,
     cache: CacheFolder = None,
     no_cache: NoCache = False,
+    quiet: Quiet = False,
 ) -> None:
     """Calibrate a camera from photographs of a checkerboard, and say how far to trust it.
 
@@ -86,7 +88,9 @@ def calibrate(
     """
     from rcdn.calibration.verdict import fails
 
-    check_length(spacing, board)  # before the work
+    _talk.begin(quiet, [json, *(output or ())])
+    length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
+    check_spacing(length, {"checker": board})  # before the work
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
     fix = frozenset(name for name, fixed in held.items() if fixed)
     if stereo:
@@ -101,9 +105,9 @@ def calibrate(
     outputs.check(inputs if pairs is None else [*inputs, pairs])
     outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
-    config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.value)
+    config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    problem = Problem(spacing, model.value, flat, tuple(leave_out or ()), fix)
+    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix)
     found = (
         two_cameras(run, inputs, problem, outputs, pair_file) if stereo else one_camera(run, inputs, problem, outputs)
     )

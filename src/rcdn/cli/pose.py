@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from rcdn.cli import _batch
+from rcdn.cli import _batch, _talk
 from rcdn.cli._cache import open_cache
 from rcdn.cli._group import FAILED, say_error
 from rcdn.cli._options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
-from rcdn.cli._spacing import Spacing, check_length
+from rcdn.cli._spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
+from rcdn.cli._talk import Quiet
+from rcdn.cli._target import PLAIN, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
-
-if TYPE_CHECKING:
-    from rcdn.types import Camera
 
 
 def pose(
@@ -35,7 +34,7 @@ def pose(
             help="The camera, as `rcdn calibrate -o` or --json writes it (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON).",
         ),
     ],
-    spacing: Spacing,
+    spacing: SpacingOrFile = None,
     camera_name: Annotated[
         str | None,
         typer.Option("--camera-name", metavar="NAME", help="Which camera of a FILE that holds several: left, cam1, …"),
@@ -45,36 +44,43 @@ def pose(
         typer.Option(parser=parse_size, metavar="COLSxROWS", help="Only boards of that many inner corners, whole."),
     ] = None,
     json: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write poses with their covariances as JSON.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write poses with their covariances as JSON; - is standard output."),
     ] = None,
     pattern: Pattern = PatternName.checker,
+    target: Target = PLAIN,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     cache: CacheFolder = None,
     no_cache: NoCache = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find where boards stand: a line for each, its corner (0, 0) in metres from the camera (x right, y down, z forward).
 
     Where a picture allows two poses, it says so. The JSON has T_cam_board and the covariance of a small motion after it
-    (rotation vector, rad, in camera axes; then metres).
+    (rotation vector, rad, in camera axes; then metres). A board whose codes were read is placed by the origin of its target's own
+    tools, and has T_cam_target, too.
 
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration import estimate_pose
+    from rcdn.calibration.coded import kind_of
     from rcdn.cli import _camera_text
+    from rcdn.cli._camera_files import chosen_camera
     from rcdn.cli._inputs import gather
     from rcdn.io import write_text
-    from rcdn.types import usual_size
 
-    check_length(spacing)
+    _talk.begin(quiet, [json])
+    length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
+    check_spacing(length)
     if pattern is PatternName.deltille and board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
-    lens = _camera(camera, camera_name)
+    lens = chosen_camera(camera, camera_name, "--camera")
     _batch.check_file("--json", json, [Path(i) for i in inputs])
-    config = DetectorConfig.preset("auto", pattern=pattern.value)
+    config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     size = None if board is None else (board.cols, board.rows)
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
-    check_length(spacing, size or usual_size([found for image in got.images for found in image.boards]))
+    check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
     records: list[dict[str, Any]] = []
     failed = bool(got.failures)
     for image in got.images:
@@ -84,37 +90,36 @@ def pose(
             try:
                 if found.image_size != tuple(lens.image_size):
                     raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
-                done = estimate_pose(found, lens, float(spacing))
+                done = estimate_pose(found, lens, side(length, kind_of(found)))
             except RcdnError as error:
                 say_error(f"{image.path}: {error}")
                 failed = True
                 continue
-            typer.echo(_camera_text.pose_line(image.path, done))
+            _talk.say(_camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
         say_error("no pose: no board was found in the pictures; see what `rcdn detect --overlay` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
-        write_text(json, f'{{"version": 1, "spacing": {float(spacing)!r}, "poses": [\n{lines}\n]}}\n')
+        write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "poses": [\n{lines}\n]}}\n')
     if failed or not records:
         raise typer.Exit(FAILED)
 
 
-def _camera(path: Path, name: str | None) -> Camera:
-    from rcdn.io import read_camera, read_cameras
-
-    if name is None and len(many := read_cameras(path)) > 1:
-        raise ConfigError(f"--camera {path} holds several cameras; choose one: --camera-name {' | '.join(many)}")
-    return read_camera(path, name=name)
-
-
 def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
+    from rcdn.types.target import target_record
+
     other = None if pose.other is None else pose.other.T_cam_board.tolist()
     return {
         "path": path,
         "board": number,
         "size": list(board.size),
         "orientation": board.orientation,
+        **(
+            {}
+            if board.target is None
+            else {"target": target_record(board.target), "T_cam_target": pose.T_cam_target.tolist()}
+        ),
         "T_cam_board": pose.T_cam_board.tolist(),
         "cov": pose.cov.tolist(),
         "rms": pose.rms,

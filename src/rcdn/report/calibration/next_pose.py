@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.next_view import NextView, sentence
 from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import cell_centres, off_axis
@@ -13,8 +13,7 @@ from rcdn.report.calibration.charts import MOST, legend, thinned
 from rcdn.report.calibration.maps import Sensor
 from rcdn.report.calibration.markup import Html, coordinate, dots, each, tag
 from rcdn.report.calibration.sections import figure
-from rcdn.types import Array, Calibration, plane_points
-from rcdn.types.corners import Pattern
+from rcdn.types import Array, Calibration, Plane
 
 STEPS = 3
 """parts of a square's edge: lenses bend them"""
@@ -49,22 +48,22 @@ def next_figure(calibration: Calibration, found: NextView) -> Html:
 def _squares(calibration: Calibration, found: NextView) -> tuple[list[Array], list[Array]]:
     """Outlines (K, 2) px of the dark and of the light squares that the camera sees; a deltille's cells are all light."""
     cols, rows = found.size
-    pattern = pattern_of(calibration)
+    plane = plane_of(calibration)
     edge = np.linspace(0, 1, STEPS, endpoint=False)
     zero, one = np.zeros(STEPS), np.ones(STEPS)
     around = np.concatenate([
         np.stack(side, axis=-1) for side in ((edge, zero), (one, edge), (1 - edge, one), (zero, 1 - edge))
     ])  # fmt: skip
     starts = np.array([(i, j) for j in range(-1, rows) for i in range(-1, cols)])
-    drawn = _seen(calibration, found, starts[:, None] + around, pattern)
+    drawn = _seen(calibration, found, starts[:, None] + around, plane)
     whole = np.isfinite(drawn).all(axis=(1, 2))
-    odd = (starts.sum(axis=1) % 2 == 0) & (pattern == "checker")
+    odd = (starts.sum(axis=1) % 2 == 0) & (plane.pattern == "checker")
     return list(drawn[whole & odd]), list(drawn[whole & ~odd])
 
 
-def _seen(calibration: Calibration, found: NextView, ij: Array, pattern: Pattern) -> Array:
+def _seen(calibration: Calibration, found: NextView, ij: Array, plane: Plane) -> Array:
     """(..., 2) px of places `ij` (..., 2) on the board; NaN farther off the axis than any ray of the frame."""
-    flat = plane_points(ij, pattern) * calibration.spacing
+    flat = plane.points(ij) * calibration.spacing
     points = transform(found.pose, np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1))
     camera = calibration.camera
     widest = float(np.nanmax(off_axis(camera, cell_centres(camera.image_size, CELLS)), initial=0.0)) * 1.1

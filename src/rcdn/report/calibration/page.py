@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS
 from rcdn.calibration.next_view import next_view
@@ -121,7 +121,7 @@ def pose_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
     suggested = None
     if found is not None:
         suggested = space.rectangle(
-            found.pose, np.array([-1, -1]), np.array(found.size), calibration.spacing, pattern_of(calibration)
+            found.pose, np.array([-1, -1]), np.array(found.size), calibration.spacing, plane_of(calibration)
         )
     drawn = [] if found is None else [next_pose.next_figure(calibration, found)]
     where = space.space_figure(calibration, suggested)

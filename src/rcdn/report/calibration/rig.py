@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from rcdn.calibration.board_points import flat_points
 from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.errors import present
 from rcdn.geometry import transform, unproject
@@ -66,7 +67,7 @@ def _rotation_vector(R: Array) -> Array:
 def _from_above(stereo: StereoCalibration) -> Html:
     """x to the right, z up the page, one scale for both."""
     T = np.linalg.inv(stereo.T_right_left)
-    boards = [_board_line(v, stereo.left.spacing) for v in stereo.left.views if not v.reason and v.pose is not None]
+    boards = [_board_line(stereo.left, v) for v in stereo.left.views if not v.reason and v.pose is not None]
     lines = np.array(boards).reshape(-1, 2, 2)
     spots = np.concatenate([lines.reshape(-1, 2), [[0, 0], T[[0, 2], 3]]])
     low, high = spots.min(axis=0), spots.max(axis=0)
@@ -85,17 +86,18 @@ def _from_above(stereo: StereoCalibration) -> Html:
     return charts.plot(label, drawn, *cameras, ruler, words, height=364)
 
 
-def _board_line(view: BoardView, spacing: float) -> Array:
+def _board_line(calibration: Calibration, view: BoardView) -> Array:
     """The board's longer middle line from above, (2, 2): (x, z) of its ends, m."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     middle = (low + high) / 2
     across = high - low
     ends = (
-        [[low[0], middle[1], 0], [high[0], middle[1], 0]]
+        [[low[0], middle[1]], [high[0], middle[1]]]
         if across[0] >= across[1]
-        else [[middle[0], low[1], 0], [middle[0], high[1], 0]]
+        else [[middle[0], low[1]], [middle[0], high[1]]]
     )
-    return np.asarray(transform(present(view.pose, "the pose of a view"), np.array(ends) * spacing)[:, [0, 2]])
+    flat = np.column_stack([flat_points(calibration, view, np.array(ends)), np.zeros(2)])
+    return np.asarray(transform(present(view.pose, "the pose of a view"), flat)[:, [0, 2]])
 
 
 def _wedge(to: Callable[[Array], Array], T: Array, calibration: Calibration, reach: float, name: str) -> Html:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -185,7 +186,8 @@ def _board(calibration: Calibration) -> Html:
         "ambiguous_180": "looks the same after half a turn",
         "ambiguous_90": "looks the same after quarter turns",
     }
-    rows: list[tuple[str, str]] = [("size", size), ("spacing", f"{number(1000 * calibration.spacing, 4)} mm")]
+    rows: list[tuple[str, str]] = [("size", size), _side(calibration)]
+    rows += [("target", _shown_targets(calibration))] if calibration.target is not None else []
     if calibration.orientation:
         rows.append(("orientation", turn[calibration.orientation]))
     if calibration.shape is None:
@@ -198,6 +200,17 @@ def _board(calibration: Calibration) -> Html:
     rows += [("scatter of corners beyond their own sigma", f"{number(calibration.noise, 2)} px along an axis")]
     body = each([tag("tr", tag("th", n, scope="row"), tag("td", v)) for n, v in rows])
     return tag("div", tag("table", tag("caption", "The board"), tag("tbody", body)), class_="card wide")
+
+
+def _side(calibration: Calibration) -> tuple[str, str]:
+    name = "side of a tag" if calibration.target is not None and calibration.target.kind == "aprilgrid" else "spacing"
+    return name, f"{number(1000 * calibration.spacing, 4)} mm"
+
+
+def _shown_targets(calibration: Calibration) -> str:
+    """The targets of the used views, each with how many show it."""
+    shown = Counter(str(v.target or "no codes read") for v in calibration.used_views)
+    return "; ".join(f"{name}, {counted(n, 'view')}" for name, n in shown.most_common())
 
 
 def figure(title: str, art: Html, text: str) -> Html:

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.board_points import pattern_of
+from rcdn.calibration.board_points import plane_of, side_of
 from rcdn.calibration.view_facts import tilts
 from rcdn.errors import present
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
 from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag
 from rcdn.report.calibration.sections import figure, short
-from rcdn.types import Array, BoardView, Calibration, Camera, Pose, plane_points
-from rcdn.types.corners import Pattern
+from rcdn.types import Array, BoardView, Calibration, Camera, Plane, Pose
 
 HEIGHT, MARGIN, BELOW = 330.0, 14.0, 26.0
 """units: of the drawing, around what is drawn, and for the scale below it"""
@@ -52,10 +51,7 @@ def space_figure(
 ) -> Html | None:
     """The drawing with its legend and a sentence; None if no board has a pose. Boards lead to their pictures, whose anchors begin with
     `key`; `suggested` (4, 3) m, camera coordinates, is the outline of one more."""
-    pattern = pattern_of(calibration)
-    placed = [
-        (k, v, outline(v, calibration.spacing, pattern)) for k, v in enumerate(calibration.views, start=1) if v.pose
-    ]
+    placed = [(k, v, outline(calibration, v)) for k, v in enumerate(calibration.views, start=1) if v.pose]
     used = [corners for _, v, corners in placed if not v.reason]
     if not used:
         return None
@@ -89,18 +85,18 @@ def space_figure(
     )
 
 
-def outline(view: BoardView, spacing: float, pattern: Pattern = "checker") -> Array:
+def outline(calibration: Calibration, view: BoardView) -> Array:
     """(4, 3) m, camera coordinates: the outer corners of a view's board, one square beyond its outermost corners seen."""
-    return rectangle(
-        present(view.pose, "the pose of a view"), view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, spacing, pattern
-    )
+    plane, side = plane_of(calibration, view), side_of(calibration, view)
+    pose = present(view.pose, "the pose of a view")
+    return rectangle(pose, view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, side, plane)
 
 
-def rectangle(pose: Pose, low: Array, high: Array, spacing: float, pattern: Pattern = "checker") -> Array:
+def rectangle(pose: Pose, low: Array, high: Array, spacing: float, plane: Plane) -> Array:
     """(4, 3) m, camera coordinates of the places with labels between `low` (2,) and `high` (2,) on a board: their outermost ones, in order
     around."""
     ij = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    flat = plane_points(ij, pattern) * spacing
+    flat = plane.points(ij) * spacing
     return transform(pose, np.column_stack([flat, np.zeros(4)]))
 
 

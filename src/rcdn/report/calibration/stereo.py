@@ -100,10 +100,10 @@ def _subtitle(stereo: StereoCalibration) -> str:
 
 def _summary(stereo: StereoCalibration, std: float) -> str:
     length, spread = value_and_std(1000 * stereo.baseline, 1000 * std)
-    return (
-        f"The cameras stand {length} mm apart (± {spread} mm). Corners are explained to {pixels(stereo.rms)} (RMS, both cameras), and "
-        f"matching corners lie within {pixels(stereo.epipolar)} of each other’s epipolar lines."
-    )
+    rows = f"matching corners lie within {pixels(stereo.epipolar)} of each other’s epipolar lines"
+    if np.isnan(stereo.epipolar):
+        rows = "no corner was seen by both"
+    return f"The cameras stand {length} mm apart (± {spread} mm). Corners are explained to {pixels(stereo.rms)} (RMS, both cameras), and {rows}."
 
 
 def _key_figures(stereo: StereoCalibration, std: float, facts: Facts) -> Html:
@@ -111,7 +111,7 @@ def _key_figures(stereo: StereoCalibration, std: float, facts: Facts) -> Html:
     used = sum(not a.reason and not b.reason for a, b in zip(stereo.left.views, stereo.right.views, strict=True))
     return sections.key_figures([
         ("RMS, both cameras", pixels(stereo.rms), ""),
-        ("Epipolar distance", pixels(stereo.epipolar), ""),
+        ("Epipolar distance", "–" if np.isnan(stereo.epipolar) else pixels(stereo.epipolar), ""),
         ("Baseline", f"{length} mm", f"± {spread} mm"),
         ("Angle between the cameras", f"{number(rig.turn_angle(stereo))}°", ""),
         ("Field of view, left", *sections.field_of_view(facts.fov)),
