@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
-from rcdn.types.corners import ROW
+from rcdn.types.plane import ROW
 
 STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 STEPS_DELTILLE = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])

@@ -122,6 +122,25 @@ def random_scene(
     return _with_edge_shadow(rng, scene) if ranges.edge_shadow_p and _chance(rng, ranges.edge_shadow_p) else scene
 
 
+def camera_view(seed: int, number: int, size: tuple[int, int] = (640, 480)) -> Scene:
+    """Picture `number` of a calibration: one board of 9×6 corners, whole, somewhere before one camera with a barrel distortion. The camera
+    depends on `seed` and `size` (width, height) only."""
+    rng, (width, height) = np.random.default_rng((seed, 0)), size
+    focal = float(rng.uniform(0.75, 0.95) * max(size))
+    centre = (float(width * rng.uniform(0.48, 0.52)), float(height * rng.uniform(0.48, 0.52)))
+    lens = (float(rng.uniform(-0.3, -0.2)), float(rng.uniform(0.05, 0.1)), *rng.normal(0, 0.001, 2).tolist())
+    rng = np.random.default_rng((seed, number))
+    sensor = Sensor(blur=float(rng.uniform(0.6, 1.0)), noise=float(rng.uniform(1, 4)))
+    background = Background("shapes", int(rng.integers(1 << 31)))
+    scene = Scene(width, height, focal, centre, "brown", lens, sensor=sensor, background=background, seed=number)
+    while True:
+        at = (float(rng.uniform(0.2, 0.8) * width), float(rng.uniform(0.2, 0.8) * height))
+        pitch = float(rng.uniform(0.05, 0.1) * min(size))
+        spec = _placed(BoardSpec(9, 6, (0, 0, 0), (0, 0, 0)), scene, _rotation(rng, 45), at, pitch)
+        if _whole(spec, scene, least=0.03 * min(size)):
+            return replace(scene, boards=(spec,))
+
+
 def _chance(rng: Rng, p: float) -> bool:
     return bool(rng.random() < p)
 

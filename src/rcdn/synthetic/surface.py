@@ -9,7 +9,7 @@ from rcdn.geometry import project, transform
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
 from rcdn.types import Array, Camera, Pose, plane_points
-from rcdn.types.corners import ROW
+from rcdn.types.plane import ROW
 
 
 def board_pose(spec: BoardSpec) -> Pose:

@@ -10,6 +10,8 @@ import typer
 
 from rcdn.cli.evaluate import (
     calibration,
+    coded,
+    coded_cameras,
     deltille,
     detection,
     figures,
@@ -29,6 +31,8 @@ app.command("hard")(detection.hard)
 app.command("detections")(detection.detections)
 app.command("recovery")(detection.recovery)
 app.command("sweep")(sweep.sweep)
+app.command("coded")(coded.coded)
+app.command("coded-cameras")(coded_cameras.coded_cameras)
 app.command("sieve")(sieve.sieve)
 app.command("worst-case")(worst_case.worst_case)
 app.command("calibration")(calibration.calibration)

@@ -11,8 +11,13 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
+
 Json = Annotated[
-    Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
+    Path | None,
+    typer.Option(
+        "--json", help="Also write the figures, with commit, date and machine, to this file; - is standard output."
+    ),
 ]
 
 
@@ -78,10 +83,11 @@ def _cell(column: str, value: Any) -> str:
 
 
 def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: dict[str, Any]) -> None:
-    """Print a table, and save it if wanted."""
+    """Print a table, and save it if wanted; on standard error if standard output is for the file."""
     from rcdn.evaluation.results import save
     from rcdn.provenance import provenance
 
+    _talk.begin(outputs=[json])
     columns = list(rows[0])
     cells = [
         columns,
@@ -89,13 +95,13 @@ def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: di
     ]
     widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
     for line in cells:
-        typer.echo(
+        _talk.say(
             "  ".join(
                 text.ljust(width) if k == 0 else text.rjust(width)
                 for k, (text, width) in enumerate(zip(line, widths, strict=True))
             )
         )
     facts = provenance()
-    typer.echo(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    _talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
     if json is not None:
         save(json, suite, settings, rows)

@@ -8,7 +8,6 @@ import json
 import platform
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from rcdn.errors import ConfigError, OutputError
 from rcdn.evaluation.paper.sets import Shot
 from rcdn.io import write_text
+from rcdn.provenance import OPENCV, RUNTIMES, versions
 from rcdn.types import Array
 
 FORM = 1
@@ -26,7 +26,7 @@ SOURCES = (
     "evaluation/sweep/pictures.py", "evaluation/paper/score.py", "evaluation/paper/sets.py", "metrics.py",
 )  # fmt: skip
 """Parts of the package that decide what a picture shows, and what is found in it."""
-LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "simplejpeg", "onnxruntime")
+LIBRARIES = ("numpy", "scipy", *OPENCV, "simplejpeg", *RUNTIMES)
 FACTS = "settings.json"
 
 
@@ -34,7 +34,7 @@ def configuration() -> dict[str, Any]:
     """All but network and picture that determines a detection, by name."""
     package = Path(__file__).parents[2]
     facts: dict[str, Any] = {"form": FORM, "machine": platform.machine()}
-    facts |= {f"version of {name}": version(name) for name in LIBRARIES}
+    facts |= {f"version of {name}": number for name, number in versions(*LIBRARIES).items()}
     facts["compiled kernels"] = digest(Path(str(import_module("rcdn._native").__file__)))
     return facts | {f"source of {part}": digest(package / part) for part in SOURCES}
 
