@@ -1,11 +1,14 @@
 """Overlays: shapes, positions and what differs between statuses. Whether they please the eye, the eye must say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rcdn.errors import ImageError
+from rcdn.report import overlay
 from rcdn.report.overlay import GREEN, PALETTE, RED, YELLOW, draw_overlay, enlargement
-from rcdn.types import Board, Corners, Status
+from rcdn.types import Board, Charuco, Corners, Status
 
 NONE = Corners(np.zeros((0, 2)), [], [])
 
@@ -135,3 +138,32 @@ def test_dark_pictures_are_lifted():
     image = np.tile(np.array([0, 12], np.uint8), (700, 450))
     out = draw_overlay(image, NONE, [])
     assert np.ptp(out) > 60
+
+
+@pytest.mark.parametrize(("step", "every"), [(60.0, 1), (12.0, 2), (5.0, 4)])
+def test_numbers_of_coded_boards_keep_apart(step, every, monkeypatch):
+    """All where there is room; else every k-th and those of the board's corners. Each is written beside its own corner."""
+    plain = make_board(11, 8, step=step)
+    target = Charuco(12, 9, "DICT_4X4_250", 0.75)
+    board = replace(plain, ij=plain.ij, target=target, ids=target.ids(plain.ij))
+    written = {}
+    monkeypatch.setattr(overlay._Canvas, "text", lambda self, text, xy, *a, **k: written.setdefault(text, xy))
+    draw_overlay(np.zeros((700, 900), np.uint8), NONE, [board])
+    numbers = {int(text): at for text, at in written.items() if text.isdigit()}
+    assert {0, 10, 77, 87} <= numbers.keys()
+    assert (len(numbers) == 88) == (every == 1)
+    assert {n for n in numbers if (board.ij[n] % every == 0).all()} >= set(numbers) - {0, 10, 77, 87}
+    for n, at in numbers.items():
+        assert np.linalg.norm(at - plain.xy[n]) < 12
+    kept = np.array([at for n, at in numbers.items() if (board.ij[n] % every == 0).all()])
+    gaps = np.abs(kept[:, None] - kept)
+    assert ((gaps[..., 0] > 15) | (gaps[..., 1] > 7) | (gaps.sum(axis=2) == 0)).all()
+
+
+def test_numbers_are_drawn_on_coded_boards_only():
+    plain = make_board()
+    coded = replace(plain, target=(target := Charuco(6, 5, "DICT_4X4_50", 0.75)), ids=target.ids(plain.ij))
+    image = np.zeros((700, 900), np.uint8)
+    white = [(draw_overlay(image, NONE, [b])[160:320, 230:420] > 250).all(axis=2).sum() for b in (plain, coded)]
+    assert white[0] == 0
+    assert white[1] > 20

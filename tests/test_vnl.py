@@ -1,6 +1,7 @@
 """corners.vnl as boards: the way back from what is written, the grid's size, mirrored labels, sizes of pictures, refusals."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rcdn.errors import FormatError
-from rcdn.io import ImageResult, read_vnl_boards, write_image, write_vnl
-from rcdn.types import Board, Corners, Status
+from rcdn.io import ImageResult, read_vnl, read_vnl_boards, write_image, write_vnl
+from rcdn.types import AprilGrid, Board, Charuco, Corners, PuzzleBoard, Status
 
 SIZE = (640, 480)
 
@@ -165,3 +166,71 @@ def test_files_without_boards(tmp_path):
     (tmp_path / "c.vnl").write_text("a.png 1\n")
     with pytest.raises(FormatError, match="line 1 must be"):
         read_vnl_boards(tmp_path / "c.vnl")
+
+
+def part(target, columns, rows, first=(0, 0), seed=0):
+    """`columns` × `rows` corners of a coded target, from the place `first` on."""
+    board = tilted(columns, rows, seed=seed)
+    ij = board.ij + first
+    return replace(board, ij=ij, target=target, ids=target.ids(ij))
+
+
+def places(path, size):
+    """{label: position} of each image of a file with a grid of `size`."""
+    tables = {name: rows[:, :2] for name, rows in read_vnl(path).items()}
+    return {
+        name: {(k % size[0], k // size[0]): tuple(xy) for k, xy in enumerate(rows) if np.isfinite(xy[0])}
+        for name, rows in tables.items()
+    }
+
+
+CHARUCO = Charuco(8, 6, "DICT_4X4_50", 0.75)
+
+
+@pytest.mark.parametrize("size", [None, (7, 5)])
+def test_parts_of_a_charuco_board_stand_at_their_places(tmp_path, size):
+    whole, corner = part(CHARUCO, 7, 5, seed=1), part(CHARUCO, 4, 3, (3, 2), seed=2)
+    upper = part(replace(CHARUCO, rows=None, dictionary="DICT_4X4_100"), 5, 3, (1, 0), seed=3)
+    images = [result("a", whole), result("b", corner), result("c", upper), result("d", tilted(7, 5)), result("e")]
+    assert write_vnl(tmp_path / "c.vnl", images, size) == (7, 5)
+    found = places(tmp_path / "c.vnl", (7, 5))
+    for name, board in (("a", whole), ("b", corner), ("c", upper)):
+        assert found[name] == {tuple(ij): tuple(xy) for ij, xy in zip(board.ij.tolist(), board.xy, strict=True)}
+    assert found["d"] == found["e"] == {}  # a board without a place
+
+
+def test_a_given_size_turns_all_parts_alike(tmp_path):
+    whole, corner = part(CHARUCO, 7, 5, seed=1), part(CHARUCO, 4, 3, (3, 2), seed=2)
+    assert write_vnl(tmp_path / "c.vnl", [result("a", whole), result("b", corner)], (5, 7)) == (5, 7)
+    for name, board in zip("ab", (whole, corner), strict=True):
+        turned = {(j, 6 - i): tuple(xy) for (i, j), xy in zip(board.ij.tolist(), board.xy, strict=True)}
+        assert places(tmp_path / "c.vnl", (5, 7))[name] == turned
+
+
+def test_where_nobody_saw_the_foot_the_grid_ends_where_corners_do(tmp_path):
+    open_end = replace(CHARUCO, rows=None)
+    images = [result("a", part(open_end, 7, 3)), result("b", part(open_end, 4, 2, (3, 2)))]
+    assert write_vnl(tmp_path / "c.vnl", images) == (7, 4)
+    assert min(places(tmp_path / "c.vnl", (7, 4))["b"]) == (3, 2)
+
+
+def test_parts_of_a_puzzleboard_share_the_box_of_all(tmp_path):
+    images = [result("a", part(PuzzleBoard(), 6, 4, (100, 40))), result("b", part(PuzzleBoard(), 5, 5, (103, 38)))]
+    assert write_vnl(tmp_path / "c.vnl", images) == (8, 6)
+    found = places(tmp_path / "c.vnl", (8, 6))
+    assert (min(found["a"]), min(found["b"])) == ((0, 2), (3, 0))
+
+
+def test_plain_boards_stand_where_they_are_most(tmp_path):
+    images = [*(result(f"p{k}", tilted(6, 4, seed=k)) for k in range(3)), result("a", part(CHARUCO, 4, 3))]
+    assert write_vnl(tmp_path / "c.vnl", images) == (6, 4)
+    assert [len(found) for found in places(tmp_path / "c.vnl", (6, 4)).values()] == [24, 24, 24, 0]
+
+
+def test_an_aprilgrid_is_no_grid_of_equal_steps(tmp_path):
+    target = AprilGrid(3, 2, "tag36h11", 0.3)
+    tags = replace(part(target, 6, 4), pattern="aprilgrid")
+    with pytest.raises(FormatError, match="AprilGrid aren't even"):
+        write_vnl(tmp_path / "c.vnl", [result("a", tags)])
+    write_vnl(tmp_path / "c.vnl", [result("a", tags), result("b", tilted(6, 4))])
+    assert [len(found) for found in places(tmp_path / "c.vnl", (6, 4)).values()] == [0, 24]

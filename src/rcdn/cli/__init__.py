@@ -1,9 +1,9 @@
 """The command line: one file per verb.
 
 To add a verb: write `cli/<verb>.py` with a function `<verb>` whose parameters are the options and whose docstring is
-the help, import what is heavy inside that function, and add the module to the two places below. A verb with verbs of
-its own has a Typer `app` instead of a function. Verbs raise RcdnError (exit 1) or ConfigError (exit 2); `_group` makes
-a line of it.
+the help, import what is heavy inside that function, and add the module to the two places below, with its line and its
+group of the help. A verb with verbs of its own has a Typer `app` instead of a function. Verbs raise RcdnError (exit 1)
+or ConfigError (exit 2); `_group` makes a line of it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,21 @@ from typing import Annotated
 import typer
 
 from rcdn import interrupts
-from rcdn.cli import bench, board, calibrate, compare, detect, evaluate, export, pose, render, report, train
+from rcdn.cli import (
+    bench,
+    board,
+    calibrate,
+    compare,
+    convert,
+    detect,
+    evaluate,
+    export,
+    pose,
+    render,
+    report,
+    train,
+    undistort,
+)
 from rcdn.cli._group import INTERRUPTED, Group, say_stopped
 from rcdn.cli._stderr import READERS, for_ours_alone
 
@@ -23,7 +37,6 @@ app = typer.Typer(
     name="rcdn",
     cls=Group,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # plain text: errors stay on one line, in a pipe and on a terminal
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -50,17 +63,24 @@ def rcdn(
     """
 
 
-app.command("detect")(detect.detect)
-app.command("calibrate")(calibrate.calibrate)
-app.command("pose")(pose.pose)
-app.command("report")(report.report)
-app.command("compare")(compare.compare)
-app.command("board")(board.board)
-app.command("render")(render.render)
-app.command("train")(train.train)
-app.command("export")(export.export)
-app.command("bench")(bench.bench)
-app.add_typer(evaluate.app, name="evaluate")
+FILES, BUILDERS = "About cameras and files", "To build and measure rcdn"
+"""groups of the help, after that of the verbs that most people need"""
+
+app.command("detect", short_help="Find corners and boards in pictures.")(detect.detect)
+app.command("calibrate", short_help="Calibrate a camera, or a pair, from pictures of boards.")(calibrate.calibrate)
+app.command("pose", short_help="Find where boards stand before a known camera.")(pose.pose)
+app.command("board", short_help="Write a board to print, at true scale.")(board.board)
+app.command("undistort", short_help="Turn pictures into those of a pinhole camera.")(undistort.undistort)
+app.command("convert", short_help="Write cameras and detections in other formats.", rich_help_panel=FILES)(
+    convert.convert
+)
+app.command("compare", short_help="Say how far two cameras differ, px.", rich_help_panel=FILES)(compare.compare)
+app.command("report", short_help="Write the page of a saved calibration again.", rich_help_panel=FILES)(report.report)
+app.command("render", short_help="Render pictures of boards, with the truth.", rich_help_panel=BUILDERS)(render.render)
+app.command("train", short_help="Train networks.", rich_help_panel=BUILDERS)(train.train)
+app.command("export", short_help="Write a trained network as ONNX.", rich_help_panel=BUILDERS)(export.export)
+app.add_typer(evaluate.app, name="evaluate", short_help="Measure the figures of the docs.", rich_help_panel=BUILDERS)
+app.command("bench", short_help="Measure time and memory.", rich_help_panel=BUILDERS)(bench.bench)
 
 
 def main() -> None:

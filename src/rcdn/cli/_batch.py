@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import queue
 import threading
-import zlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 AHEAD = 3
 """Pictures read but not yet computed, at most: memory stays flat."""
-LONGEST = 180
-"""Bytes of an overlay's file name without its ending; file systems take 255."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +69,22 @@ def explain(error: Exception, name: str) -> str:
     if isinstance(error, RcdnError):
         return str(error)
     return f"{name}: unexpected {type(error).__name__}: {error}"
+
+
+def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
+    """The files that `arguments` stand for, and a failure for each that stands for none, already said; says which of ours are passed over."""
+    from rcdn.cli import _talk
+    from rcdn.cli._group import many, one_line, say_error
+    from rcdn.io import find
+
+    found = find(arguments)
+    for _, message in found.errors:
+        say_error(message)
+    if found.own:
+        number, first = len(found.own), one_line(str(found.own[0]))
+        rest = "is passed over: " + first if number == 1 else f"are passed over: {first}, …"
+        _talk.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
+    return found.files, [Failure(name, message) for name, message in found.errors]
 
 
 # ---- reading
@@ -268,45 +280,10 @@ def _draw(file: Path, grey: Array, result: ImageResult) -> None:
     from rcdn.io import write_image
     from rcdn.report.overlay import draw_overlay
 
-    write_image(file, draw_overlay(grey, result.corners, result.boards))
+    write_image(file, draw_overlay(grey, result.corners, result.boards), mark="rcdn overlay")
 
 
 # ---- places for the outputs
-
-
-class OverlayNames:
-    """A file name for each picture's overlay: never the same for two, the folders kept as `folder__name.png`."""
-
-    def __init__(self, paths: Sequence[Path]) -> None:
-        try:
-            self._root = os.path.commonpath([os.path.dirname(os.path.abspath(p)) for p in paths])
-        except ValueError:  # none, or on different drives
-            self._root = ""
-        self._used: set[str] = set()
-
-    def take(self, name: str) -> str:
-        """The file name for the picture `name` (a path, or a video's path and frame). Call once for each."""
-        full = os.path.abspath(name)
-        inside = os.path.relpath(full, self._root) if self._root else full
-        flat = "__".join(_safe(part) for part in Path(inside).parts if _safe(part))
-        stem = flat[: -len(Path(flat).suffix)] if Path(flat).suffix and "#" not in Path(name).suffix else flat
-        tries = chain((stem, flat), (f"{flat}-{k}" for k in count(2)))
-        file = next(f for t in tries if (f := f"{_short(t)}.png").lower() not in self._used)
-        self._used.add(file.lower())  # lower: some file systems take A.png and a.png for one
-        return file
-
-
-def _safe(part: str) -> str:
-    """A path's part with nothing that a file system or a shell minds."""
-    return "".join(c if c.isalnum() or c in "._-" else "-" for c in part).strip("-")
-
-
-def _short(stem: str) -> str:
-    """At most LONGEST bytes: the end says most, and a checksum of the whole keeps it apart from others."""
-    data = stem.encode("utf-8", errors="replace")
-    if len(data) <= LONGEST:
-        return stem
-    return f"{zlib.crc32(data):08x}-{data[-LONGEST + 9 :].decode('utf-8', errors='ignore')}"
 
 
 def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
@@ -325,12 +302,12 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
     check_writable(path)
 
 
-def outside(folder: Path, arguments: Sequence[str], paths: Sequence[Path]) -> list[Path]:
-    """The `paths` that are not in the overlay `folder`: what an earlier run drew there is no input.
+def outside(folder: Path, arguments: Sequence[str], paths: Sequence[Path], option: str = "--overlay") -> list[Path]:
+    """The `paths` that are not in the `folder` of an `option`: what an earlier run wrote there is no input.
 
     Raises ConfigError if the user named that folder, or something in it, as an input.
     """
     mine = Path(os.path.abspath(folder))
     if any(Path(os.path.abspath(a)).is_relative_to(mine) for a in arguments):
-        raise ConfigError(f"--overlay {folder}: pictures in this folder are inputs, too; choose another folder")
+        raise ConfigError(f"{option} {folder}: pictures in this folder are inputs, too; choose another folder")
     return [p for p in paths if not Path(os.path.abspath(p)).is_relative_to(mine)]

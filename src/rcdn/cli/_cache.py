@@ -32,8 +32,6 @@ STALE = 86_400.0
 NOT_DETECTION = frozenset({"cli", "report", "evaluation", "training", "peers", "synthetic", "calibration"})
 """Parts of the package that can't change what is found in a picture."""
 _LIBRARIES = ("numpy", "scipy", "cv2")
-_RUNTIMES = ("onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "onnxruntime-openvino")
-"""distributions of ONNX Runtime: it isn't imported for its version, since it takes notes about the machine when it is"""
 _SOURCES = (".py", *machinery.EXTENSION_SUFFIXES)
 
 
@@ -49,13 +47,10 @@ def default_folder() -> Path:
 
 
 def _versions() -> list[str]:
-    from importlib import metadata
+    from rcdn.provenance import RUNTIMES, versions
 
     found = [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
-    for name in ("simplejpeg", *_RUNTIMES):
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            found.append(f"{name} {metadata.version(name)}")
-    return found
+    return found + [f"{name} {number}" for name, number in versions("simplejpeg", *RUNTIMES).items()]
 
 
 def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _batch
+from rcdn.cli import _batch, _talk
 from rcdn.cli._camera_files import check_format, refusal
 from rcdn.cli._writing import say_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
@@ -59,7 +59,10 @@ ReportFile = Annotated[
 ]
 JsonFile = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Write everything: camera, deviations, poses, residuals of each corner."),
+    typer.Option(
+        metavar="FILE",
+        help="Write everything: camera, deviations, poses, residuals of each corner; - is standard output.",
+    ),
 ]
 Force = Annotated[
     bool,
@@ -145,9 +148,7 @@ class Outputs:
                 f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
             )
         if written:
-            typer.echo(f"written: {', '.join(map(str, written))}", err=True)
+            _talk.say_written(written)
         elif not self.files:
-            typer.echo(
-                "nothing is written; add -o camera.yaml, --report report.html or --json calibration.json", err=True
-            )
+            _talk.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
         return len(written) == len(self.files) and not self.refused

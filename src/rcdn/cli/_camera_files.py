@@ -5,13 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
-from rcdn.errors import FormatError
+from rcdn.cli import _talk
+from rcdn.errors import ConfigError, FormatError
 
 if TYPE_CHECKING:
-    from rcdn.io import CameraFormat, LensFit
+    from rcdn.io import CameraFormat, LensFit, StereoCameras
     from rcdn.types import Camera, StereoCalibration
+
+
+def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
+    """The camera of a file, or that of the `name`. Raises ConfigError if it holds several and none is named; FormatError as `read_camera`."""
+    from rcdn.io import read_camera, read_cameras
+
+    if name is None and len(many := read_cameras(path)) > 1:
+        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(many)}")
+    return read_camera(path, name=name)
 
 
 def check_format(path: Path, format: CameraFormat | None) -> None:
@@ -57,15 +65,16 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
         _say(path, [write_camera(path, camera, format)])
 
 
-def write_pair(path: Path, found: StereoCalibration, format: CameraFormat | None) -> None:
+def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
     """Write two cameras, and say what the file can't hold of them."""
-    from rcdn.io import lens_fit, write_stereo, write_stereo_maps
+    from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
     if _maps(path, format):
         write_stereo_maps(path, found)
         return
     write_stereo(path, found, format)
-    _say(path, [lens_fit(path, side.camera, format) for side in (found.left, found.right)])
+    pair = StereoCameras.of(found)
+    _say(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:
@@ -75,4 +84,4 @@ def _maps(path: Path, format: CameraFormat | None) -> bool:
 def _say(path: Path, fits: list[LensFit | None]) -> None:
     for fit in fits:
         if fit is not None:
-            typer.echo(f"{path}: {fit.text}", err=True)
+            _talk.note(f"{path}: {fit.text}")

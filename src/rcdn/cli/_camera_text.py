@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.cli._group import one_line
 from rcdn.geometry.spline_grid import largest_shift
+from rcdn.types.shown import decimals
 
 if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
@@ -38,6 +39,7 @@ def camera_lines(calibration: Calibration) -> list[str]:
     used, corners = c.used_views, sum(int(v.used.sum()) for v in c.used_views)
     width, height = c.camera.image_size
     board = "" if c.size is None else f", board {c.size[0]}×{c.size[1]}"
+    board += "" if c.target is None else f" ({c.target})"
     lines = [
         f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {len(c.views)} views, {corners} corners"
         f" ({c.outliers} left out){board}"
@@ -78,7 +80,7 @@ def _model(score: ModelScore, chosen: ModelScore) -> str:
 
 def _values(values: Array, std: Array) -> list[str]:
     """`value ± deviation`, with the digits that the deviation leaves."""
-    digits = [int(np.clip(1 - np.floor(np.log10(max(s, 1e-9))), 1, 8)) for s in std]
+    digits = [decimals(s) for s in std]
     texts = [f"{v:.{d}f}" for v, d in zip(values, digits, strict=True)]
     before = max(t.index(".") for t in texts)
     return [f"{' ' * (before - t.index('.'))}{t} ± {s:.{d}f}" for t, s, d in zip(texts, std, digits, strict=True)]
@@ -109,17 +111,22 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
     t = stereo.T_right_left[:3, 3]
     turn = np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1)))
     place = ", ".join(f"{v:.5f} ± {s:.5f}" for v, s in zip(t, std[3:], strict=True))
+    rows = (
+        f"corners off their epipolar lines {stereo.epipolar:.3f} px"
+        if stereo.epipolar == stereo.epipolar
+        else "no corner seen by both"
+    )
     return [
         "left: " + camera_lines(stereo.left)[0],
         "right: " + camera_lines(stereo.right)[0],
         f"baseline {stereo.baseline:.5f} m, cameras turned by {turn:.3f}°; T_right_left: t = ({place}) m",
-        f"RMS {stereo.rms:.3f} px, corners off their epipolar lines {stereo.epipolar:.3f} px",
+        f"RMS {stereo.rms:.3f} px, {rows}",
     ]
 
 
 def pose_line(name: str, pose: PoseEstimate) -> str:
-    """A board's place in one line."""
-    x, y, z = pose.t
+    """A board's place in one line: of its corner (0, 0), or of the origin of its target's own tools."""
+    x, y, z = pose.t if pose.T_cam_target is None else pose.T_cam_target[:3, 3]
     std = pose.std
     turn = np.degrees(np.arccos(np.clip(abs(pose.R[2, 2]), 0, 1)))
     doubt = "  AMBIGUOUS: a second pose fits as well" if pose.ambiguous else ""

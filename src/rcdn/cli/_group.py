@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from rcdn import interrupts
+from rcdn.cli import _talk
 from rcdn.errors import ConfigError, RcdnError
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
@@ -34,10 +35,29 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
+def many(count: int, thing: str, things: str = "") -> str:
+    """`1 picture`, `2 pictures`."""
+    return f"{count} {thing if count == 1 else things or thing + 's'}"
+
+
 class Group(TyperGroup):
     """The root of the verbs; errors of all of them, however deep, arrive here."""
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The verbs by their groups, in the order in which they were added; those without a group first."""
+        groups: dict[str, list[tuple[str, str]]] = {"Commands": []}
+        verbs = {name: verb for name in self.list_commands(ctx) if (verb := self.get_command(ctx, name)) is not None}
+        wide = max(map(len, verbs))
+        for name, verb in verbs.items():
+            group = getattr(verb, "rich_help_panel", None)
+            line = verb.get_short_help_str(formatter.width - wide - 6)
+            groups.setdefault(group if isinstance(group, str) else "Commands", []).append((f"{name:<{wide}}", line))
+        for title, rows in groups.items():
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
     def invoke(self, ctx: Any) -> Any:
+        _talk.begin()
         try:
             return super().invoke(ctx)
         except ConfigError as error:

@@ -65,9 +65,7 @@ def gather(
     A file that fails is reported on stderr and the others go on. Whatever the `jobs` and the cache, the result is the same. Raises
     ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
     """
-    run = _Run(_expanded(inputs), frames, numbers)
-    for failure in run.failures:
-        say_error(failure.message)
+    run = _Run(_batch.expanded(inputs), frames, numbers)
     if not run.paths:
         raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
     run.read_saved(size)
@@ -75,13 +73,6 @@ def gather(
     config = _pool.one_thread(config, jobs)
     run.detect(_batch.Work(partial(make, config), cache), jobs)
     return run.gathered()
-
-
-def _expanded(inputs: Sequence[str]) -> tuple[list[Path], list[_batch.Failure]]:
-    from rcdn.io import expand
-
-    paths, errors = expand(inputs)
-    return paths, [_batch.Failure(name, message) for name, message in errors]
 
 
 @dataclass

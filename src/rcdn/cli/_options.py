@@ -26,21 +26,6 @@ Pattern = Annotated[
 ]
 
 
-class TargetName(StrEnum):
-    """Whether codes on boards are read: `rcdn.config.Targets`."""
-
-    plain = "plain"
-    auto = "auto"
-
-
-Target = Annotated[
-    TargetName,
-    typer.Option(
-        help="auto: read ChArUco boards, AprilGrids and PuzzleBoards; nobody has to say which. plain: take all boards for plain ones."
-    ),
-]
-
-
 class GridSize(NamedTuple):
     """(columns, rows) of inner corners. Not a bare tuple: Typer would read two words for that."""
 
@@ -48,14 +33,14 @@ class GridSize(NamedTuple):
     rows: int
 
 
-def parse_size(text: str) -> GridSize:
-    """`9x6` (also `9X6`, `9×6`) as columns and rows, both at least 3. Raises typer.BadParameter."""
+def parse_size(text: str, least: int = 3) -> GridSize:
+    """`9x6` (also `9X6`, `9×6`) as columns and rows, both at least `least`. Raises typer.BadParameter."""
     match = re.fullmatch(r"\s*(\d{1,4})\s*[xX×]\s*(\d{1,4})\s*", text)
     if match is None:
         raise typer.BadParameter(f"{text!r} is not a size; give columns x rows of inner corners, such as 9x6")
     cols, rows = int(match[1]), int(match[2])
-    if min(cols, rows) < 3:
-        raise typer.BadParameter(f"{text!r} is too small; a board has at least 3x3 inner corners")
+    if min(cols, rows) < least:
+        raise typer.BadParameter(f"{text!r} is too small; a board has at least {least}x{least} inner corners")
     return GridSize(cols, rows)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from rcdn.cli._group import many
 from rcdn.errors import ConfigError
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
@@ -54,7 +55,9 @@ def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> s
     if found.way == "name" and not (alone[0] and alone[1]):
         return ""
     a, b = found.pairs[0]
-    text = f"paired by {found.way}, {len(found.pairs)} pairs: {_short(left[a])} with {_short(right[b])}, and so on"
+    text = (
+        f"paired by {found.way}, {many(len(found.pairs), 'pair')}: {_short(left[a])} with {_short(right[b])}, and so on"
+    )
     text += "".join(
         f"; without a partner on the {side}: {_some(names)}"
         for side, names in zip(("left", "right"), alone, strict=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rcdn.cli._group import one_line, say_error, say_warning
+from rcdn.cli._talk import is_quiet
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Bar:
 
 @contextmanager
 def progress(total: int) -> Iterator[Bar]:
-    """A progress bar on stderr if that is a terminal; nothing in a pipe."""
-    if not sys.stderr.isatty():
+    """A progress bar on stderr if that is a terminal; nothing in a pipe, or where nothing is to be said."""
+    if not sys.stderr.isatty() or is_quiet():
         yield Bar(lambda done, name: None, say_error, say_warning, lambda text: None)
         return
     from rich.console import Console

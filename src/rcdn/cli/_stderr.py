@@ -8,7 +8,7 @@ import io
 import os
 import sys
 
-READERS = frozenset({"detect", "calibrate", "pose", "report"})
+READERS = frozenset({"detect", "calibrate", "pose", "report", "undistort", "convert"})
 """verbs that decode pictures"""
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rcdn.cli._batch import Failure
-from rcdn.cli._group import one_line
+from rcdn.cli._group import many, one_line
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
 
 Size = tuple[int, int]
 LIST_UP_TO = 20
-"""Up to that many pictures the summary has a line for each."""
+"""Up to that many pictures the summary has a line for each; of more, for each that isn't complete."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,9 @@ def status(image: Brief, wanted: Size | None) -> str:
 def board_text(board: BriefBoard, wanted: Size | None) -> str:
     """`9×6`, or `8×6 partial (41 of 48)`, or `deltille (98 corners)`; of a board that can't be part of the `wanted` one, what it is instead."""
     if board.target:
-        return f"{board.target} ({board.corners} corners)"
+        return f"{board.target} ({many(board.corners, 'corner')})"
     if board.pattern != "checker":
-        return f"{board.pattern} ({board.corners} corners)"
+        return f"{board.pattern} ({many(board.corners, 'corner')})"
     size = size_text(board.size)
     if found(board, wanted):
         return size
@@ -102,12 +102,11 @@ def line(outcome: Brief | Failure, wanted: Size | None) -> tuple[str, str]:
     if outcome.boards:
         boards = ", ".join(board_text(b, wanted) for b in outcome.boards)
         return one_line(outcome.path), boards
-    return one_line(outcome.path), f"no board ({outcome.corners} corners)"
+    return one_line(outcome.path), f"no board ({many(outcome.corners, 'corner')})"
 
 
-def picture_lines(outcomes: Sequence[Brief | Failure], wanted: Size | None) -> list[str]:
-    """One line a picture, in columns."""
-    rows = [line(o, wanted) for o in outcomes]
+def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """(name, text) of each picture as a line, in columns."""
     width = max((len(name) for name, _ in rows), default=0)
     return [f"{name:<{width}}  {text}" for name, text in rows]
 
@@ -119,7 +118,9 @@ class Tally:
         self.images = 0
         self.failures: list[Failure] = []
         self._wanted = wanted
-        self._first: list[Brief | Failure] = []
+        self._complete_rows: list[tuple[int, tuple[str, str]]] = []
+        self._other_rows: list[tuple[int, tuple[str, str]]] = []
+        self._outcomes = 0
         self._counts: Counter[str] = Counter()
         self._failed_only: set[str] = set()
         self._last = ""
@@ -128,8 +129,7 @@ class Tally:
 
     def add(self, outcome: Brief | Failure) -> None:
         """Count one outcome; a picture with two of them (its drawing failed) is one picture."""
-        if len(self._first) <= LIST_UP_TO:
-            self._first.append(outcome)
+        self._list(outcome)
         if isinstance(outcome, Failure):
             self.failures.append(outcome)
             if outcome.name != self._last:
@@ -145,11 +145,21 @@ class Tally:
         self._with_complete += bool(complete)
 
     def lines(self, seconds: float) -> list[str]:
-        """A line for each picture if there are few, the table, and a hint if there is one."""
-        few = len(self._first) <= LIST_UP_TO
+        """A line for each picture if there are few, else for each that isn't complete; the table; and a hint if there is one."""
         hint = size_hint(self._wanted, self._sizes, self._with_complete, self.images)
-        listed = [*picture_lines(self._first, self._wanted), ""] if few else []
+        rows = self._other_rows
+        if self._outcomes <= LIST_UP_TO:
+            rows = sorted(self._complete_rows + rows)
+        listed = [*columns([row for _, row in rows]), ""] if rows else []
         return [*listed, *self._table(seconds), *([f"hint: {hint}"] if hint else [])]
+
+    def _list(self, outcome: Brief | Failure) -> None:
+        """Keep the line of an outcome that may be listed at the end."""
+        whole = isinstance(outcome, Brief) and status(outcome, self._wanted) == "complete"
+        rows = self._complete_rows if whole else self._other_rows
+        if not whole or self._outcomes < LIST_UP_TO:
+            rows.append((self._outcomes, line(outcome, self._wanted)))
+        self._outcomes += 1
 
     def _table(self, seconds: float) -> list[str]:
         """Two lines: names and numbers. `complete`, `partial`, `none` and `failed` count pictures by their best board."""
@@ -176,7 +186,7 @@ def size_hint(wanted: Size | None, sizes: Set[Size], pictures: int, of: int) -> 
     if wanted[0] < wanted[1]:
         cols, rows = size = rows, cols
     ask = f"did you mean --board {cols}x{rows}?"
-    seen = f"found {size_text(size)} in {pictures} of {of} pictures"
+    seen = f"found {size_text(size)} in {pictures} of {many(of, 'picture')}"
     if same((cols + 1, rows + 1), wanted):
         return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
     return f"{seen}, and {size_text(wanted)} in none; {ask}"

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._group import one_line
 from rcdn.cli._options import GridSize, parse_size
 from rcdn.errors import ConfigError, RcdnError
@@ -66,7 +67,10 @@ def bench(
         ),
     ] = None,
     json: Annotated[
-        Path | None, typer.Option("--json", help="Also write the figures, with commit, date and machine, to this file.")
+        Path | None,
+        typer.Option(
+            "--json", help="Also write the figures, with commit, date and machine, to this file; - is standard output."
+        ),
     ] = None,
     csv: Annotated[Path | None, typer.Option(help="Also write the memory along the folder to this file.")] = None,
     markdown: Annotated[
@@ -93,6 +97,7 @@ def bench(
     """
     from rcdn.evaluation.bench import record
 
+    _talk.begin(outputs=(json, csv, markdown))
     wanted = _parts(parts)
     frames, counts = _sizes(sizes), _counts(threads)
     drawn = _prepared(plot, sweep) if plot is not None else None
@@ -305,14 +310,14 @@ def _show(results: _Results) -> None:
     from rcdn.provenance import provenance
 
     for name, rows in results.tables.items():
-        typer.echo(name)
+        _talk.say(name)
         for line in _lines(rows):
-            typer.echo(line)
-        typer.echo("")
+            _talk.say(line)
+        _talk.say("")
     for name, reason in results.skipped.items():
-        typer.echo(f"skipped {name}: {one_line(reason)}")
+        _talk.say(f"skipped {name}: {one_line(reason)}")
     facts = provenance()
-    typer.echo(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    _talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
 
 
 def _lines(rows: Sequence[dict[str, Any]]) -> list[str]:

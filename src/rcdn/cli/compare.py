@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcdn.cli import _batch
+from rcdn.cli import _batch, _talk
 from rcdn.cli._group import FAILED
+from rcdn.cli._talk import Quiet
 from rcdn.cli._writing import write_each
 from rcdn.errors import ConfigError
 
@@ -50,10 +51,13 @@ def compare(
             help="Which camera of files that hold several: left, cam1, …; given twice: that of A, then that of B.",
         ),
     ] = None,
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write figures and the vectors as JSON.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write figures and the vectors as JSON; - is standard output.")
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a page with the map of the difference.")
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Compare two cameras: where B sees what A sees, px, after the rotation that brings them together best.
 
@@ -66,6 +70,7 @@ def compare(
     from rcdn.io import write_text
     from rcdn.report.calibration.comparison import write_comparison_report
 
+    _talk.begin(quiet, [json])
     names = camera_name or []
     if len(names) > 2:
         raise ConfigError(f"--camera-name: once for both files, or twice, not {len(names)} times")
@@ -74,7 +79,7 @@ def compare(
     a, b = _read(first, names[0] if names else None), _read(second, names[-1] if names else None)
     found = comparison.compare(a, b, None if where is None else where.value)
     for line in lines(found, str(first), str(second)):
-        typer.echo(line)
+        _talk.say(line)
 
     def text() -> str:
         return json_module.dumps(_record(found, first, second), allow_nan=False) + "\n"
@@ -86,7 +91,7 @@ def compare(
         ]
     )
     if written:
-        typer.echo(f"written: {', '.join(map(str, written))}", err=True)
+        _talk.say_written(written)
     if len(written) < sum(path is not None for path in (json, report)):
         raise typer.Exit(FAILED)
 

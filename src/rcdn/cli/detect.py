@@ -13,12 +13,15 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import _batch, _pool, _summary
+from rcdn.cli import _batch, _pool, _summary, _talk
 from rcdn.cli._cache import open_cache
-from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
-from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, Target, TargetName, parse_size
+from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
 from rcdn.cli._outputs import Outputs
+from rcdn.cli._overlay_names import OverlayNames
 from rcdn.cli._progress import progress
+from rcdn.cli._talk import Quiet
+from rcdn.cli._target import PLAIN, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 
@@ -67,7 +70,9 @@ def detect(
             metavar="IMAGES...", help="Pictures, videos, folders (with all below them), or patterns: 'a/*.png'."
         ),
     ],
-    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write corners and boards as JSON.")] = None,
+    json: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write corners and boards as JSON; - is standard output.")
+    ] = None,
     vnl: Annotated[
         Path | None,
         typer.Option(
@@ -90,7 +95,7 @@ def detect(
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
     pattern: Pattern = PatternName.checker,
-    target: Target = TargetName.plain,
+    target: Target = PLAIN,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     threads: Annotated[
@@ -119,6 +124,7 @@ def detect(
             metavar="DIR", help="Keep what was found here and take it from here: a run that was stopped goes on."
         ),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Find checkerboard corners, and their boards, in pictures.
 
@@ -128,16 +134,18 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    paths, unread = _inputs(images)
+    _talk.begin(quiet, (json, vnl))
+    paths, unread = _batch.expanded(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
     if not paths:
         say_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
+    pattern, board = target.pattern(pattern), target.board(board)
     _check_pattern(pattern, board, vnl)
     config = DetectorConfig.preset(
-        preset.value, threads=threads, pattern=pattern.value, target=target.value, device=device.value
+        preset.value, threads=threads, pattern=pattern.value, target=target.reads, device=device.value
     )
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
@@ -147,7 +155,7 @@ def detect(
         _detect_all(run, paths, _work(config, team, cache, outputs.wanted), team, overlay)
         failures = outputs.write(run.tally.failures)
     for text in run.tally.lines(time.perf_counter() - start):
-        typer.echo(text)
+        _talk.say(text)
     _finish(run, failures, len(paths))
 
 
@@ -179,19 +187,10 @@ def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) 
     return _batch.Work(make, store, partial(_summary.brief, lines=lines))
 
 
-def _inputs(arguments: Sequence[str]) -> tuple[list[Path], list[_batch.Failure]]:
-    from rcdn.io import expand
-
-    paths, errors = expand(arguments)
-    for _, message in errors:
-        say_error(message)
-    return paths, [_batch.Failure(name, message) for name, message in errors]
-
-
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
     kept = _batch.outside(folder, arguments, paths)
     if len(kept) < len(paths):
-        typer.echo(f"note: {len(paths) - len(kept)} files in {folder} are passed over: overlays go there", err=True)
+        _talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
     return kept
 
 
@@ -221,7 +220,7 @@ def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | Non
 
 def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team, overlay: Path | None) -> None:
     """Fill `run`. An interrupt, or a disk that takes no more, ends it early but loses nothing."""
-    names = _batch.OverlayNames(paths) if overlay is not None else None
+    names = OverlayNames(paths) if overlay is not None else None
     try:
         with (
             progress(len(paths)) as bar,
@@ -250,7 +249,7 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team
         work.cache.prune()
 
 
-def _placed(picture: _batch.Picture, folder: Path | None, names: _batch.OverlayNames | None) -> _batch.Picture:
+def _placed(picture: _batch.Picture, folder: Path | None, names: OverlayNames | None) -> _batch.Picture:
     """`picture` with the file for its overlay: chosen here, in the order of the inputs, whoever draws it."""
     if folder is None or names is None:
         return picture
@@ -263,13 +262,14 @@ def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
         say_error(str(failure))
     if run.undrawn > 1:
         say_error(f"{run.undrawn} overlays could not be written")
-    written = " and ".join(map(str, run.outputs.written))
-    verb = "holds" if len(run.outputs.written) == 1 else "hold"
+    files = _talk.named(run.outputs.written)
+    written = " and ".join(files)
+    verb = "holds" if len(files) == 1 else "hold"
     held = f"; {written} {verb} what was found in them" if written else ""
     if isinstance(run.stopped, KeyboardInterrupt):
-        say_stopped(f" after {run.tally.images} pictures of {total} files{held}")
+        say_stopped(f" after {many(run.tally.images, 'picture')} of {many(total, 'file')}{held}")
         raise typer.Exit(INTERRUPTED)
     if run.stopped is not None:
-        say_error(f"{run.stopped} (stopped after {run.tally.images} pictures{held})")
+        say_error(f"{run.stopped} (stopped after {many(run.tally.images, 'picture')}{held})")
     if run.stopped is not None or run.undrawn or failures or run.tally.failures:
         raise typer.Exit(FAILED)

@@ -53,6 +53,10 @@ def render(
     size: Annotated[
         FrameSize, typer.Option(parser=parse_frame, metavar="WIDTHxHEIGHT", help="Size of the pictures, px.")
     ] = "640x480",  # type: ignore[assignment]  # Typer parses defaults, too
+    one_camera: Annotated[
+        bool,
+        typer.Option("--one-camera", help="One board before one camera, to calibrate it; --ranges doesn't count then."),
+    ] = False,
     scene: Annotated[
         Path | None,
         typer.Option(
@@ -69,7 +73,9 @@ def render(
     from rcdn.synthetic import render as paint
     from rcdn.synthetic import truth
 
-    scenes: Iterator[Scene] = iter([_read_scene(scene)]) if scene else _random(count, seed, ranges, size)
+    scenes: Iterator[Scene] = (
+        iter([_read_scene(scene)]) if scene else _random(count, seed, None if one_camera else ranges, size)
+    )
     images: dict[str, Any] = {}
     sizes = set()
     for number, item in enumerate(_tracked(scenes, 1 if scene else count), start=1):
@@ -90,13 +96,16 @@ def render(
     typer.echo(f"wrote {len(images)} pictures with {corners} corners to {output}, and truth.json")
 
 
-def _random(count: int, seed: int, ranges: Difficulty, size: FrameSize) -> Iterator[Scene]:
-    """Scene k depends on `seed` and k, not on `count`."""
+def _random(count: int, seed: int, ranges: Difficulty | None, size: FrameSize) -> Iterator[Scene]:
+    """Scene k depends on `seed` and k, not on `count`. Without `ranges` all are of one board and one camera."""
     import numpy as np
 
-    from rcdn.synthetic import PRESETS, random_scene
+    from rcdn.synthetic import PRESETS, camera_view, random_scene
 
     for number in range(1, count + 1):
+        if ranges is None:
+            yield camera_view(seed, number, size)
+            continue
         yield random_scene(np.random.default_rng((seed, number)), PRESETS[ranges.value], size)
 
 

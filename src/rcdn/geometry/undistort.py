@@ -50,10 +50,17 @@ def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> t
     (H, W) float32, px, as cv2.remap takes them; NOWHERE where it doesn't."""
     width, height = flat.image_size
     rows = max(BLOCK // width, 1)
-    sees = _reached if camera.correction is None else unfolded if folds(camera) else before_fold
+    sees = ray_test(camera)
     parts = [_block(camera, flat, R, sees, y, min(y + rows, height)) for y in range(0, height, rows)]
     at = np.concatenate(parts)
     return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+
+
+def ray_test(camera: Camera) -> Callable[[Camera, Array], Array]:
+    """The function that says of a camera like this one and of rays (..., 3) whether the pixels that they reach see them, (...,) bool."""
+    if camera.correction is None:
+        return _reached
+    return unfolded if folds(camera) else before_fold
 
 
 def _block(

@@ -15,7 +15,8 @@ from rcdn.io.cameras import (
     write_camera,
     write_stereo,
 )
-from rcdn.io.files import check_writable, expand, is_video, write_bytes, write_chunks, write_text
+from rcdn.io.files import STDOUT, check_writable, is_video, write_bytes, write_chunks, write_text
+from rcdn.io.finding import expand, find
 from rcdn.io.formats import (
     FormatError,
     ImageResult,
@@ -25,11 +26,12 @@ from rcdn.io.formats import (
     write_detections,
     write_lines,
 )
-from rcdn.io.images import as_grey, frames, read_image, write_image
+from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 from rcdn.io.maps import write_maps, write_stereo_maps
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
+    "STDOUT",
     "CameraFormat",
     "FormatError",
     "ImageResult",
@@ -40,8 +42,11 @@ __all__ = [
     "camera_format",
     "check_lens",
     "check_writable",
+    "colour_frames",
     "expand",
+    "find",
     "frames",
+    "grey_of",
     "image_line",
     "image_of_line",
     "is_video",
@@ -52,6 +57,7 @@ __all__ = [
     "read_cameras",
     "read_detections",
     "read_image",
+    "read_pixels",
     "read_stereo",
     "read_stereo_calibration",
     "read_vnl",

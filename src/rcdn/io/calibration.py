@@ -20,13 +20,18 @@ from rcdn.types import (
     Level,
     ModelScore,
     Orientation,
+    Pattern,
+    Plane,
     Pose,
     Reason,
     StereoCalibration,
+    Target,
     Verdict,
 )
 from rcdn.types.ranges import BOX, LABEL, POSITION, SPACING, in_words, is_spacing
+from rcdn.types.target import target_of, target_record
 
+MOST_ID = 10**9
 ROUNDING = 1e-6
 """of correlations"""
 _KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
@@ -90,6 +95,7 @@ def _record(found: Calibration) -> dict[str, Any]:
         "spacing": float(found.spacing),
         "size": None if found.size is None else [int(n) for n in found.size],
         "orientation": found.orientation,
+        "target": None if found.target is None else target_record(found.target),
         "shape": None if found.shape is None else nullable(found.shape.offsets),
         "noise": nullable(found.noise),
         "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
@@ -136,7 +142,20 @@ def _view_record(view: BoardView) -> dict[str, Any]:
         "sigma": nullable(view.sigma),
         "residuals": nullable(view.residuals),
         "used": view.used.astype(int).tolist(),
+        **_print_record(view),
     }
+
+
+def _print_record(view: BoardView) -> dict[str, Any]:
+    """What a view's board is printed on: its plane, its side, and, if its codes were read, its target and the corners' numbers."""
+    record: dict[str, Any] = {}
+    if view.plane is not None:
+        record |= {"pattern": view.plane.pattern, "gap": view.plane.gap}
+    if view.spacing is not None:
+        record["spacing"] = float(view.spacing)
+    if view.target is not None and view.ids is not None:
+        record |= {"target": target_record(view.target), "ids": [None if n < 0 else n for n in view.ids.tolist()]}
+    return record
 
 
 # ---- JSON → values
@@ -171,6 +190,7 @@ def _calibration(data: Any, where: str) -> Calibration:
         shape=_shape(data, where),
         advice=_texts(data, "advice", where),
         verdict=_verdict(data, where),
+        target=_target(data, where),
     )
 
 
@@ -252,9 +272,37 @@ def _view(record: Any, where: str) -> BoardView:
             used=used.astype(bool),
             reason=take(record, "reason", str, where),
             settled=take(record, "settled", bool, where),
+            **_print(record, where),
         )
     except RcdnError as error:
         raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
+
+
+def _target(record: Any, where: str) -> Target | None:
+    """None where there is none: the board is plain, or the file was written before boards had codes."""
+    if record.get("target") is None:
+        return None
+    try:
+        return target_of(record["target"])
+    except RcdnError as error:
+        raise FormatError(f"{where}: {error}") from error
+
+
+def _print(record: Any, where: str) -> dict[str, Any]:
+    """The fields of a view that say what its board is printed on."""
+    target = _target(record, where)
+    ids = None
+    if target is not None:
+        ids = [-1 if n is None else n for n in take(record, "ids", list, where)]
+        if not all(type(n) is int and -1 <= n <= MOST_ID for n in ids):
+            raise FormatError(f"{where}: 'ids' must hold whole numbers or null")
+    plane = None
+    if record.get("pattern") is not None:
+        if record["pattern"] not in get_args(Pattern):
+            raise FormatError(f"{where}: 'pattern' must be one of {', '.join(get_args(Pattern))}")
+        plane = Plane(record["pattern"], None if record.get("gap") is None else number(record, "gap", where))
+    spacing = None if record.get("spacing") is None else _spacing(record, where)
+    return {"target": target, "ids": ids, "plane": plane, "spacing": spacing}
 
 
 def _score(record: Any, where: str) -> ModelScore:

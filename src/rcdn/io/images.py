@@ -14,6 +14,7 @@ from rcdn.errors import ImageError, OutputError
 from rcdn.io.decode import decode
 from rcdn.io.files import is_special, is_video, write_bytes
 from rcdn.io.headers import known
+from rcdn.io.marks import Mark, marked
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
@@ -24,6 +25,7 @@ _STRETCH_SAMPLES = 1 << 22
 MOST_VALUES = 1 << 31  # of an array, all channels counted
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
 _HEAD = 32  # bytes that say which format it is
+_GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes that are read at once
 
 
@@ -38,6 +40,11 @@ def read_image(path: str | Path) -> Array:
     is read to its end.
     """
     return as_grey(decode(_read_bytes(path), path), str(path))
+
+
+def read_pixels(path: str | Path) -> Array:
+    """A picture file as it is stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as `read_image`."""
+    return _channels(decode(_read_bytes(path), path), str(path))
 
 
 def read_named_image(path: str | Path) -> Array:
@@ -69,6 +76,29 @@ def as_grey(image: Any, name: str = "image") -> Array:
     return _stretch(grey)
 
 
+def grey_of(image: Any) -> Array:
+    """A picture as grey (H, W), whatever it comes as: `read_image` of a path; `as_grey` of an array, whose colours are BGR, and of a PIL
+    image, whose colours are RGB, of any mode. Raises ImageError as these do."""
+    if isinstance(image, str | os.PathLike):
+        return read_image(Path(image))
+    return as_grey(_of_pil(image) if _is_pil(image) else image)
+
+
+def _is_pil(image: Any) -> bool:
+    """Whether it's a PIL image; PIL itself is never imported."""
+    return isinstance(getattr(image, "mode", None), str) and callable(getattr(image, "convert", None))
+
+
+def _of_pil(image: Any) -> Array:
+    """The pixels of a PIL image as `as_grey` takes them: RGB becomes BGR; a palette, CMYK and the like first become RGB, alpha is dropped."""
+    try:
+        if image.mode in _GREY_MODES:
+            return np.asarray(image)
+        return np.asarray(image if image.mode in ("RGB", "RGBA", "RGBX") else image.convert("RGB"))[:, :, 2::-1]
+    except (OSError, ValueError, SyntaxError) as error:  # the file is decoded only now
+        raise ImageError(f"image: PIL can't decode it ({error}); save it again") from error
+
+
 def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     """The pictures in a file, as (name, grey): a picture itself, or every frame of a video (`clip.mp4#000012`).
 
@@ -78,12 +108,18 @@ def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     if not is_video(path):
         yield str(path), read_image(path)
         return
+    for name, frame in colour_frames(path):
+        yield name, as_grey(frame, name)
+
+
+def colour_frames(path: str | Path) -> Iterator[tuple[str, Array]]:
+    """Every frame of a video as `frames` gives them, but as (H, W, 3) BGR uint8."""
     _open_check(path)
     if not Path(path).is_file():
         raise ImageError(f"{path}: a pipe or device, and videos are read from files only; save it as a file")
     index = 0
     for index, frame in enumerate(_video(str(path)), 1):
-        yield f"{path}#{index - 1:06d}", as_grey(frame, f"{path}#{index - 1:06d}")
+        yield f"{path}#{index - 1:06d}", frame
     if index == 0:
         raise ImageError(
             f"{path}: the video can't be opened or holds no frame; convert it to MP4 (H.264) or AVI (MJPEG)"
@@ -106,12 +142,14 @@ def _video(path: str) -> Iterator[Array]:
         video.release()
 
 
-def write_image(path: str | Path, image: Array) -> None:
-    """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16, in the format of the path's ending; whole or not at all.
+def write_image(path: str | Path, image: Array, mark: Mark | None = None) -> None:
+    """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16 (TIFF: float32, too), in the format of the path's ending; whole or not at all.
 
-    Raises OutputError if the ending is no picture's, the array can't be encoded, or the file can't be written.
+    `mark`: what a PNG or JPEG says in a comment, so that it isn't taken for a photograph again. Raises OutputError if the ending is no
+    picture's, the array can't be encoded, or the file can't be written.
     """
-    if image.dtype not in (np.uint8, np.uint16) or image.size == 0:
+    kinds = [np.uint8, np.uint16] + [np.float32] * (Path(path).suffix.lower() in (".tif", ".tiff"))
+    if image.dtype not in kinds or image.size == 0:
         raise OutputError(f"{path}: image must be uint8 or uint16 and not empty, not {image.dtype} {image.shape}")
     try:
         done, data = cv2.imencode(Path(path).suffix, image)
@@ -119,7 +157,8 @@ def write_image(path: str | Path, image: Array) -> None:
         raise OutputError(f"{path}: can't be encoded ({error.err}); use the ending .png or .jpg") from error
     if not done:
         raise OutputError(f"{path}: can't be encoded; use the ending .png")
-    write_bytes(path, data.tobytes())
+    encoded = data.tobytes()
+    write_bytes(path, encoded if mark is None else marked(encoded, mark))
 
 
 def _read_bytes(path: str | Path) -> bytes:

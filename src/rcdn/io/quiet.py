@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import cv2
 
 _SILENT = 0
+_set_level = cv2.setLogLevel if hasattr(cv2, "setLogLevel") else cv2.utils.logging.setLogLevel  # before OpenCV 5
 _lock = threading.Lock()
 _users, _before = 0, 0
 
@@ -19,7 +20,7 @@ def quiet_opencv() -> Iterator[None]:
     global _users, _before
     with _lock:
         if _users == 0:
-            _before = cv2.utils.logging.setLogLevel(_SILENT)
+            _before = _set_level(_SILENT)
         _users += 1
     try:
         yield
@@ -27,4 +28,4 @@ def quiet_opencv() -> Iterator[None]:
         with _lock:
             _users -= 1
             if _users == 0:
-                cv2.utils.logging.setLogLevel(_before)
+                _set_level(_before)

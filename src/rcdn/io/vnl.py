@@ -13,7 +13,8 @@ from rcdn.io.fields import read_text
 from rcdn.io.files import write_chunks
 from rcdn.io.formats import DECIMALS, ImageResult, rounded
 from rcdn.io.images import read_named_image
-from rcdn.types import Array, Board, Corners, Orientation, Status, usual_size
+from rcdn.io.vnl_grid import VnlGrid, grid_for
+from rcdn.types import Array, Board, Corners, Orientation, Status
 from rcdn.types.ranges import POSITION
 
 DECIDED = 3.0
@@ -28,13 +29,16 @@ def write_vnl(
     One board an image, row by row over the full grid, `- - -` for a missing corner; an image without a board that
     fits has the one line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
     complete boards. A board fits if the box of its labels is the grid's, upright or turned a quarter; of several that
-    fit, the one with most corners is written. Raises FormatError if `size` is None and boards were found but none is
-    complete, and for paths that mrcal can't read (white space, non-ASCII, a leading #); OutputError as `write_text`. `images` may be
-    read from somewhere, so that they need not fit into memory: they are gone through twice, once if `size` is given.
+    fit, the one with most corners is written. Of boards whose codes were read, if they are most, every part is written at its place on the
+    target, whose own grid it is (of a PuzzleBoard the part of it that any picture shows); AprilGrids have no equal steps and are left out.
+    Raises FormatError if `size` is None and boards were found but none is complete or has a place, and for paths that mrcal can't read (white space,
+    non-ASCII, a leading #); OutputError as `write_text`. `images` may be read from somewhere, so that they need not fit into memory: they are gone
+    through twice.
     """
-    size = size or _usual_size(images)
-    write_chunks(path, chain((b"# filename x y level\n",), (_vnl_lines(image, size) for image in images)))
-    return size
+    images = list(images) if isinstance(images, Iterator) else images
+    grid = grid_for((image.boards for image in images), size)
+    write_chunks(path, chain((b"# filename x y level\n",), (_vnl_lines(image, grid) for image in images)))
+    return size if grid is None else grid.size
 
 
 def read_vnl(path: str | Path) -> dict[str, Array]:
@@ -91,15 +95,15 @@ def read_vnl_boards(
 # ---- boards → corners.vnl
 
 
-def _vnl_lines(image: ImageResult, size: tuple[int, int] | None) -> bytes:
+def _vnl_lines(image: ImageResult, grid: VnlGrid | None) -> bytes:
     """The lines of one image: its largest board that fits, or that there is none."""
     name = _vnl_name(image.path)
     missing = f"{name} - - -\n"
-    grids = [g for board in image.boards if size and (g := board.grid_of(size)) is not None]
+    grids = [g for board in image.boards if grid is not None and (g := grid.positions(board)) is not None]
     if not grids:
         return missing.encode()
-    grid = rounded(max(grids, key=lambda g: np.isfinite(g[..., 0]).sum())).reshape(-1, 2)
-    lines = (missing if x != x else f"{name} {x:.{DECIMALS}f} {y:.{DECIMALS}f} 0\n" for x, y in grid.tolist())
+    corners = rounded(max(grids, key=lambda g: np.isfinite(g[..., 0]).sum())).reshape(-1, 2)
+    lines = (missing if x != x else f"{name} {x:.{DECIMALS}f} {y:.{DECIMALS}f} 0\n" for x, y in corners.tolist())
     return "".join(lines).encode()
 
 
@@ -107,24 +111,6 @@ def _vnl_name(path: str) -> str:
     if not path.isascii() or not path or any(c.isspace() or not c.isprintable() for c in path) or path[0] == "#":
         raise FormatError(f"{path!r}: mrcal can't read paths with spaces, non-ASCII letters or a leading #; rename it")
     return path
-
-
-def _usual_size(images: Iterable[ImageResult]) -> tuple[int, int] | None:
-    """`usual_size` of all boards; None if there is none."""
-    some = False
-
-    def boards() -> Iterator[Board]:
-        nonlocal some
-        for image in images:
-            some = some or bool(image.boards)
-            yield from image.boards
-
-    size = usual_size(boards())
-    if some and size is None:
-        raise FormatError(
-            "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
-        )
-    return size
 
 
 # ---- corners.vnl → boards

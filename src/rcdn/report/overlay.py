@@ -2,7 +2,7 @@
 
 Each board has its colour: thin lines along rows and columns (of a deltille along its three families of lines), a thicker
 outline, and one mark a corner whose shape tells its status. The first corner is a filled disc with its label; a red arrow
-shows +i, a green one +j (with letters, for those who can't tell the colours apart).
+shows +i, a green one +j (with letters, for those who can't tell the colours apart). Corners of boards whose codes were read have their numbers.
 Corners that belong to no board are small yellow dots.
 """
 
@@ -33,6 +33,8 @@ SMALL, COMFORTABLE = 800, 1200
 """A picture whose longer side is below SMALL px is enlarged by a whole number, to COMFORTABLE px or just above."""
 SHIFT = 4
 """Binary digits of sub-pixel positions in OpenCV's drawing calls."""
+SMALL_TEXT = 0.72
+"""Size of the corners' numbers over that of other text."""
 SAME = 0.75
 """A corner this close to a board's corner is that corner, px."""
 LEGEND = {
@@ -125,22 +127,24 @@ class _Canvas:
         for ink, width in ((BLACK, 4 * self.unit), (colour, 2 * self.unit)):
             cv2.arrowedLine(self.image, _point(start), _point(end), ink, width, cv2.LINE_AA, SHIFT, tip)
 
-    def text(self, text: str, xy: Array, colour: Colour, centred: bool = False) -> None:
-        """Text with a dark halo; `xy` is the left end of the baseline, or the middle if `centred`."""
-        width, height = self.text_size(text)
+    def text(self, text: str, xy: Array, colour: Colour, centred: bool = False, size: float = 1.0) -> None:
+        """Text with a dark halo; `xy` is the left end of the baseline, or the middle if `centred`; `size` of the usual one."""
+        width, height = self.text_size(text, size)
         x, y = (int(v) for v in np.round(xy - (np.array([width, -height]) / 2 if centred else 0)))
         u = self.unit  # shifted copies make the halo: a thicker stroke is a wider font in OpenCV 5
         for dx, dy, ink in ((-u, -u, BLACK), (u, -u, BLACK), (-u, u, BLACK), (u, u, BLACK), (0, 0, colour)):
-            cv2.putText(self.image, text, (x + dx, y + dy), cv2.FONT_HERSHEY_SIMPLEX, self.font, ink, u, cv2.LINE_AA)
+            cv2.putText(
+                self.image, text, (x + dx, y + dy), cv2.FONT_HERSHEY_SIMPLEX, size * self.font, ink, u, cv2.LINE_AA
+            )
 
     @property
     def font(self) -> float:
         """OpenCV's font scale: letters stay legible when the whole picture is looked at."""
         return 0.5 * max(self.unit, self.extent)
 
-    def text_size(self, text: str) -> tuple[int, int]:
+    def text_size(self, text: str, size: float = 1.0) -> tuple[int, int]:
         """(width, height) px without what hangs below the baseline."""
-        (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, self.font, self.unit)
+        (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * self.font, self.unit)
         return width, height
 
     def shade(self, x: int, y: int, width: int, height: int) -> None:
@@ -199,6 +203,30 @@ def _draw_board(canvas: _Canvas, board: Board, colour: Colour) -> None:
     for point, status in zip(xy, board.status, strict=True):
         canvas.mark(point, radius, int(status), colour)
     _draw_origin(canvas, board, xy, radius, colour)
+    if board.ids is not None:
+        _draw_numbers(canvas, board, xy, radius)
+
+
+def _draw_numbers(canvas: _Canvas, board: Board, xy: Array, radius: float) -> None:
+    """The corners' numbers, above and to the right of them; where they stand too close, those of every k-th column and row, and of the four
+    corners of the board."""
+    ids = np.asarray(board.ids)
+    sizes = [canvas.text_size(str(n), SMALL_TEXT) for n in ids.tolist()]
+    width, height = (max(size[k] for size in sizes) for k in (0, 1))
+    place = board.ij - board.ij.min(axis=0)
+    every = _apart(board.grid() * canvas.scale, width + radius, height + radius)
+    ends = [int(np.argmax(place @ direction)) for direction in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    for k in sorted({*np.flatnonzero((place % every == 0).all(axis=1)).tolist(), *ends}):
+        canvas.text(str(ids[k]), xy[k] + (radius, -radius), WHITE, size=SMALL_TEXT)
+
+
+def _apart(grid: Array, width: float, height: float) -> int:
+    """Every how many-th column and row of corners `grid` (rows, columns, 2) has room for labels of that size, px."""
+    steps = [d[np.isfinite(d[..., 0])] for d in (np.diff(grid, axis=1), np.diff(grid, axis=0))]
+    across, down = (np.median(d, axis=0) if len(d) else np.array([width, height]) for d in steps)
+    nearest = np.abs([across, down, across + down, across - down])
+    free = np.minimum(width / np.maximum(nearest[:, 0], 1e-9), height / np.maximum(nearest[:, 1], 1e-9))
+    return int(np.clip(np.ceil(free.max()), 1, max(grid.shape)))
 
 
 def _shortened(segments: Array, lengths: Array, radius: float) -> Array:
@@ -241,10 +269,10 @@ def _draw_origin(canvas: _Canvas, board: Board, xy: Array, radius: float, colour
             canvas.text(letter, start + along / 2 + outwards * 11 * canvas.unit, ink, centred=True)
     canvas.disc(start, 1.3 * radius + canvas.unit, colour, WHITE)
     canvas.disc(start, 0.8 * canvas.unit, BLACK)
-    i, j = board.ij[first]
-    canvas.text(
-        f"{i},{j}", start + _unit_vector(start - middle) * (2 * radius + 16 * canvas.unit), colour, centred=True
-    )
+    if board.ids is None:  # else it has its number beside it
+        i, j = board.ij[first]
+        outside = start + _unit_vector(start - middle) * (2 * radius + 16 * canvas.unit)
+        canvas.text(f"{i},{j}", outside, colour, centred=True)
 
 
 def _unit_vector(v: Array) -> Array:

@@ -1,0 +1,176 @@
+"""`rcdn undistort`: pictures of a calibrated camera as one without distortion would have taken them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rcdn.cli import _batch, _talk
+from rcdn.cli._flat_files import Places, Source, sources
+from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.cli._options import MaxMegapixels
+from rcdn.cli._progress import Bar, progress
+from rcdn.cli._talk import Quiet
+from rcdn.errors import ConfigError, OutputError, RcdnError
+
+if TYPE_CHECKING:
+    from rcdn.geometry.resample import Undistortion
+    from rcdn.types import Camera
+
+CAMERA_FILE = "undistorted-camera.yaml"
+"""beside the pictures: the camera that they are of"""
+
+
+@dataclass
+class _Run:
+    """What has been done: pictures written, failures told, and whether Ctrl-C ended it."""
+
+    written: int = 0
+    failed: int = 0
+    unwritten: int = 0
+    stopped: bool = False
+    places: Places = field(default_factory=lambda: Places(False))
+
+
+def undistort(
+    camera: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAMERA",
+            help="The camera, as `rcdn calibrate -o` or --json writes it (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON).",
+        ),
+    ],
+    images: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="IMAGES...", help="Pictures, videos, folders (with all below them), or patterns: 'a/*.png'."
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", help="The folder for the pictures, and for their camera's file."),
+    ],
+    balance: Annotated[
+        float,
+        typer.Option(
+            min=0, max=1, help="0: no empty pixels. 1: all that the camera saw, up to 55° off its axis, the rest black."
+        ),
+    ] = 0.0,
+    scale: Annotated[
+        float, typer.Option(min=0.01, max=16, help="Size of the new pictures, as a multiple of the old ones'.")
+    ] = 1.0,
+    crop: Annotated[
+        bool, typer.Option("--crop", help="Cut away the margins with empty pixels that --balance leaves.")
+    ] = False,
+    camera_name: Annotated[
+        str | None,
+        typer.Option("--camera-name", metavar="NAME", help="Which camera of a file with several: left, cam1, …"),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Also write over files that rcdn hasn't marked as its own.")
+    ] = False,
+    max_megapixels: MaxMegapixels = None,
+    quiet: Quiet = False,
+) -> None:
+    """Undistort pictures: straight lines become straight, as a pinhole camera would have taken them.
+
+    Pictures keep their names, folders, depth and colours; frames of videos become PNG files in a folder of the video's name. Beside them
+    is the camera that they are of now. A picture that can't be read or has another size is reported, and the others go on.
+
+    Exit code: 0 if all pictures were written, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
+    """
+    from rcdn.cli._camera_files import chosen_camera
+    from rcdn.io import write_camera
+
+    _talk.begin(quiet)
+    lens = chosen_camera(camera, camera_name)
+    paths, unread = _inputs(images, out, camera)
+    make = _undistortion(lens, balance, scale, crop)
+    write_camera(out / CAMERA_FILE, make.flat)
+    run = _Run(failed=unread, places=Places(overwrite))
+    _undistort_all(run, paths, out, make)
+    _finish(run, make, out)
+
+
+def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path], int]:
+    """The files to read, and how many arguments stand for none, each already reported. Raises ConfigError for what `out` would spoil."""
+    from rcdn.io import check_writable
+
+    paths, errors = _batch.expanded(images)
+    kept = _batch.outside(out, images, paths, "--out")
+    if len(kept) < len(paths):
+        _talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
+    if not kept:
+        say_error("there is nothing to read; name pictures, videos or folders that hold some")
+        raise typer.Exit(WRONG_USE)
+    real = os.path.realpath(out)
+    if any(Path(os.path.realpath(p)).is_relative_to(real) for p in kept):
+        raise ConfigError(f"--out {out}: pictures in this folder are inputs, too; choose another folder")
+    if os.path.realpath(out / CAMERA_FILE) == os.path.realpath(camera):
+        raise ConfigError(f"--out {out}: the camera's own file would be written over; choose another folder")
+    check_writable(out / CAMERA_FILE)
+    return kept, len(errors)
+
+
+def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> Undistortion:
+    from rcdn.geometry.resample import undistortion
+
+    try:
+        return undistortion(camera, balance, scale, crop)
+    except RcdnError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _undistort_all(run: _Run, paths: Sequence[Path], out: Path, make: Undistortion) -> None:
+    """Fill `run`: pictures are read by another thread while this one undistorts and writes."""
+    try:
+        with (
+            progress(len(paths)) as bar,
+            closing(_batch.in_thread(lambda: sources(paths, out))) as pictures,
+        ):
+            for picture in pictures:
+                bar.advance(picture.index, picture.name)
+                _undistort_one(run, picture, make, bar)
+    except KeyboardInterrupt:
+        run.stopped = True
+
+
+def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> None:
+    from rcdn.io import write_image
+
+    try:
+        if picture.pixels is None:
+            run.failed += 1
+            bar.say(picture.error)
+            return
+        pixels = make(picture.pixels)
+        write_image(run.places.take(picture.place, str(pixels.dtype)), pixels, mark="rcdn undistorted")
+        run.written += 1
+    except OutputError as error:
+        run.unwritten += 1
+        if run.unwritten == 1:  # the others are counted: a full disk would give a line for each
+            bar.say(str(error))
+    except Exception as error:  # one bad picture must not take the others with it
+        run.failed += 1
+        text = _batch.explain(error, picture.name)
+        bar.say(text if text.startswith(picture.name) else f"{picture.name}: {text}")
+
+
+def _finish(run: _Run, make: Undistortion, out: Path) -> None:
+    """Say what was done, and set the exit code."""
+    width, height = make.flat.image_size
+    line = f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}; their camera: {out / CAMERA_FILE}"
+    if run.unwritten > 1:
+        say_error(f"{run.unwritten} pictures could not be written")
+    if run.stopped:
+        say_stopped(f"; {line}")
+        raise typer.Exit(INTERRUPTED)
+    _talk.say(line)
+    if run.failed or run.unwritten:
+        raise typer.Exit(FAILED)

@@ -1,0 +1,85 @@
+"""Pictures without distortion, pixel by pixel: any number of channels, of 8 or 16 bits or floats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.geometry.flat_view import cropped, flat_camera, in_picture, largest_rectangle
+from rcdn.geometry.undistort import resized, undistortion_maps
+from rcdn.types import Array, Camera
+
+LONGEST_SIDE = 32766
+"""px; OpenCV's remap counts pixels in 16 bits"""
+
+MOST_PIXELS = 1 << 28
+"""of a picture; its maps take 2 GB"""
+
+
+@dataclass(frozen=True, eq=False)
+class Undistortion:
+    """What makes pictures of `camera` those of the pinhole `flat`; made by `undistortion`, then called for each picture.
+
+    `map_x`, `map_y` (H, W): where each pixel comes from, px; `empty` (H, W) bool: from nowhere. They may be larger than `flat`'s picture, which
+    is then their mean over areas.
+    """
+
+    camera: Camera
+    flat: Camera
+    map_x: Array
+    map_y: Array
+    empty: Array
+
+    def __call__(self, picture: Array) -> Array:
+        """`picture` (H, W) or (H, W, C), uint8, uint16 or float32, of the camera's size, without distortion; empty pixels are 0.
+
+        Raises RcdnError if it has another size.
+        """
+        height, width = picture.shape[:2]
+        if (width, height) != tuple(self.camera.image_size):
+            wide, high = self.camera.image_size
+            raise RcdnError(
+                f"the picture has {width}×{height} px, but the camera was calibrated at {wide}×{high} px; give the camera of this size"
+            )
+        # the rim's half pixels repeat the outermost ones; without that they would fade to black
+        out = cv2.remap(picture, self.map_x, self.map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        out[self.empty] = 0
+        if out.shape[1::-1] != tuple(self.flat.image_size):
+            out = cv2.resize(out, self.flat.image_size, interpolation=cv2.INTER_AREA)
+        return np.asarray(out)
+
+
+def undistortion(camera: Camera, balance: float = 0.0, scale: float = 1.0, crop: bool = False) -> Undistortion:
+    """Maps from the pictures of `camera` to those of `flat_camera(camera, balance)`, `scale` times as large.
+
+    `crop`: only the largest rectangle in which no pixel is empty. Raises RcdnError if `balance` isn't within 0..1, `scale` isn't above 0, a
+    side would exceed LONGEST_SIDE or the picture MOST_PIXELS, or nothing is left.
+    """
+    if not scale > 0:
+        raise RcdnError(f"scale must be above 0, not {scale:g}")
+    flat = flat_camera(camera, balance)
+    made = flat if scale <= 1 else resized(flat, _times(flat.image_size, scale))
+    longest = max(*camera.image_size, *made.image_size)
+    if longest > LONGEST_SIDE:
+        raise RcdnError(f"sides of pictures can be {LONGEST_SIDE} px at most here, not {longest}; lower the scale")
+    if made.image_size[0] * made.image_size[1] > MOST_PIXELS:
+        raise RcdnError(f"a picture of {made.image_size[0]}×{made.image_size[1]} px is too large; lower the scale")
+    map_x, map_y = undistortion_maps(camera, made)
+    filled = in_picture(map_x, map_y, camera.image_size)
+    if crop:
+        box = largest_rectangle(filled)
+        if box[0] == box[2]:
+            raise RcdnError("crop: no rectangle is without empty pixels; leave it out")
+        made = cropped(made, box)
+        rows, columns = slice(box[1], box[3]), slice(box[0], box[2])
+        map_x, map_y, filled = map_x[rows, columns], map_y[rows, columns], filled[rows, columns]
+    final = made if scale >= 1 else resized(made, _times(made.image_size, scale))
+    maps = np.ascontiguousarray(map_x), np.ascontiguousarray(map_y)
+    return Undistortion(camera, final, *maps, ~filled)
+
+
+def _times(size: tuple[int, int], scale: float) -> tuple[int, int]:
+    return max(round(scale * size[0]), 1), max(round(scale * size[1]), 1)
