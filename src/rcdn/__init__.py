@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rcdn.provided import provide_camera_work
+
 if TYPE_CHECKING:
     from rcdn.calibration import calibrate as calibrate
     from rcdn.calibration import calibrate_stereo as calibrate_stereo
@@ -12,9 +14,10 @@ if TYPE_CHECKING:
     from rcdn.config import DetectorConfig as DetectorConfig
     from rcdn.detector import Detection as Detection
     from rcdn.detector import Detector as Detector
-    from rcdn.detector import find_chessboard_corners as find_chessboard_corners
     from rcdn.errors import RcdnError as RcdnError
     from rcdn.io import read_image as read_image
+    from rcdn.opencv import detect_charuco as detect_charuco
+    from rcdn.opencv import find_chessboard_corners as find_chessboard_corners
     from rcdn.types import Board as Board
     from rcdn.types import Calibration as Calibration
     from rcdn.types import Camera as Camera
@@ -35,8 +38,9 @@ _HOMES = {
     "RcdnError": "errors",
     "calibrate": "calibration",
     "calibrate_stereo": "calibration",
+    "detect_charuco": "opencv",
     "estimate_pose": "calibration",
-    "find_chessboard_corners": "detector",
+    "find_chessboard_corners": "opencv",
     "read_image": "io",
 }
 
@@ -48,6 +52,13 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'rcdn' has no attribute {name!r}")
     return getattr(import_module(f"rcdn.{_HOMES[name]}"), name)
+
+
+def _camera_work() -> Any:
+    return import_module("rcdn.camera_work")
+
+
+provide_camera_work(_camera_work)
 
 
 def __dir__() -> list[str]:

@@ -7,10 +7,10 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from rcdn.errors import ConfigError, shown
+from rcdn.errors import ConfigError, RcdnError, shown
 
 if TYPE_CHECKING:
-    pass
+    from rcdn.types import Target
 
 RefineMethod = Literal["peak", "saddle", "mixed", "com", "parabola", "edge"]
 Recovery = Literal["graph", "growth"]
@@ -178,7 +178,7 @@ class DetectorConfig:
     `border`: corners closer than this to the image border are dropped, px.
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
     `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards (docs/coded-boards.md); `plain`, the default, takes all boards
-    for plain ones.
+    for plain ones. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target alone: smaller parts of it are certain, since fewer answers compete.
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
@@ -201,7 +201,7 @@ class DetectorConfig:
     min_corners: int = 9
     threads: int = 0
     pattern: Literal["checker", "deltille"] = "checker"
-    target: Targets = "plain"
+    target: Targets | Target = "plain"
     device: Device = "cpu"
 
     def __post_init__(self) -> None:
@@ -218,7 +218,7 @@ class DetectorConfig:
             _require(isinstance(value, kind), f"DetectorConfig.{name} can't be {shown(value)}")
         _one_of(self, "recovery", get_args(Recovery))
         _one_of(self, "pattern", ("checker", "deltille"))
-        _one_of(self, "target", get_args(Targets))
+        _check_target(self.target)
         _require(
             self.pattern == "checker" or self.recovery == "graph",
             "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
@@ -230,6 +230,14 @@ class DetectorConfig:
         _bounded(self, "weak", 0.01, 1)
         _bounded(self, "min_corners", 1, MANY, whole=True)
         _bounded(self, "threads", 0, THREADS, whole=True)
+
+    def __repr__(self) -> str:
+        """The nearer preset with what differs from it: Python that makes an equal value."""
+        fields = [f.name for f in dataclasses.fields(self)]
+        presets = {name: DetectorConfig.preset(name) for name in ("auto", "paper")}
+        differs = {k: [n for n in fields if getattr(self, n) != getattr(v, n)] for k, v in presets.items()}
+        name = min(presets, key=lambda k: len(differs[k]))
+        return f"DetectorConfig.{name}({', '.join(f'{n}={getattr(self, n)!r}' for n in differs[name])})"
 
     @property
     def weights(self) -> str:
@@ -273,10 +281,30 @@ class DetectorConfig:
         return value
 
 
+def _check_target(value: Any) -> None:
+    """Raises ConfigError unless `value` says which targets are read."""
+    if isinstance(value, str) and value in get_args(Targets):
+        return
+    from rcdn.types.target import Target, target_of, target_record  # here: it takes NumPy, which settings don't need
+
+    _require(
+        isinstance(value, Target),
+        f"DetectorConfig.target must be one of {get_args(Targets)}, or a Charuco, AprilGrid or PuzzleBoard, not {shown(value)}",
+    )
+    try:
+        target_of(target_record(value))
+    except RcdnError as error:
+        raise ConfigError(f"DetectorConfig.{error}") from error
+
+
 _PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Cluster, Refine, Sharpen, DetectorConfig)}
 
 
 def _to_plain(value: Any) -> Any:
+    if hasattr(value, "kind"):  # a target, which has a form of its own in all files
+        from rcdn.types.target import target_record
+
+        return target_record(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: _to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
         return {"type": type(value).__name__, **fields}
@@ -286,6 +314,13 @@ def _to_plain(value: Any) -> Any:
 def _from_plain(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
+    if "kind" in value:
+        from rcdn.types.target import target_of
+
+        try:
+            return target_of(value)
+        except RcdnError as error:
+            raise ConfigError(f"config: {error}") from error
     name = value.get("type")
     _require(
         isinstance(name, str) and name in _PAYLOADS, f"config: unknown type {shown(name)}; known: {sorted(_PAYLOADS)}"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rcdn.boards import BOARDS, find_boards, has_cells, largest
+from rcdn.boards import BOARDS, find_boards, find_pieces, has_cells, largest
 from rcdn.boards.deltille import find_deltilles
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
@@ -15,8 +17,9 @@ from rcdn.corners import Candidates, candidates_at, find_maxima
 from rcdn.corners.response import load_model
 from rcdn.corners.six_sector import six_candidates
 from rcdn.errors import ConfigError, shown
-from rcdn.io import as_grey
+from rcdn.io import grey_of
 from rcdn.precision import sharpen
+from rcdn.precision.surroundings import Surroundings
 from rcdn.pyramid import (
     View,
     boards_in_picture,
@@ -30,12 +33,16 @@ from rcdn.pyramid import (
     unexplained,
     whole_views,
 )
-from rcdn.types import Array, Board, Corners, Warnings, allowed
-from rcdn.types.ranges import grid_size
+from rcdn.targets.circles import is_circle_grid
+from rcdn.targets.glance import Glance, glance_at
+from rcdn.types import AprilGrid, Array, Board, Corners, Target, Warnings, allowed
+from rcdn.types.shown import drawing, paragraph
 
 FITTED, PER_BOARD = (800, 4000), 100
 """corners of boards that are fitted once more: at least, and a megapixel (photographs have 2,000 a megapixel at most); and how many corners' time
 a board takes besides"""
+NO_CIRCLES = "not supported: a circle grid (the gaps between its circles are no {} × {} corners)"
+MIRRORED = "mirrored: {} has no numbers, since its codes are seen in a mirror; flip the picture"
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,20 +50,32 @@ class Detection:
     """What one picture holds: `corners`, every X-corner above the threshold or in a board; `boards`, the grids, largest first.
 
     `warnings`: a line for each limit that left something out, since the picture shows more than can be looked at in the time that a picture of
-    its size may take; of a usual photograph there are none.
+    its size may take, and for what is seen but `not supported` or
+    `mirrored`; of a usual photograph there are none.
     """
 
     corners: Corners
     boards: list[Board]
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        counts = [(len(self.corners), "corner"), (len(self.boards), "board")]
+        counts += [(len(self.warnings), "warning")] * bool(self.warnings)
+        return f"<Detection: {', '.join(f'{n} {what}' + 's' * (n != 1) for n, what in counts)}>"
+
+    def _repr_html_(self) -> str:
+        """A drawing of all boards, where there are any, and a line for each."""
+        lines = [paragraph(line) for line in (repr(self)[1:-1], *(repr(board)[1:-1] for board in self.boards))]
+        boards = [(board.xy, board.ij) for board in self.boards]
+        return "".join((drawing(self.boards[0].image_size, boards, self.corners.xy) if boards else "", *lines))
+
 
 class Detector:
     """Finds X-corners and boards. Nobody has to say a board's size.
 
-    `config`: see `DetectorConfig`; default: the preset `auto`. Images: (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
-    (docs/conventions.md). Bad input raises RcdnError; a picture without a board gives [] and no error. A detector may be used for
-    any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
+    `config`: see `DetectorConfig`; default: the preset `auto`. Images: arrays (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
+    (docs/conventions.md), paths of pictures, or PIL images. Bad input raises RcdnError; a picture without a board gives [] and no error.
+    A detector may be used for any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
     preset `auto` and boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
     """
 
@@ -64,11 +83,18 @@ class Detector:
         self.config = DetectorConfig() if config is None else config
         if not isinstance(self.config, DetectorConfig):
             raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
+        if not isinstance(self.config.target, str):
+            from rcdn.targets import check_told
+
+            check_told(self.config.target)
         self._model = load_model(self.config.weights, self.config.device)
+
+    def __repr__(self) -> str:
+        return f"<Detector {self.config!r} on {self._model.device}>"
 
     def response(self, image: Any) -> Array:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
-        return self._model(as_grey(image), self.config.threads)
+        return self._model(grey_of(image), self.config.threads)
 
     def corners(self, image: Any) -> Corners:
         """X-corners at sub-pixel positions, by falling response."""
@@ -80,7 +106,7 @@ class Detector:
 
     def detect(self, image: Any) -> Detection:
         """Corners and boards of one picture at the cost of one."""
-        grey, warnings = as_grey(image), Warnings()
+        grey, warnings = grey_of(image), Warnings()
         views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
         parts = pictures_of(grey, views)
         looks = [self._look(grey.shape, warnings, views[0], parts[0])]
@@ -90,23 +116,59 @@ class Detector:
             looks.append(self._look(grey.shape, warnings, closer, closer.of(grey)))
         boards = distinct_boards([look.boards for look in looks])
         boards = largest(boards, allowed(grey.size, *BOARDS), "boards", warnings)
+        boards = self._identified(grey, boards, looks, warnings)
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
+        inside += [_as_corners(board) for board in boards if board.target is not None]
         whole = [look.corners for look in looks if look.view.scale >= 1]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
         corners = corners.take(_members(corners, boards) | _in_frame(corners.xy, grey.shape))
         if self.config.sharpen is not None and self.config.pattern == "checker":
             sharp = _sharpened(grey, boards, self.config.sharpen.geometry, warnings)
             corners, boards = _moved(corners, boards, sharp), sharp
-        return Detection(corners, self._with_targets(grey, boards), warnings.texts)
+        return Detection(corners, boards, warnings.texts)
 
-    def _with_targets(self, grey: Array, boards: list[Board]) -> list[Board]:
-        """The boards with what their codes say; lattices of tags only if that is certain, since nothing else tells them from any other pattern."""
-        if self.config.target == "plain":
+    def _identified(self, grey: Array, boards: list[Board], looks: list[_Look], warnings: Warnings) -> list[Board]:
+        """The boards with what their codes say, and what codes make of pieces of boards, if not all boards are seen to be plain; lattices of tags
+        only if that is certain, since nothing else tells them from any other pattern.
+
+        It is told of codes that can be read in the mirror image only, and of grids of circles, which are no boards.
+        """
+        if self.config.pattern == "deltille":
             return boards
-        from rcdn.targets import identified  # here: it takes SciPy, whose import is slow
+        out, plain = [], bool(boards)
+        for board in boards:
+            glance = glance_at(grey, board) if board.pattern == "checker" else None
+            coded = self.config.target != "plain" and (glance is None or glance.may_carry_codes)
+            known = self._read(grey, board, warnings) if coded else board
+            plain &= not coded
+            if known.target is None and self._is_circle_grid(glance):
+                warnings.add("circles", NO_CIRCLES.format(*board.size))
+            else:
+                out.append(known)
+        if self.config.target != "plain" and not plain:
+            from rcdn.targets.pieces import read_pieces
 
-        boards = [identified(grey, board) for board in boards]
-        return [board for board in boards if board.pattern != "aprilgrid" or board.target is not None]
+            out = read_pieces(grey, out, [piece for look in looks for piece in look.pieces()], self._told)
+        return [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
+
+    def _is_circle_grid(self, glance: Glance | None) -> bool:
+        literal = self.config.recovery == "growth"  # the paper tells no kinds apart
+        return glance is not None and not literal and is_circle_grid(glance)
+
+    def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
+        """The board with what its codes say, if they say anything for certain."""
+        from rcdn.targets.mirror import mirrored_target  # here: reading takes SciPy, whose import is slow
+        from rcdn.targets.read import identified
+
+        known = identified(grey, board, self._told)
+        if known.target is None and (target := mirrored_target(grey, board, self._told)) is not None:
+            warnings.add("mirrored", MIRRORED.format(target))
+        return known
+
+    @property
+    def _told(self) -> Target | None:
+        """The only target that boards may be, if it was told."""
+        return None if isinstance(self.config.target, str) else self.config.target
 
     def _look(
         self, shape: tuple[int, ...], warnings: Warnings, view: View, part: Array, known: list[Board] | None = None
@@ -133,10 +195,13 @@ class Detector:
         if self.config.recovery == "growth":
             boards = find_boards_paper(part, found, self.config.min_corners)
         else:
-            boards = find_boards(
-                part, found, self.config.min_corners, max(view.scale, 1.0), warnings, self.config.target == "auto"
-            )
-        return _look_of(view, found, boards, shape)
+            boards = find_boards(part, found, self.config.min_corners, max(view.scale, 1.0), warnings, self._tags)
+        return replace(_look_of(view, found, boards, shape), pieces=partial(_pieces, view, part, found, boards, shape))
+
+    @property
+    def _tags(self) -> bool:
+        """Whether lattices of tags are boards, too."""
+        return self.config.target == "auto" or isinstance(self.config.target, AprilGrid)
 
     def _is_quiet(self, part: Array, cells: Array) -> bool:
         """Are there fewer strong peaks in some `cells` of a view than the two that a board needs to go on by a square?"""
@@ -159,10 +224,21 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
         fits = len(board) + PER_BOARD <= left
         left -= (len(board) + PER_BOARD) * fits
         passed += len(board) * (not fits)
-        out.append(sharpen(grey, board, geometry) if fits and board.pattern == "checker" else board)
+        around = _surroundings(board) if fits else None
+        fits &= board.pattern == "checker" or around is not None
+        out.append(sharpen(grey, board, geometry, around) if fits else board)
     if passed:
         warnings.add("fit", f"{passed:,} corners of boards have no sigma: they are too many for the last fit")
     return out
+
+
+def _surroundings(board: Board) -> Surroundings | None:
+    """What is printed around the corners of a board that was read."""
+    if board.target is None:
+        return None
+    from rcdn.targets.surroundings import surroundings  # here: it takes SciPy, whose import is slow
+
+    return surroundings(board)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +249,25 @@ class _Look:
     corners: Corners
     boards: list[Board]
     strong: Array
+    pieces: Callable[[], list[Board]] = list
+    """what may be pieces of boards among its other corners; only those who read codes ask for it"""
+
+
+def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
+    """Pieces of boards in a view, in pixels of the picture."""
+    return boards_in_picture(view, find_pieces(part, found, boards), shape)
 
 
 def _look_of(view: View, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> _Look:
     """What a view of a picture (H, W) shows, in pixels of the picture."""
     corners = corners_in_picture(view, _with_members(found, boards))
-    return _Look(view, corners, boards_in_picture(view, boards, shape), view.to_picture(found.corners.xy))
+    strong = view.to_picture(found.corners.xy)
+    return _Look(view, corners, boards_in_picture(view, boards, shape), strong)
+
+
+def _as_corners(board: Board) -> Corners:
+    """The corners of a board, some of which no view may have as such."""
+    return Corners(board.xy, board.response, board.status)
 
 
 def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:
@@ -223,27 +312,3 @@ def _rows(xy: Array, among: Array) -> Array:
     order = np.argsort(known, kind="stable")
     row = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
     return np.where(known[row] == wanted, row, -1)
-
-
-def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:
-    """A drop-in for `cv2.findChessboardCorners(image, pattern_size)`: (found, corners (N, 1, 2) float32, row by row).
-
-    `pattern_size`: inner corners (columns, rows). The corners are sub-pixel already. (False, None) where no complete board of that size
-    is in the picture. Raises ConfigError for a size under 3×3 and ImageError for an unusable image.
-    """
-    cols, rows = grid_size(pattern_size, "pattern_size", 3)
-    for board in _shared_detector().boards(image):
-        grid = board.grid_of((cols, rows)) if board.complete else None
-        if grid is not None:
-            return True, np.ascontiguousarray(grid.reshape(-1, 1, 2), np.float32)
-    return False, None
-
-
-_shared: list[Detector] = []
-
-
-def _shared_detector() -> Detector:
-    """One detector for all calls, made at the first."""
-    if not _shared:
-        _shared.append(Detector())
-    return _shared[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import os
 import sys
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ from rcdn.corners.normalise import normaliser
 from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
-from rcdn.errors import ConfigError, RcdnError, shown
+from rcdn.errors import ConfigError, DependencyError, RcdnError, shown
 from rcdn.types import Array
 
 TILE = 512
@@ -51,6 +52,10 @@ class ResponseModel:
     quantised: CellNetwork | None = None
     pool: Threads = field(default_factory=Threads, repr=False)
     name: str = "the network"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is made at its first use: ONNX Runtime's session can't be copied, and is made again."""
+        return {key: value for key, value in self.__dict__.items() if key not in ("session", "cells")}
 
     @cached_property
     def session(self) -> Any:
@@ -159,11 +164,23 @@ def _onnxruntime() -> Any:
     it observes for its makers. A program that has imported it already keeps its own settings."""
     first = "onnxruntime" not in sys.modules
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read on being imported only, by releases that send telemetry
-    import onnxruntime
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise _missing("this network", f"can't be loaded ({_shortened(error)})") from error
 
     if first:
         onnxruntime.disable_telemetry_events()  # on Windows
     return onnxruntime
+
+
+def _missing(what: str, why: str = "isn't installed") -> DependencyError:
+    return DependencyError(f"{what} runs in ONNX Runtime, which {why}; run: pip install 'rcdn[onnx]'")
+
+
+def _has_onnxruntime() -> bool:
+    """Whether ONNX Runtime is installed; it isn't imported for that."""
+    return importlib.util.find_spec("onnxruntime") is not None
 
 
 def _shortened(error: Exception) -> str:
@@ -172,9 +189,12 @@ def _shortened(error: Exception) -> str:
 
 
 def device_of(wanted: str) -> str:
-    """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can. Raises ConfigError if it can't do what is wanted."""
-    if wanted == "cpu":
-        return wanted
+    """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can, without which it's the CPU. Raises ConfigError if it can't do what is
+    wanted, DependencyError if it isn't installed."""
+    if wanted == "cpu" or (wanted == "auto" and not _has_onnxruntime()):
+        return "cpu"
+    if not _has_onnxruntime():
+        raise DependencyError("device cuda needs ONNX Runtime for graphics cards; run: pip install onnxruntime-gpu")
     has = _onnxruntime().get_available_providers()
     if PROVIDERS["cuda"] in has:
         return "cuda"
@@ -209,7 +229,7 @@ def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseM
 
     A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it; any other, and all with `stored` False, in ONNX Runtime.
     `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX Runtime has one. Raises RcdnError if there are none, or if the file isn't the one its .json
-    speaks of; ConfigError for a device that isn't there.
+    speaks of; ConfigError for a device that isn't there; DependencyError if ONNX Runtime is needed and isn't installed.
     """
     target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:
@@ -223,7 +243,7 @@ def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseM
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
     quantised = _stored(name, facts["quantised"]) if stored and "quantised" in facts else None
-    return ResponseModel(
+    model = ResponseModel(
         data,
         facts["normalisation"],
         (before, after),
@@ -233,3 +253,6 @@ def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseM
         quantised,
         name=str(target),
     )
+    if model.cells is None and not _has_onnxruntime():
+        raise _missing(f"the network {shown(name)}")
+    return model
