@@ -19,6 +19,7 @@ from detector_stand_in import BROKEN, STOP, StandIn, picture
 from rcdn.cli import _batch, _outputs, _pool, _summary, app
 from rcdn.cli import detect as verb
 from rcdn.cli._options import parse_size
+from rcdn.cli._overlay_names import OverlayNames
 from rcdn.errors import DependencyError, OutputError
 from rcdn.io import ImageResult, read_detections, read_vnl
 from rcdn.types import Corners
@@ -113,7 +114,7 @@ def test_all_read_is_0_and_nothing_but_the_summary_is_said(run):
     }  # fmt: skip
     assert re.search(r"0\.png +9×6$", result.stdout, re.M)
     assert re.search(r"2\.png +9×6 partial \(52 of 54\)$", result.stdout, re.M)
-    assert re.search(r"none\.png +no board \(1 corners\)$", result.stdout, re.M)
+    assert re.search(r"none\.png +no board \(1 corner\)$", result.stdout, re.M)
 
 
 def test_one_bad_file_among_good_ones_is_reported_and_the_rest_go_on(run):
@@ -243,7 +244,7 @@ def test_overlay_names_are_safe_short_and_deterministic():
     names = [str(p) for p in paths[:3]] + [f"/p/clip.mp4#{k:06d}" for k in range(2)] + ["/p/-x.png", "/p/x.png"]
 
     def taken():
-        overlays = _batch.OverlayNames(paths)
+        overlays = OverlayNames(paths)
         return [overlays.take(n) for n in names]
 
     files = taken()
@@ -273,7 +274,7 @@ def test_output_places_are_checked_before_the_work(run, option, monkeypatch):
     assert "file" in result.stderr
 
 
-def full_disk(*_):
+def full_disk(*_, **__):
     raise OutputError("out.json: can't be written: No space left on device; make room")
 
 
@@ -402,7 +403,9 @@ def test_squares_counted_instead_of_corners_are_hinted_at(run):
 def test_file_names_can_not_spoil_the_list():
     name = "a\nb\x1b[31m\udcff.png"
     image = ImageResult(name, 9, 9, Corners(np.zeros((0, 2)), [], []), ())
-    lines = _summary.picture_lines([_summary.brief(image), _batch.Failure(name, f"{name}: bad")], None)
+    lines = _summary.columns(
+        [_summary.line(o, None) for o in (_summary.brief(image), _batch.Failure(name, f"{name}: bad"))]
+    )
     assert len(lines) == 2
     assert all(text.isprintable() for text in lines)
     assert lines[1].endswith("failed: bad")

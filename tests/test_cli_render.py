@@ -131,3 +131,17 @@ def test_a_folder_that_cannot_be_made(tmp_path):
     result = run(tmp_path / "file", "--count", 1, "--size", "320x240")
     assert result.exit_code == 1
     assert "can't be written" in result.stderr
+
+
+def test_one_camera_sees_one_whole_board_in_every_picture(tmp_path):
+    assert run(tmp_path / "a", "--one-camera", "--count", 4, "--size", "320x240").exit_code == 0
+    assert run(tmp_path / "b", "--one-camera", "--count", 1, "--size", "320x240", "--seed", 2).exit_code == 0
+    scenes = [
+        scene_from_json(json.dumps(json.loads(path.read_text())["scene"]))
+        for path in sorted(tmp_path.glob("*/scene_*.json"))
+    ]
+    cameras = [(*s.camera.parameters, s.camera.model, *s.camera.image_size) for s in scenes]
+    assert len(set(cameras[:4])) == 1
+    assert cameras[4] != cameras[0]
+    assert all(truth(scene)[0].visible.all() and len(scene.boards) == 1 for scene in scenes)
+    assert len({scene.boards[0].tvec for scene in scenes}) == 5

@@ -20,9 +20,9 @@ from rcdn.geometry import project, transform
 from rcdn.io import FormatError, ImageResult, read_detections, write_detections
 from rcdn.io.cameras import read_camera
 from rcdn.report.overlay import draw_overlay
-from rcdn.report.target import make_target, to_pdf, to_svg
+from rcdn.report.target import make_page, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
-from rcdn.types import Board, BoardShape, Corners, plane_points
+from rcdn.types import Board, BoardShape, Corners, Deltille, Printed, plane_points
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
 
@@ -163,45 +163,44 @@ def test_overlay_draws_all_three_families_of_lines():
 
 def test_the_target_has_the_corners_that_it_says():
     """Its black triangles meet, three in each, in as many points as it has inner corners, at true scale."""
-    target = make_target((7, 5), 0.02, pattern="deltille")
-    assert not target.squares
-    tips = np.array([t.corners for t in target.triangles]).reshape(-1, 2).round(6)
+    page = make_page(Printed(Deltille(7, 5), 0.02))
+    tips = np.array([t.loops[0] for t in page.shapes]).reshape(-1, 2).round(6)
     points, counts = np.unique(tips, axis=0, return_counts=True)
     inner = points[counts == 3]
     assert len(inner) == 7 * 5
     assert counts.max() == 3
     near = np.sort(np.linalg.norm(inner[:, None] - inner, axis=2), axis=1)[:, 1]
     assert near == pytest.approx(20.0, abs=1e-4)
-    sides = [np.linalg.norm(np.subtract(t.corners, np.roll(t.corners, 1, axis=0)), axis=1) for t in target.triangles]
+    sides = [np.linalg.norm(np.subtract(t.loops[0], np.roll(t.loops[0], 1, axis=0)), axis=1) for t in page.shapes]
     assert np.concatenate(sides) == pytest.approx(20.0)
     assert tips.min() >= 10 - 1e-6
-    assert (tips.max(axis=0) <= np.array(target.page) - [10, 14]).all()
+    assert (tips.max(axis=0) <= np.array(page.size) - [10, 14]).all()
 
 
 def test_both_files_hold_the_triangles(tmp_path):
-    target = make_target((5, 4), 0.02, pattern="deltille")
-    svg = to_svg(target)
+    page = make_page(Printed(Deltille(5, 4), 0.02))
+    svg = to_svg(page)
     drawn = [[float(v) for v in re.split("[ ,]", p)] for p in re.findall(r'points="([^"]*)"', svg)]
-    assert np.array(drawn) == pytest.approx(np.array([t.corners for t in target.triangles]).reshape(-1, 6), abs=1e-4)
+    assert np.array(drawn) == pytest.approx(np.array([t.loops[0] for t in page.shapes]).reshape(-1, 6), abs=1e-4)
     number = rb"-?[\d.]+"
-    paths = re.findall(rb"(%b) (%b) m (%b) (%b) l (%b) (%b) l h" % ((number,) * 6), to_pdf(target))
-    flipped = np.array(paths, float).reshape(-1, 3, 2) * [1, -1] + [0, target.page[1]]
-    assert flipped == pytest.approx(np.array([t.corners for t in target.triangles]), abs=1e-4)
+    paths = re.findall(rb"(%b) (%b) m (%b) (%b) l (%b) (%b) l h" % ((number,) * 6), to_pdf(page))
+    flipped = np.array(paths, float).reshape(-1, 3, 2) * [1, -1] + [0, page.size[1]]
+    assert flipped == pytest.approx(np.array([t.loops[0] for t in page.shapes]), abs=1e-4)
     done = CliRunner().invoke(
         app, ["board", "--size", "5x4", "--spacing", "0.02", "--pattern", "deltille", "-o", str(tmp_path / "t.pdf")]
     )
     assert done.exit_code == 0, done.output
     assert "triangles" in done.stdout
     with pytest.raises(ConfigError, match="deltille"):
-        make_target((12, 9), 0.05, pattern="deltille")
+        make_page(Printed(Deltille(12, 9), 0.05))
 
 
 def test_a_printed_target_is_found(detector):
-    target = make_target((9, 8), 0.018, pattern="deltille")
+    sheet = make_page(Printed(Deltille(9, 8), 0.018))
     scale = 4.0
-    page = np.full((int(target.page[1] * scale), int(target.page[0] * scale)), 235, np.uint8)
-    for t in target.triangles:
-        corners = np.array(t.corners) * scale - 0.5
+    page = np.full((int(sheet.size[1] * scale), int(sheet.size[0] * scale)), 235, np.uint8)
+    for t in sheet.shapes:
+        corners = np.array(t.loops[0]) * scale - 0.5
         cv2.fillPoly(page, [np.round(corners * 16).astype(np.int32)], 20, cv2.LINE_AA, 4)
     image = cv2.resize(cv2.GaussianBlur(page, (0, 0), 1.5), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     assert [len(b) for b in detector.boards(image)] == [72]

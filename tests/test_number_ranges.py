@@ -19,10 +19,10 @@ from rcdn import Board, Camera, Corners, Detector, DetectorConfig, RcdnError, ca
 from rcdn.cli import app
 from rcdn.config import Adaptive, Cluster, Fixed, MaxFraction, Nms, Refine, Std
 from rcdn.corners.response import load_model
-from rcdn.detector import find_chessboard_corners
 from rcdn.errors import ConfigError, FormatError, ImageError, present, shown
 from rcdn.io import ImageResult, as_grey, read_calibration, read_camera, read_detections, write_detections, write_maps
 from rcdn.io.cameras import yaml_text
+from rcdn.opencv import find_chessboard_corners
 
 sys.path.append(str(Path(__file__).parent))
 from test_calibration_files import calibration

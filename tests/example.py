@@ -1,0 +1,42 @@
+"""What a program of a user may look like: type checkers accept it, with the types that it states (tests/test_typing.py)."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rcdn
+
+
+def boards_of(folder: Path) -> list[rcdn.Board]:
+    """All boards of a folder's pictures."""
+    detector = rcdn.Detector(rcdn.DetectorConfig.auto(min_corners=20))
+    found: list[rcdn.Board] = []
+    for path in sorted(folder.glob("*.png")):
+        detection: rcdn.Detection = detector.detect(path)
+        found.extend(detection.boards)
+    return found
+
+
+def camera_of(boards: list[rcdn.Board]) -> rcdn.Camera:
+    """The camera that saw them."""
+    calibration: rcdn.Calibration = rcdn.calibrate(boards, spacing=0.025)
+    deviation: float = calibration.std["fx"]
+    two: NDArray[np.float64] = calibration.std[:2]
+    rms: float = calibration.rms
+    print(deviation, two, rms, calibration.verdict.level if calibration.verdict else "")
+    return calibration.camera
+
+
+def use(camera: rcdn.Camera, board: rcdn.Board, picture: NDArray[np.uint8]) -> bool:
+    """What cameras and boards can do."""
+    camera.save("camera.yaml")
+    again: rcdn.Camera = rcdn.Camera.load(Path("camera.yaml"), name=None)
+    pixels = again.project(np.zeros((3, 3)))
+    rays = again.unproject(pixels)
+    map_x, map_y = again.undistortion_maps(balance=0.5)
+    pose: rcdn.Pose = rcdn.estimate_pose(board, camera, spacing=0.025)
+    found, corners = rcdn.find_chessboard_corners(picture, (9, 6))
+    size: tuple[int, int] = board.size
+    print(rays.shape, map_x.shape, map_y.dtype, pose.R @ pose.t, size, again.undistort(picture).shape)
+    return found and corners is not None
