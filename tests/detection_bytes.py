@@ -1,4 +1,4 @@
-"""What the kernels of one library make of rendered pictures, exactly: `python detection_bytes.py LIBRARY` prints digests by name, JSON."""
+"""What the kernels of one library make of pictures, exactly: `python detection_bytes.py LIBRARY PICTURES.npz` prints digests by name, JSON."""
 
 import dataclasses
 import hashlib
@@ -56,7 +56,7 @@ def main():
 
     detectors = {p: Detector(DetectorConfig(pattern=p)) for p in ("checker", "deltille")}
     out = {}
-    for name, picture in pictures().items():
+    for name, picture in np.load(sys.argv[2]).items():
         detector = detectors["deltille" if name == "deltille" else "checker"]
         found = detector.detect(picture)
         out[f"{name}: boards"] = [[len(b), digest(b)] for b in found.boards]

@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
+sys.path.append(str(Path(__file__).parent))
+from detection_bytes import pictures
 from rcdn.geometry import elementary
 from rcdn.geometry.matrices import affine, inverse, product
 
@@ -59,27 +61,35 @@ def build(folder, flags):
     return library
 
 
-def digests(library, **environment):
-    command = [sys.executable, HERE / "detection_bytes.py", library]
+def digests(library, shown, **environment):
+    command = [sys.executable, HERE / "detection_bytes.py", library, shown]
     out = subprocess.run(command, env=os.environ | environment, stdout=subprocess.PIPE, check=True, text=True)
     return json.loads(out.stdout)
 
 
 @pytest.fixture(scope="module")
-def installed():
+def shown(tmp_path_factory):
+    """A file of the pictures, rendered once: drawing may round otherwise on another processor."""
+    path = tmp_path_factory.mktemp("pictures") / "pictures.npz"
+    np.savez(path, **pictures())
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(shown):
     """What the installed kernels find."""
-    found = digests(import_module("rcdn._native").__file__)
+    found = digests(import_module("rcdn._native").__file__, shown)
     for name in ("easy", "blurred", "several", "small", "deltille", "float"):
         assert found[f"{name}: boards"], name  # else nothing is compared
     return found
 
 
 @pytest.mark.parametrize("level", levels())
-def test_every_level_of_processors_finds_the_same_bytes(level, installed, tmp_path):
+def test_every_level_of_processors_finds_the_same_bytes(level, shown, installed, tmp_path):
     """With other kernels of NumPy, of its BLAS and of OpenCV, too, as far as these can be told to take them."""
     disabled = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
     older = {"NPY_DISABLE_CPU_FEATURES": disabled, "OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2"}
-    assert digests(build(tmp_path, levels()[level]), **older) == installed
+    assert digests(build(tmp_path, levels()[level]), shown, **older) == installed
 
 
 @pytest.mark.parametrize(

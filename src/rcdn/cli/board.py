@@ -167,6 +167,7 @@ def board(
 def _present(size: GridSize | None) -> GridSize:
     if size is None:
         raise ConfigError("--size is missing, such as 9x6; or give --target WHICH")
+    _check_size(size.cols, size.rows)
     return size
 
 
@@ -185,11 +186,13 @@ def _read(which: str, spacing: Length | None) -> tuple[Print, Length | None]:
 
 def _check(target: Print, spacing: Length) -> None:
     size = target.columns, target.rows or 0
-    if size[0] * size[1] > MOST_CORNERS:
-        raise ConfigError(
-            f"--size: a board of {size[0]}x{size[1]} can't be printed; {MOST_CORNERS} corners are the most"
-        )
+    _check_size(*size)
     check_length(spacing, size)
+
+
+def _check_size(columns: int, rows: int) -> None:
+    if columns * rows > MOST_CORNERS:
+        raise ConfigError(f"--size: a board of {columns}x{rows} can't be printed; {MOST_CORNERS} corners are the most")
 
 
 def _note(target: Print) -> str | None:

@@ -35,10 +35,13 @@ def whole_size(value: Any, what: str) -> tuple[int, int]:
 
 
 def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
-    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, which opens with `what`, unless each is at least `least`."""
+    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, which opens with `what`, unless each is at least
+    `least`, and both together make a box of at most BOX."""
     size = _two(value)
     if size is None or min(size) < least or size[0] * size[1] > BOX:
-        raise ConfigError(f"{what} counts inner corners (columns, rows), at least {least} each, not {shown(value)}")
+        raise ConfigError(
+            f"{what} counts inner corners (columns, rows), at least {least} each and {BOX} in all at most, not {shown(value)}"
+        )
     return size
 
 
