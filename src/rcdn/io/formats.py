@@ -60,7 +60,7 @@ def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Se
 
 
 def write_lines(path: str | Path, lines: Iterable[str], errors: Iterable[tuple[str, str]] = ()) -> None:
-    """`write_detections` of images whose `image_line`s are there already; they need not fit into memory."""
+    """`write_detections` of images whose lines (`image_line`) are there already; they need not fit into memory."""
     write_chunks(path, (piece.encode("ascii") for piece in _pieces(lines, errors)))
 
 
