@@ -14,10 +14,9 @@ from rcdn.cli.bench import bench
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.evaluation.bench import rate, run
 from rcdn.evaluation.bench.child import LIMITS, Broken, Child, Timing, limited
-from rcdn.evaluation.bench.pictures import Cell, photographs, rendered
+from rcdn.evaluation.bench.pictures import Cell, rendered
 from rcdn.evaluation.bench.resident import resident
 from rcdn.evaluation.bench.run import SB, Contestant, cells_of, contestants, in_turn, table
-from rcdn.io import write_image
 from rcdn.peers import PEERS, Grid, Peer
 
 SMALL = (200, 160)
@@ -173,7 +172,7 @@ def test_a_peer_with_boards_of_its_own_gets_them_together_with_the_yardstick():
     who = [Contestant("rcdn", None), Contestant(SB, None), Contestant("square", None, (7, 7))]
     made = list(cells_of([SMALL], (5, 4), who))
     assert [(c.kind, c.board, c.only) for c in made] == [
-        ("board", (5, 4), ("rcdn", SB)), ("board", (7, 7), (SB, "square")), ("clutter", (5, 4), ()),
+        ("board", (5, 4), ("rcdn", SB)), ("board", (7, 7), (SB, "square")), ("clutter", (5, 4), ()), ("texture", (5, 4), ()),
     ]  # fmt: skip
     assert all(c.pictures[0].shape == (160, 200) and c.pictures[0].dtype == np.uint8 for c in made)
 
@@ -186,26 +185,16 @@ def test_the_board_is_there_whole_and_the_clutter_holds_none(size, board):
     assert found
     hull = cv2.contourArea(cv2.convexHull(corners)) * np.prod(np.array(board) + 1) / np.prod(np.array(board) - 1)
     assert 0.2 < hull / np.prod(size) < 0.5  # without the quiet zone; tall frames hold a smaller board
-    empty = rendered("clutter", size, board)
-    assert empty.shape == size[::-1]
-    assert empty.std() > 20
-    assert not cv2.findChessboardCornersSB(empty, board)[0]
+    for kind in ("clutter", "texture"):
+        empty = rendered(kind, size, board)
+        assert empty.shape == size[::-1]
+        assert empty.std() > 20
+        assert not cv2.findChessboardCornersSB(empty, board)[0]
 
 
 def test_a_board_that_fits_nowhere_is_refused():
     with pytest.raises(ConfigError, match="doesn't fit"):
         rendered("board", (160, 160), (90, 90))
-
-
-def test_photographs_come_by_size(tmp_path):
-    for k, shape in enumerate([(90, 120), (90, 120), (100, 110)]):
-        write_image(tmp_path / f"{k}.png", np.full(shape, k, np.uint8))
-    wide, tall = sorted(photographs(tmp_path, (9, 6), ("a",)), key=lambda c: -c.size[0])
-    assert (wide.size, len(wide.pictures), tall.size, len(tall.pictures)) == ((120, 90), 2, (110, 100), 1)
-    assert wide.only == ("a",)
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(ConfigError, match="no pictures"):
-        photographs(tmp_path / "empty", (9, 6))
 
 
 # ---- processes
@@ -317,7 +306,7 @@ def test_the_command_leaves_table_json_markdown_and_plot(command, tmp_path, monk
     assert found["settings"]["skipped"] == {"absent": "not installed: pip install absent"}
     ours = [r for r in found["speed"] if r["detector"] == "rcdn"]
     assert [(r["picture"], r["ms"], r["ratio"], r["repeats"]) for r in ours] == [
-        ("board", 2000, 2, 2), ("clutter", 2000, 2, 2),
+        ("board", 2000, 2, 2), ("clutter", 2000, 2, 2), ("texture", 2000, 2, 2),
     ]  # fmt: skip
     assert {r["note"] for r in found["speed"] if r["detector"] == "broken"} == {"failed: boom"}
     assert {r["detector"] for r in found["memory"]} == {"rcdn", SB, "broken"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as as_json
-import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +13,12 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.cli import _talk
+from rcdn.cli._bench_words import PARTS, counts_of, parts_of, sizes_of, words_of
+from rcdn.cli._columns import columns
 from rcdn.cli._group import one_line
 from rcdn.cli._options import GridSize, parse_size
 from rcdn.errors import ConfigError, RcdnError
 
-PARTS = ("speed", "first", "memory", "rate")
 FRESH = 5
 """fresh interpreters for the first call"""
 SWEEP = Path("benchmarks/results/sweep_peers.json")
@@ -26,11 +26,12 @@ SWEEP = Path("benchmarks/results/sweep_peers.json")
 
 @dataclass
 class _Results:
-    """The tables by name, and what was skipped; `samples`: memory over a folder."""
+    """The tables by name, and what was skipped; `samples`: memory over a folder; `chosen`: photographs."""
 
     tables: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     samples: list[dict[str, Any]] = field(default_factory=list)
     skipped: dict[str, str] = field(default_factory=dict)
+    chosen: list[str] = field(default_factory=list)
 
 
 def bench(
@@ -52,9 +53,16 @@ def bench(
         float, typer.Option(min=0, help="Seconds a detector may take on one picture; then it repeats less.")
     ] = 6.0,
     photographs: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Also time all pictures in it, each in turn.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Time photographs: of the sets in its truth.json, or all; then no other part."
+        ),
     ] = None,
-    parts: Annotated[str, typer.Option(metavar="NAME,…|none", help=f"Of {', '.join(PARTS)}.")] = ",".join(PARTS),
+    rounds: Annotated[int, typer.Option(min=1, help="With --photographs: repeats of each picture.")] = 3,
+    parts: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,…|none", help=f"Of {', '.join(PARTS)}; default: all, without --photographs."),
+    ] = None,
     stages: Annotated[bool, typer.Option("--stages", help="Also what each stage of our detector takes.")] = False,
     folder: Annotated[
         int, typer.Option(min=0, metavar="N", help="Also `rcdn detect` over N rendered pictures: time and memory.")
@@ -93,29 +101,33 @@ def bench(
     median of the repeats, `iqr ms`: from their first quartile to their third; `cpu ms`: of all cores; `ratio`: median of
     its time ÷ findChessboardCornersSB's on the same picture in the same round; `corners`: in boards. A detector that
     isn't installed, breaks down, or takes longer than the budget says so. `rate`: operations a second of the preset `paper`'s
-    network, beside products of matrices. At most 15 minutes; the machine must be idle.
+    network, beside products of matrices. With `--photographs`: figures a megapixel, geometric means
+    over the sets. At most 15 minutes; the machine must be idle.
     """
     from rcdn.evaluation.bench import record
 
     _talk.begin(outputs=(json, csv, markdown))
-    wanted = _parts(parts)
-    frames, counts = _sizes(sizes), _counts(threads)
+    wanted = parts_of(parts or (",".join(PARTS) if photographs is None else "none"))
+    frames, counts = sizes_of(sizes), counts_of(threads)
     drawn = _prepared(plot, sweep) if plot is not None else None
-    along = _counts(folder_jobs, "--folder-jobs")
+    along = counts_of(folder_jobs, "--folder-jobs")
     _check(json, csv, markdown, plot, folder, folder_plot)
     who, skipped = _contestants(preset or ["auto"], peers, counts)
     machine = record.machine()
     if record.busy(machine["load"]):
         typer.echo(f"note: the machine is busy (load {machine['load']}): these times are not worth much", err=True)
     results = _Results(skipped=skipped)
-    _measure(results, wanted, who, frames, board, counts, count, budget, photographs)
-    if stages:
+    if photographs is not None:
+        _photographs(results, photographs, (board.cols, board.rows), who, counts, rounds, stages)
+    _measure(results, wanted, who, frames, board, counts, count, budget)
+    if stages and photographs is None:
         _stages(results, preset or ["auto"], frames, board, count, budget)
     if folder:
         _folder(results, folder, along, folder_plot)
     settings = {
         "count": count, "budget": budget, "sizes": frames, "board": board, "threads": counts,
-        "photographs": None if photographs is None else photographs.name, "folder": folder, "folder jobs": along if folder else None,
+        "photographs": None if photographs is None else photographs.resolve().name,
+        "rounds": None if photographs is None else rounds, "chosen": results.chosen, "folder": folder, "folder jobs": along if folder else None,
         "peers": _versions(who), "skipped": skipped, "machine": machine | {"load after": record.load()},
     }  # fmt: skip
     if drawn is not None and plot is not None:
@@ -128,37 +140,6 @@ def bench(
 
 
 # ---- options
-
-
-def _parts(text: str) -> list[str]:
-    names = [] if text.strip() == "none" else _words(text)
-    unknown = sorted(set(names) - set(PARTS))
-    if unknown:
-        raise ConfigError(f"--parts: nothing is called {', '.join(unknown)}; known: {', '.join(PARTS)}, none")
-    return names
-
-
-def _sizes(text: str) -> list[tuple[int, int]]:
-    out = []
-    for word in _words(text):
-        match = re.fullmatch(r"(\d{1,5})[xX×](\d{1,5})", word)
-        if match is None or not all(160 <= int(n) <= 10_000 for n in match.groups()):
-            raise ConfigError(f"--sizes: {word!r} is none; give width x height from 160 to 10000 px, such as 640x480")
-        out.append((int(match[1]), int(match[2])))
-    if not out:
-        raise ConfigError("--sizes: give at least one, such as 640x480")
-    return list(dict.fromkeys(out))
-
-
-def _counts(text: str, option: str = "--threads") -> list[int]:
-    words = _words(text)
-    if not words or not all(re.fullmatch(r"[1-9]\d{0,2}", word) for word in words):
-        raise ConfigError(f"{option}: {text!r} are none; give numbers from 1, such as 1,2")
-    return list(dict.fromkeys(map(int, words)))
-
-
-def _words(text: str) -> list[str]:
-    return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def _check(
@@ -201,7 +182,7 @@ def _contestants(presets: list[str], peers: str, threads: list[int]) -> tuple[li
 
     if max(threads) > usable_cores():
         typer.echo(f"note: there are only {usable_cores()} cores for {max(threads)} threads", err=True)
-    return contestants(presets, _words(peers))
+    return contestants(presets, words_of(peers))
 
 
 # ---- measuring
@@ -209,7 +190,7 @@ def _contestants(presets: list[str], peers: str, threads: list[int]) -> tuple[li
 
 def _measure(
     results: _Results, wanted: list[str], who: list[Any], frames: list[tuple[int, int]], board: GridSize,
-    threads: list[int], count: int, budget: float, photographs: Path | None,
+    threads: list[int], count: int, budget: float,
 ) -> None:  # fmt: skip
     from rcdn.evaluation.bench.first import first_calls, memory
     from rcdn.evaluation.bench.rate import rate
@@ -218,7 +199,7 @@ def _measure(
     size = (board.cols, board.rows)
     with _telling() as tell:
         if "speed" in wanted:
-            cells = cells_of(frames, size, who, photographs)
+            cells = cells_of(frames, size, who)
             results.tables["speed"] = table(cells, who, threads, count, budget, tell)
         if "first" in wanted:
             tell("first calls")
@@ -228,6 +209,31 @@ def _measure(
         if "rate" in wanted:
             tell("rate of the dense network and of matrix products")
             results.tables["rate"] = rate(count)
+
+
+def _photographs(
+    results: _Results,
+    folder: Path,
+    asked: tuple[int, int],
+    who: list[Any],
+    threads: list[int],
+    rounds: int,
+    stages: bool,
+) -> None:
+    from rcdn.evaluation.bench import yardstick
+    from rcdn.evaluation.bench.chosen import chosen
+    from rcdn.evaluation.bench.photographs import PATIENCE, figures
+    from rcdn.evaluation.bench.stages import photograph_stages
+
+    pictures = chosen(folder, asked)
+    results.chosen = [f"{picture.set}/{picture.file}" for picture in pictures]
+    with _telling() as tell:
+        found, failures = figures(pictures, who, threads, rounds, PATIENCE, tell)
+        results.skipped |= {name: f"failed on some photographs: {why}" for name, why in failures.items()}
+        results.tables["photographs"] = yardstick.summary(found)
+        results.tables["sets"], results.tables["found"] = yardstick.sets(found), yardstick.found(found)
+        if stages:
+            results.tables["photograph stages"] = photograph_stages(pictures, "auto", rounds, tell)
 
 
 def _stages(
@@ -311,32 +317,10 @@ def _show(results: _Results) -> None:
 
     for name, rows in results.tables.items():
         _talk.say(name)
-        for line in _lines(rows):
+        for line in columns(rows):
             _talk.say(line)
         _talk.say("")
     for name, reason in results.skipped.items():
         _talk.say(f"skipped {name}: {one_line(reason)}")
     facts = provenance()
     _talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
-
-
-def _lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """A table in columns: text to the left, numbers to the right."""
-    if not rows:
-        return ["(nothing)"]
-    cells = {c: [_cell(row[c]) for row in rows] for c in rows[0]}
-    is_text = {c: any(isinstance(row[c], str) for row in rows) for c in cells}
-    put: dict[bool, Callable[[str, int], str]] = {True: str.ljust, False: str.rjust}
-    widths = {c: max(map(len, (c, *cells[c]))) for c in cells}
-    texts = [list(cells), *[list(line) for line in zip(*cells.values(), strict=True)]]
-    return [
-        "  ".join(put[is_text[c]](t, widths[c]) for c, t in zip(cells, line, strict=True)).rstrip() for line in texts
-    ]
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, float):
-        return f"{value:.4g}" if abs(value) < 1000 else f"{value:.0f}"
-    return one_line(str(value))

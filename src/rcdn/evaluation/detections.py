@@ -83,16 +83,20 @@ def _score_picture(
     hits = len(match(every, true, RADIUS)[0])
     counts["hits"] += hits
     counts["wrong"] += len(every) - hits if exhaustive else 0
-    whole = False
-    for xy, ij in kept:
-        pairs, _ = match(xy, true, RADIUS)
-        fits = True
-        if columns and len(pairs) > 2:
-            label = np.stack([pairs[:, 1] % columns, pairs[:, 1] // columns], axis=1)
-            fits = labels_fit(ij[pairs[:, 0]], label)
-            counts["mislabelled"] += not fits
-        whole |= fits and len(pairs) == len(true) == len(xy)
-    counts["whole"] += whole
+    verdicts = [judged(xy, ij, true, columns) for xy, ij in kept]
+    counts["mislabelled"] += sum(not fits for fits, _ in verdicts)
+    counts["whole"] += any(whole for _, whole in verdicts)
+
+
+def judged(xy: Array, ij: Array, true: Array, columns: int) -> tuple[bool, bool]:
+    """Whether a board with corners `xy` (N, 2) px and labels `ij` (N, 2) has no wrong label, and whether it is whole besides: each of the `true`
+    corners (M, 2), and no other. `columns` of the true board, whose corners come row by row; 0: its labels aren't known."""
+    pairs, _ = match(xy, true, RADIUS)
+    fits = True
+    if columns and len(pairs) > 2:
+        label = np.stack([pairs[:, 1] % columns, pairs[:, 1] // columns], axis=1)
+        fits = labels_fit(ij[pairs[:, 0]], label)
+    return fits, fits and len(pairs) == len(true) == len(xy)
 
 
 def _counted(board: Board, true: Array, ignore: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from rcdn.errors import RcdnError
 from rcdn.evaluation.bench.resident import resident
-from rcdn.peers import Find, quiet
+from rcdn.peers import Find, Grid, quiet
 from rcdn.types import Array
 
 Size = tuple[int, int]
@@ -30,11 +30,12 @@ class Broken(RcdnError):
 
 @dataclass(frozen=True)
 class Timing:
-    """One picture: `seconds` of the clock and `cpu` of all processors, `corners` found."""
+    """One picture: `seconds` of the clock and `cpu` of all processors, `corners` found, in `grids`."""
 
     seconds: float
     cpu: float
     corners: int
+    grids: tuple[Grid, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ def _timed(find: Find, image: Array, size: Size) -> Timing | Broken:
             seconds, cpu = time.perf_counter() - start, _cpu() - cpu
     except Exception as error:
         return Broken(f"{type(error).__name__}: {error}")
-    return Timing(seconds, cpu, sum(len(grid.xy) for grid in grids))
+    return Timing(seconds, cpu, sum(len(grid.xy) for grid in grids), tuple(grids))
 
 
 def _cpu() -> float:

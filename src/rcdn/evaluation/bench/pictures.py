@@ -1,17 +1,15 @@
-"""What is timed: a board that fills half of the picture, clutter without one, photographs."""
+"""What is rendered to be timed: a board that fills half of the picture, clutter and texture without one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from rcdn.errors import ConfigError
+from rcdn.evaluation.bench import textured
 from rcdn.evaluation.sweep.pictures import placed
-from rcdn.io import expand, is_video, read_image
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
 from rcdn.synthetic.surface import board_to_pixels
 from rcdn.types import Array
@@ -46,8 +44,8 @@ class Cell:
 
 @cache
 def rendered(kind: str, size: Size, board: Size) -> Array:
-    """The picture `board` or `clutter`, (H, W) uint8; the same arguments give the same bytes."""
-    image = clutter(size) if kind == "clutter" else board_picture(size, board)
+    """The picture `board`, `clutter` or `texture`, (H, W) uint8; the same arguments give the same bytes."""
+    image = board_picture(size, board) if kind == "board" else panels(size, kind)
     image.setflags(write=False)
     return image
 
@@ -68,17 +66,26 @@ def board_picture(size: Size, board: Size) -> Array:
     raise ConfigError(f"--board {board[0]}x{board[1]} doesn't fit a picture of {size[0]}x{size[1]} px")
 
 
-def clutter(size: Size) -> Array:
-    """Panels of tiles, text, shapes and blocks without a board, each row shifted: where panels meet there are Ts, no Xs."""
+def panels(size: Size, kind: str) -> Array:
+    """Panels without a board, each row shifted: where panels meet there are Ts, no Xs.
+
+    `clutter`: tiles, text, shapes and blocks; `texture`: leaves of filtered noise.
+    """
     width, height = size
     across = -(-width // PANEL[0]) + 1
     rows = []
     for row in range(-(-height // PANEL[1])):
         numbers = range(row * across, (row + 1) * across)
-        line = np.hstack([render(_scene(PANEL, CLUTTER[(k + row) % len(CLUTTER)], FIRST + 1 + k)) for k in numbers])
+        line = np.hstack([_panel(kind, k, row) for k in numbers])
         shift = PANEL[0] // 2 if row % 2 else 0
         rows.append(line[:, shift : shift + width])
     return np.ascontiguousarray(np.vstack(rows)[:height])
+
+
+def _panel(kind: str, number: int, row: int) -> Array:
+    if kind == "texture":
+        return textured.panel(PANEL, number, BLUR, NOISE)
+    return render(_scene(PANEL, CLUTTER[(number + row) % len(CLUTTER)], FIRST + 1 + number))
 
 
 def _scene(size: Size, background: str, seed: int) -> Scene:
@@ -87,20 +94,3 @@ def _scene(size: Size, background: str, seed: int) -> Scene:
         width, height, float(width), ((width - 1) / 2, (height - 1) / 2), sensor=Sensor(blur=BLUR, noise=NOISE),
         background=Background(background, seed), seed=seed,
     )  # fmt: skip
-
-
-def photographs(folder: Path, board: Size, only: Sequence[str] = ()) -> list[Cell]:
-    """The pictures below `folder`, in a fixed random order, a cell for each size of picture.
-
-    Raises ConfigError if there is none; what can't be read raises as in `read_image`.
-    """
-    paths = [path for path in expand([folder])[0] if not is_video(path)]
-    if not paths:
-        raise ConfigError(f"--photographs {folder}: no pictures there")
-    found: dict[Size, list[Array]] = {}
-    for k in np.random.default_rng(FIRST).permutation(len(paths)):
-        image = read_image(paths[k])
-        if image.dtype != np.uint8:
-            image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
-        found.setdefault((image.shape[1], image.shape[0]), []).append(image)
-    return [Cell("photographs", size, board, tuple(images), tuple(only)) for size, images in sorted(found.items())]

@@ -11,6 +11,7 @@ from statistics import fmean
 from typing import Any
 
 from rcdn.errors import ConfigError
+from rcdn.evaluation.bench import yardstick
 
 Row = dict[str, Any]
 BUSY = 0.3
@@ -73,7 +74,7 @@ def quality(paths: Sequence[Path]) -> dict[str, float]:
 
 def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
     """The tables by name, as `rcdn bench` makes them, for docs/speed.md."""
-    out = []
+    out = yardstick.text(tables)
     speed = tables.get("speed", ())
     for kind, threads in dict.fromkeys((r["picture"], r["threads"]) for r in speed):
         mine = [r for r in speed if (r["picture"], r["threads"]) == (kind, threads)]
@@ -85,6 +86,10 @@ def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
         mine = [r for r in stages if r["preset"] == preset]
         title = f"stages of {preset}: ms (share)"
         out.append(_pivot(title, [(r["stage"], f"{r['picture']} {r['size']}", _share(r)) for r in mine]))
+    classes = tables.get("photograph stages", ())
+    if classes:
+        cells = [(r["stage"], f"{r['pictures']} ({r['count']})", _part(r)) for r in classes]
+        out.append(_pivot("stages on photographs: CPU ms a megapixel (share)", cells))
     if tables.get("memory"):
         cells = [(r["detector"], r["size"], _taken(r)) for r in tables["memory"]]
         out.append(_pivot("memory: MB at most (more than before the picture)", cells))
@@ -117,6 +122,10 @@ def _timing(row: Row) -> str:
 
 def _share(row: Row) -> str:
     return f"{_ms(row['ms'])} ({100 * row['share']:.0f} %)"
+
+
+def _part(row: Row) -> str:
+    return f"{_ms(row['ms/MP'])} ({100 * row['share']:.0f} %)"
 
 
 def _taken(row: Row) -> str:

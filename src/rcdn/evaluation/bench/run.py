@@ -14,7 +14,7 @@ from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 from rcdn.evaluation import sweep
 from rcdn.evaluation.bench.child import Broken, Child, Timing
-from rcdn.evaluation.bench.pictures import Cell, photographs, rendered
+from rcdn.evaluation.bench.pictures import Cell, rendered
 from rcdn.peers import PEERS, Find, Grid
 from rcdn.types import Array
 
@@ -81,7 +81,7 @@ def _ours(preset: str, threads: int) -> Find:
     return find
 
 
-def cells_of(sizes: Sequence[Size], board: Size, who: Sequence[Contestant], folder: Any = None) -> Iterator[Cell]:
+def cells_of(sizes: Sequence[Size], board: Size, who: Sequence[Contestant]) -> Iterator[Cell]:
     """The pictures, size by size. A peer that wants boards of its own gets them, and the yardstick with it."""
     rest = tuple(c.name for c in who if c.board in (None, board))
     others = {c.board for c in who if c.board not in (None, board)}
@@ -90,9 +90,8 @@ def cells_of(sizes: Sequence[Size], board: Size, who: Sequence[Contestant], fold
         for other in sorted(o for o in others if o is not None):
             only = (SB, *(c.name for c in who if c.board == other))
             yield Cell("board", size, other, (rendered("board", size, other),), only)
-        yield Cell("clutter", size, board, (rendered("clutter", size, board),))
-    if folder is not None:
-        yield from photographs(folder, board, rest)
+        for kind in ("clutter", "texture"):
+            yield Cell(kind, size, board, (rendered(kind, size, board),))
 
 
 def table(
@@ -153,7 +152,7 @@ def in_turn(
     sizes = {name: (boards or {}).get(name, cell.board) for name in runners}
     rng = np.random.default_rng(0)
     for name, runner in runners.items():
-        warm = _ask(runner, cell.pictures[0], sizes[name], out[name])
+        warm = ask(runner, cell.pictures[0], sizes[name], out[name])
         if warm is not None and out[name].spent >= budget:
             out[name].timings[0], out[name].cold = warm, True
     for number in range(max(count, len(cell.pictures))):
@@ -162,20 +161,22 @@ def in_turn(
             mine = out[name]
             if mine.failure:
                 continue
-            if mine.skipped or (mine.timings and mine.spent + _usual(mine) > budget):
+            if mine.skipped or (mine.timings and mine.spent + usual(mine) > budget):
                 mine.skipped += 1
                 continue
-            timing = _ask(runners[name], image, sizes[name], mine)
+            timing = ask(runners[name], image, sizes[name], mine)
             if timing is not None:
                 mine.timings[number] = timing
     return out
 
 
-def _usual(mine: Times) -> float:
+def usual(mine: Times) -> float:
+    """Median of its times so far, s."""
     return float(np.median([t.seconds for t in mine.timings.values()]))
 
 
-def _ask(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
+def ask(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
+    """Time one picture, and note in `mine` what it took; None, and why in `mine`, if it broke down."""
     try:
         timing = runner.time(image, size)
     except Broken as error:

@@ -17,6 +17,7 @@ import numpy as np
 from rcdn.children import end_with_parent
 from rcdn.config import DetectorConfig
 from rcdn.evaluation.bench.child import limited
+from rcdn.evaluation.bench.chosen import Photograph
 from rcdn.evaluation.bench.pictures import rendered
 from rcdn.types import Array
 
@@ -46,16 +47,19 @@ STAGES = (
     ("views, compared", "rcdn.detector:boards_in_picture"),
     ("views, compared", "rcdn.detector:distinct_boards"),
     ("views, compared", "rcdn.detector:distinct_corners"),
+    ("codes", "rcdn.detector:Detector._identified"),
     ("sharpen, fit", "rcdn.precision:fit_corners"),
     ("sharpen, smooth", "rcdn.precision:smooth"),
     ("sharpen, rest", "rcdn.detector:sharpen"),
 )
 """(stage, module:name); time in a stage that another one calls counts for the inner one only"""
 REST = "rest"
+SECONDS = 5.0
+"""that one photograph may take"""
 
 
 class Clock:
-    """Exclusive seconds by stage, of one thread."""
+    """Exclusive seconds of processor time by stage, of a process with one thread."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -68,11 +72,11 @@ class Clock:
         @functools.wraps(function)
         def timed(*arguments: Any, **named: Any) -> Any:
             self._inner.append(0.0)
-            start = time.perf_counter()
+            start = time.process_time()
             try:
                 return function(*arguments, **named)
             finally:
-                whole = time.perf_counter() - start
+                whole = time.process_time() - start
                 inner = self._inner.pop()
                 self._inner[-1] += whole
                 self.seconds[stage] = self.seconds.get(stage, 0.0) + whole - inner
@@ -116,7 +120,7 @@ def stages(
     rows = []
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         for size in sizes:
-            for kind in ("board", "clutter"):
+            for kind in ("board", "clutter", "texture"):
                 if tell:
                     tell(f"stages, {kind} {size[0]}x{size[1]}")
                 image = rendered(kind, size, board)
@@ -125,8 +129,53 @@ def stages(
     return rows
 
 
+CLASSES = (0.1, 0.5, 2.0)
+"""megapixels between classes of photographs"""
+
+
+def photograph_stages(
+    pictures: Sequence[Photograph], preset: str, count: int, tell: Callable[[str], None] | None = None
+) -> list[Row]:
+    """One row for each class of photographs and stage: our detector in one thread; `ms/MP` of all its `count` pictures together.
+
+    Classes are by size, with a board and without; within one each picture weighs by its pixels. `calls`: a picture.
+    """
+    found: dict[str, list[tuple[float, list[Row]]]] = {}
+    with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
+        for picture in sorted(pictures, key=lambda p: (p.is_empty, p.megapixels)):
+            if tell:
+                tell(f"stages, {picture.set}/{picture.file}")
+            rows = pool.submit(stages_of, picture.image, preset, count, SECONDS).result()
+            found.setdefault(class_of(picture), []).append((picture.megapixels, rows))
+    return [{"preset": preset} | row for name, mine in found.items() for row in class_rows(name, mine)]
+
+
+def class_of(picture: Photograph) -> str:
+    """The class of a photograph, in words."""
+    low = max((edge for edge in CLASSES if picture.megapixels >= edge), default=0.0)
+    high = min((edge for edge in CLASSES if picture.megapixels < edge), default=None)
+    return f"{'no board' if picture.is_empty else 'boards'}, {low:g} MP {'and more' if high is None else f'to {high:g} MP'}"
+
+
+def class_rows(name: str, mine: Sequence[tuple[float, list[Row]]]) -> list[Row]:
+    """The rows of one class from those of its pictures, each with its megapixels."""
+    area = sum(megapixels for megapixels, _ in mine)
+    ms, calls = dict[str, float](), dict[str, int]()
+    for stage, row in ((row["stage"], row) for _, rows in mine for row in rows):
+        ms[stage] = ms.get(stage, 0.0) + row["ms"]
+        calls[stage] = calls.get(stage, 0) + (row["calls"] or 0)
+    names = sorted(ms, key=lambda stage: (stage == "whole", stage == REST))
+    return [
+        {
+            "pictures": name, "count": len(mine), "stage": stage, "ms/MP": round(ms[stage] / area, 3),
+            "share": round(ms[stage] / ms["whole"], 3), "calls": round(calls[stage] / len(mine), 2),
+        }
+        for stage in names
+    ]  # fmt: skip
+
+
 def stages_of(image: Array, preset: str, count: int, budget: float) -> list[Row]:
-    """Rows of one picture (H, W): `ms` and `share` of the whole, `calls`; the last is the whole itself.
+    """Rows of one picture (H, W): `ms` of the processor and `share` of the whole, `calls`; the last is the whole itself.
 
     The stages and the rest add up to the whole in every run; medians of several runs do so about. `note` of the last row
     names functions that were not found.
@@ -144,9 +193,9 @@ def stages_of(image: Array, preset: str, count: int, budget: float) -> list[Row]
     while not runs or (len(runs) < count and time.perf_counter() - begin + runs[-1]["whole"] < budget):
         clock = Clock()
         with watched(clock) as lacking:
-            start = time.perf_counter()
+            start = time.process_time()
             detector.detect(image)
-            whole = time.perf_counter() - start
+            whole = time.process_time() - start
         rest = whole - sum(clock.seconds.values())
         runs.append(clock.seconds | {REST: rest, "whole": whole})
         calls, absent = clock.calls, lacking
