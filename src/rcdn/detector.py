@@ -224,7 +224,7 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
         fits = len(board) + PER_BOARD <= left
         left -= (len(board) + PER_BOARD) * fits
         passed += len(board) * (not fits)
-        around = _surroundings(board) if fits else None
+        around = _surroundings(grey, board) if fits else None
         fits &= board.pattern == "checker" or around is not None
         out.append(sharpen(grey, board, geometry, around) if fits else board)
     if passed:
@@ -232,13 +232,13 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
     return out
 
 
-def _surroundings(board: Board) -> Surroundings | None:
+def _surroundings(grey: Array, board: Board) -> Surroundings | None:
     """What is printed around the corners of a board that was read."""
     if board.target is None:
         return None
     from rcdn.targets.surroundings import surroundings  # here: it takes SciPy, whose import is slow
 
-    return surroundings(board)
+    return surroundings(grey, board)
 
 
 @dataclass(frozen=True, eq=False)

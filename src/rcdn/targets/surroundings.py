@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.precision.surroundings import PARTS, SIDES, Shape, Surroundings, drawn, shape, without_shapes
 from rcdn.targets.dictionaries import marker_bits, tag_bits
 from rcdn.targets.layout import index_of
+from rcdn.targets.placement import Placement, placement
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard
 
@@ -24,10 +25,11 @@ STEPS = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
 """to the next corners"""
 
 
-def surroundings(board: Board) -> Surroundings | None:
-    """What is printed around the corners of a board that was read; None if it is nothing but squares, or not known."""
+def surroundings(grey: Array, board: Board) -> Surroundings | None:
+    """What is printed around the corners of a board that was read in the picture `grey` (H, W); None if it is nothing but squares, or not known."""
     if isinstance(board.target, Charuco):
-        return _charuco(board.target, board.ij)
+        placed = placement(grey, board, board.target)
+        return None if placed is None else _charuco(board.target, board.ij, placed)
     if isinstance(board.target, PuzzleBoard):
         return _puzzle(board.ij)
     if isinstance(board.target, AprilGrid):
@@ -35,7 +37,7 @@ def surroundings(board: Board) -> Surroundings | None:
     return None
 
 
-def _charuco(target: Charuco, ij: Array) -> Surroundings | None:
+def _charuco(target: Charuco, ij: Array, placed: Placement) -> Surroundings | None:
     square = ij[:, None] + QUADRANTS  # (N, 4, 2) column and row
     odd = not target.legacy
     marked = square.sum(axis=2) % 2 == odd
@@ -45,8 +47,8 @@ def _charuco(target: Charuco, ij: Array) -> Surroundings | None:
         return None
     which = np.full(marker.shape, -1)
     which[marked] = shapes
-    markers = [_marker(target.dictionary, k, target.marker, target.inverted) for k in known.tolist()]
-    at = np.broadcast_to(QUADRANTS - 0.5, square.shape)
+    markers = [_marker(target.dictionary, k, placed.side, target.inverted) for k in known.tolist()]
+    at = QUADRANTS - 0.5 + placed.shift(square[..., 0], square[..., 1])
     print_ = drawn(markers, which, at, marked[:, 3] != target.inverted)
     return Surroundings((print_, without_shapes(print_)), np.full((len(ij), SIDES), 0.5), ij.astype(float))
 
