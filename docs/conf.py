@@ -48,6 +48,14 @@ autoclass_content = "class"
 CONTENTS = """
 ```{toctree}
 :hidden:
+:caption: How to
+:glob:
+
+docs/how-to
+docs/how-to/*
+```
+```{toctree}
+:hidden:
 :caption: What it does
 
 docs/features
@@ -103,7 +111,11 @@ def on_the_site(page: Path, link: str) -> bool:
         return True
     target = Path(os.path.normpath(page.parent / link))
     name = target.relative_to(ROOT).as_posix() if target.is_relative_to(ROOT) else ""
-    return (name.startswith("docs/") and target.is_file()) or name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+    return (name.startswith(("docs/", "examples/")) and target.is_file()) or name in (
+        "README.md",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+    )
 
 
 def adapt(app: Any, name: str, source: list[str]) -> None:

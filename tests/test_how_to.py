@@ -1,0 +1,117 @@
+"""docs/how-to: each page run from top to bottom, its commands and its Python, by somebody who copies them.
+
+Blocks of `sh` are run by bash, those of `python` by this Python; a block of `text` after one says what it prints. Blocks of `sh elsewhere` and
+`python elsewhere` need programs or devices that the tests haven't: of these the options of rcdn are looked up, and Python is compiled.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from tests.doc_blocks import ROOT
+from tests.test_python_page import same
+
+import rcdn
+from rcdn.io import read_camera, read_image
+from rcdn.synthetic import camera_view
+
+PAGES = sorted((ROOT / "docs/how-to").glob("*.md"))
+BLOCK = re.compile(r"^```([^\n]+)\n(.*?)^```$", re.M | re.S)
+
+
+def blocks_of(page):
+    """[(language, text)], in order."""
+    return BLOCK.findall(page.read_text("utf-8"))
+
+
+def run_block(language, text, folder, cache):
+    """What a block prints."""
+    variables = {**os.environ, "XDG_CACHE_HOME": str(cache), "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
+    variables["PYTHONPATH"] = os.pathsep.join([str(ROOT / "src"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
+    script = f'set -eo pipefail\nrcdn() {{ "{sys.executable}" -m rcdn "$@"; }}\n{text}'
+    words = ["bash", "-c", script] if language == "sh" else [sys.executable, "-c", text]
+    done = subprocess.run(words, cwd=folder, env=variables, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """Detections of pictures that several pages begin with are kept there."""
+    return tmp_path_factory.mktemp("kept")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_the_page_runs_and_prints_what_it_says(page, tmp_path, cache):
+    if shutil.which("bash") is None:
+        pytest.skip("the pages' commands need bash")
+    printed, ran = "", 0
+    for language, text in blocks_of(page):
+        if language in ("sh", "python"):
+            printed, ran = run_block(language, text, tmp_path, cache), ran + 1
+        elif language == "text":
+            assert same(text, printed), printed
+    assert ran
+    CHECKS[page.stem](tmp_path)
+
+
+def bend(folder, name):
+    """How far corners of a picture's rows lie off straight lines, px."""
+    (board,) = rcdn.Detector().boards(folder / name)
+    rows = [row - row.mean(axis=0) for row in board.grid()]
+    return np.sqrt(np.mean([np.linalg.svd(row)[1][1] ** 2 / len(row) for row in rows]))
+
+
+def true_camera(folder, name):
+    """Whether a file has the camera of `rcdn render --one-camera`."""
+    camera = read_camera(folder / name)
+    return pytest.approx(camera_view(1, 1).camera.K, abs=0.5) == camera.K
+
+
+def check_undistort(folder):
+    assert true_camera(folder, "camera.yaml")
+    assert bend(folder, "straight.png") < 0.05 < 0.1 < bend(folder, "board-pictures/scene_000001.png")
+    assert len(list((folder / "flat").glob("*.png"))) == len(list((folder / "wide").glob("*.png"))) == 12
+    assert np.array_equal(read_image(folder / "straight.png"), read_image(folder / "flat/scene_000001.png"))
+
+
+def check_opencv(folder):
+    assert true_camera(folder, "camera.yaml")
+    assert bend(folder, "straight.png") < 0.05
+    assert (folder / "axes.png").stat().st_size > 1000
+
+
+def check_ros2(folder):
+    assert true_camera(folder, "camera_info.yaml")
+
+
+CHECKS = {"undistort": check_undistort, "opencv": check_opencv, "ros2": check_ros2}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_blocks_are_of_known_kinds_and_options_exist(page):
+    kinds = {"sh", "python", "text", "sh elsewhere", "python elsewhere", "text elsewhere", "yaml", "toml"}
+    for language, text in blocks_of(page):
+        assert language in kinds
+        if language.startswith("python"):
+            compile(text, str(page), "exec")
+        for line in text.splitlines() if language == "sh elsewhere" else ():
+            if line.startswith("rcdn "):
+                words = [sys.executable, "-m", "rcdn", line.split()[1], "--help"]
+                known = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+                assert all(option in known for option in re.findall(r" (--[a-z-]+)", line)), line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_the_page_has_a_picture_and_the_readme_leads_there(page):
+    text = page.read_text("utf-8")
+    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text)
+    assert pictures
+    assert all((page.parent / picture).is_file() for picture in pictures)
+    index = (ROOT / "docs/how-to.md").read_text("utf-8")
+    assert f"](how-to/{page.name})" in index
+    assert "](docs/how-to.md)" in (ROOT / "README.md").read_text("utf-8")
