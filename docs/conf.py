@@ -111,6 +111,8 @@ def on_the_site(page: Path, link: str) -> bool:
         return True
     target = Path(os.path.normpath(page.parent / link))
     name = target.relative_to(ROOT).as_posix() if target.is_relative_to(ROOT) else ""
+    if not target.exists():
+        return True  # Sphinx says so
     return (name.startswith(("docs/", "examples/")) and target.is_file()) or name in (
         "README.md",
         "CHANGELOG.md",

@@ -89,7 +89,28 @@ def check_ros2(folder):
     assert true_camera(folder, "camera_info.yaml")
 
 
-CHECKS = {"undistort": check_undistort, "opencv": check_opencv, "ros2": check_ros2}
+def check_boards(folder):
+    for name in ("board", "large", "charuco", "grid"):
+        assert (folder / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "charuco.yaml").read_text().startswith("kind: charuco")
+
+
+def check_report(folder):
+    assert true_camera(folder, "camera.yaml")
+    text = (folder / "report.html").read_text()
+    for heading in (
+        "The reasons",
+        "The numbers",
+        "Over the sensor",
+        "Hold the board here next",
+        "Where the boards were",
+    ):
+        assert heading in text
+    for heading in ("Residuals", "Every picture", "Good"):
+        assert f">{heading}</h2>" in text
+
+
+CHECKS = {name.removeprefix("check_"): check for name, check in list(globals().items()) if name.startswith("check_")}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,8 +12,11 @@ import cv2
 import numpy as np
 
 import rcdn
+from rcdn.calibration import projection_uncertainty
 from rcdn.io import write_image, write_text
-from rcdn.synthetic import BoardSpec, camera_view, render
+from rcdn.report.target import make_page, to_svg
+from rcdn.synthetic import BoardSpec, camera_view, render, truth
+from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Printed, PuzzlePart
 
 OUT = Path(__file__).parent / "how-to"
 SQUARE = 0.025
@@ -100,6 +104,58 @@ def ros2() -> str:
         arrow(430, 75, 550, 35), text(485, 40, "corners"), box(550, 10, 160, 50, "PointCloud", "#eee"),
         arrow(430, 95, 550, 135), text(485, 138, "pose"), box(550, 110, 160, 50, "PoseWithCovariance", "#eee"),
     )  # fmt: skip
+
+
+@picture("boards.svg")
+def boards() -> str:
+    parts, x = [], 0.0
+    for target, spacing in [
+        (Checkerboard(9, 6), 25),
+        (Charuco(8, 6, "DICT_4X4_50", 0.75), 25),
+        (AprilGrid(5, 3, "tag36h11", 0.3), 40),
+        (PuzzlePart(9, 6), 24),
+        (Deltille(9, 6), 25),
+    ]:
+        sheet = to_svg(make_page(Printed(target, spacing / 1000)))
+        inner = sheet[sheet.index("<svg") :].replace("<svg", f"<svg text-anchor='start' x='{x:g}'", 1)
+        inner = re.sub(r"width=\"[^\"]+\" height=\"[^\"]+\"", "width='170' height='120'", inner, count=1)
+        parts.append(inner)
+        x += 170
+    return svg(850, 120, *parts)
+
+
+def placed(middle: bool) -> list[rcdn.Board]:
+    """Exact corners of 12 views with noise of .1 px; boards farther off and in the middle, or as they are."""
+    rng, found = np.random.default_rng(0), []
+    for k in range(1, 13):
+        scene = camera_view(1, k)
+        if middle:
+            spec = scene.boards[0]
+            centre = cv2.Rodrigues(np.array(spec.rvec))[0] @ [4, 2.5, 0]
+            spec = replace(spec, tvec=(-centre[0], -centre[1], 20.0 - centre[2]))
+            scene = replace(scene, boards=(spec,))
+        (true,) = truth(scene)
+        xy = true.xy + rng.normal(0, 0.1, true.xy.shape)
+        n = len(xy)
+        zeros, seen = np.zeros(n), np.ones(n)
+        found.append(rcdn.Board(xy, true.ij, (640, 480), seen, zeros.astype(np.uint8), "unique", sigma=0.1 * seen))
+    return found
+
+
+@picture("report.jpg")
+def report() -> np.ndarray:
+    y, x = np.mgrid[0:480:16, 0:640:16] + 8.0
+    maps = []
+    for middle in (True, False):
+        calibration = rcdn.calibrate(placed(middle), spacing=SQUARE, model="brown", flat=True)
+        sigma = projection_uncertainty(calibration, np.stack([x, y], -1).reshape(-1, 2)).reshape(x.shape)
+        grey = np.clip(np.log(sigma / 0.2) / np.log(50) * 255, 0, 255).astype(np.uint8)
+        shown = cv2.applyColorMap(cv2.resize(grey, (640, 480)), cv2.COLORMAP_BONE)
+        for board in placed(middle):
+            for px, py in board.xy:
+                cv2.circle(shown, (round(px), round(py)), 3, ORANGE, -1, cv2.LINE_AA)
+        maps.append(half(shown))
+    return beside(*maps)
 
 
 def main(names: list[str], out: Path = OUT) -> None:
