@@ -71,6 +71,19 @@ def test_missing_corners_are_found_where_they_are_printed(read):
         assert np.linalg.norm(place[number] - at) < 1.5
 
 
+def test_a_corner_that_a_cover_moved_is_dropped_or_found_again(read):
+    image, board, place = read
+    for k in (0, 9, 17, 34):
+        xy = board.xy.copy()
+        xy[k] += 0.11 * np.linalg.norm(board.xy[1] - board.xy[0]) * np.array([0.8, 0.6])
+        hidden = image.copy()
+        cv2.circle(hidden, tuple(np.round(xy[k]).astype(int).tolist()), 12, 190, -1)
+        kept = completed(hidden, replace(board, xy=xy))
+        assert len(kept) >= len(board) - 1
+        for number, at in zip(kept.ids.tolist(), kept.xy, strict=True):
+            assert np.linalg.norm(place[number] - at) < 1.5
+
+
 def test_nothing_is_added_under_a_cover_or_beyond_the_print(read):
     image, board, place = read
     kept = np.flatnonzero((board.ij[:, 0] <= 2) & (board.ij[:, 1] <= 3))
@@ -89,7 +102,7 @@ def test_nothing_is_added_under_a_cover_or_beyond_the_print(read):
 def test_boards_under_glare_and_fingers_are_read(detector):
     """Ellipses across squares that leave no whole board; never a wrong number."""
     drawing, total, right_of_all = charuco(7, 6, "DICT_4X4_100"), 0, 0
-    for seed in range(6):
+    for seed in range(8):
         image, xy = seen(drawing, turn=0.5 * seed, seed=seed)
         rng = np.random.default_rng(seed)
         for at in xy[rng.choice(len(xy), 5, replace=False)]:

@@ -201,7 +201,12 @@ def _note(target: Print) -> str | None:
     from rcdn.targets.specification import specification
     from rcdn.types import AprilGrid, Charuco, Checkerboard
 
-    if isinstance(target, (Charuco, AprilGrid)) and target.first_id:
+    if isinstance(target, Charuco) and target.first_id:
+        return (
+            f"numbers that begin with {target.first_id} are read where the paper above the first row is seen: leave half a square of it white; "
+            f"else say which board it is, --target {specification(target)}"
+        )
+    if isinstance(target, AprilGrid) and target.first_id:
         return (
             f"numbers that begin with {target.first_id} can look like a part of a larger board that begins with 0: "
             f"say which board it is, --target {specification(target)}"

@@ -8,7 +8,7 @@ probability of at most 2^−T (Markov), and any of M layouts with at most M · 2
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,8 @@ CERTAIN = 5.0
 """bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
+ENDED = 20.0
+"""bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a cover along that very edge)"""
 RIMS = 4
 """layouts of a place that differ in which outermost squares are on the board"""
 COVERED, COVERED_RIM, BLANK = 0.05, 0.3, 0.02
@@ -61,11 +63,17 @@ class _Layout:
 
 
 def read_charuco(
-    squares: Array, marked: Array, inner: Array, aspect: float, told: Charuco | None = None, part: bool = False
+    squares: Array,
+    marked: Array,
+    inner: Array,
+    aspect: float,
+    told: Charuco | None = None,
+    part: bool = False,
+    ended: Array | None = None,
 ) -> Reading | None:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
     `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
-    where the corners end says nothing of where the board does. None if no layout is certain.
+    where the corners end says nothing of where the board does; `ended` (3, 3): see `ended_sides`, nowhere if None. None if no layout is certain.
     """
     scored: list[_Scores] = []
     known = None if told is None else (family_of(told.dictionary),)
@@ -83,9 +91,9 @@ def read_charuco(
             ]
     if told is not None:
         return _place(scored, inner, told)
-    return _best(
-        sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope), None if part else _ends(squares, inner)
-    )
+    ended = np.zeros((3, 3), bool) if ended is None else ended
+    hopeful = sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope)
+    return _best(hopeful, marked.shape, None if part else _ends(squares, inner), ended)
 
 
 def _open_sides(marked: Array) -> Array:
@@ -103,15 +111,19 @@ def _ends(squares: Array, inner: Array) -> Array:
     return np.asarray(np.isfinite(squares).all(axis=(2, 3)) & inner[1:-1, 1:-1].all())
 
 
-def _best(scored: list[_Scores], ends: Array | None) -> Reading | None:
+def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array) -> Reading | None:
     """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier.
 
-    A part of a board, without `ends`, doesn't tell which it is then; see `_ends`.
+    Then paper must be seen above its first row (`ended`), else there may be more rows, hidden or cut off. What is seen of the sides mustn't speak
+    against it: a part of a larger board that begins with another number could look the same. A part without `ends` doesn't tell which it is; see
+    `_ends`.
     """
-    usual, whole = (_likeliest(scored, ends, any_first) for any_first in (False, True))
+    usual, whole = (_likeliest(scored, shape, ends, ended, any_first) for any_first in (False, True))
     from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
     layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
-    if not layouts or layouts[0].bits < ACCEPT or (ends is None and not from_0):
+    if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], shape, ended):
+        return None
+    if not from_0 and (ends is None or not np.rot90(ended, layouts[0].turns)[0, 1]):
         return None
     margin = layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
     if margin <= MARGIN:
@@ -135,14 +147,27 @@ def _place(scored: list[_Scores], inner: Array, told: Charuco) -> Reading | None
     return Reading(told, top.turns, top.place, top.bits, margin) if margin > MARGIN else None
 
 
-def _likeliest(scored: list[_Scores], ends: Array | None, any_first: bool) -> list[_Layout]:
+def _likeliest(
+    scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array, any_first: bool
+) -> list[_Layout]:
     layouts: list[_Layout] = []
     for scores in scored:
         if layouts and scores.hope < layouts[0].bits - MARGIN:
             break  # nothing that is left comes near the best
-        found = filter(_possible(ends), scores.layouts(any_first))
+        found = (_weighed(x, shape, ended) for x in filter(_possible(ends), scores.layouts(any_first)))
         layouts = sorted([*layouts, *found], key=lambda x: -x.bits)
     return layouts
+
+
+def _weighed(layout: _Layout, shape: tuple[int, ...], ended: Array) -> _Layout:
+    return replace(layout, bits=layout.bits - ENDED * _against(layout, shape, ended))
+
+
+def _against(layout: _Layout, shape: tuple[int, ...], ended: Array) -> int:
+    """On how many sides a board by this layout doesn't end where the squares (R, C) seen do, though it has `ended` there."""
+    sides, (u, v) = np.rot90(ended, layout.turns), layout.place
+    width = shape[1 - layout.turns % 2]
+    return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != layout.columns)
 
 
 def _rows(layout: _Layout, ends: Array | None) -> int | None:
@@ -276,11 +301,11 @@ class _Scores:
         return np.stack([u.ravel(), v.ravel(), *known], axis=1)
 
     def _whole_boards(self) -> Array:
+        """Candidate layouts (M, 5) of boards that are just the squares seen; which squares have the markers tells the parity."""
         square, marker = self._anchors()
-        k, odd = (a.ravel() for a in np.meshgrid(np.arange(len(square)), [0, 1], indexing="ij"))
-        columns = np.full_like(k, self.shape[1])
-        first = marker[k] - index_of(self.column[square[k]], self.row[square[k]], columns, odd.astype(bool))
-        zero = np.zeros_like(k)
+        column, row = self.column[square], self.row[square]
+        columns, odd, zero = np.full_like(square, self.shape[1]), (column + row) % 2, np.zeros_like(square)
+        first = marker - index_of(column, row, columns, odd.astype(bool))
         return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
 
 

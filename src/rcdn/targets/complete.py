@@ -14,6 +14,7 @@ from rcdn.boards.edges import crossings
 from rcdn.boards.fill import with_sense
 from rcdn.boards.local import Grid, Predictions
 from rcdn.boards.validate import predicted_excess
+from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, Charuco, Status
 
 ROUNDS = 12
@@ -23,6 +24,12 @@ OFF = 0.14
 """largest offset from the prediction, squares"""
 LEAST = 6
 """corners of a board that can predict others"""
+ASTRAY, TIMES = 0.05, 6.0
+"""how far a corner may lie off the smooth surface through the others: squares, and times their median, whichever is more"""
+SURFACE = 16
+"""corners that settle such a surface"""
+CUBIC = 40
+"""corners that settle one of degree 3, else it is of 2"""
 
 
 def completed(grey: Array, board: Board) -> Board:
@@ -30,10 +37,13 @@ def completed(grey: Array, board: Board) -> Board:
 
     `grey` (H, W), 0..255.
     """
-    if board.pattern != "checker" or len(board) < LEAST or not len(_missing(board, board.ij)[1]):
+    if board.pattern != "checker" or len(board) < LEAST:
         return board
     grey = np.ascontiguousarray(grey)
     grid = Grid({(u, v): k for k, (u, v) in enumerate(board.ij.tolist())}, board.xy)
+    _drop_astray(grid)
+    if len(grid) == len(board) and not len(_missing(board, board.ij)[1]):
+        return board
     _drop_misfits(grid)
     if len(grid) < LEAST:
         return board
@@ -51,6 +61,7 @@ def completed(grey: Array, board: Board) -> Board:
             break
         grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
         grid.xy = np.concatenate([grid.xy, list(new.values())])
+    _drop_astray(grid)
     return _of_grid(board, grid)
 
 
@@ -86,6 +97,30 @@ def _drop_misfits(grid: Grid) -> None:
         if excess.max() <= 1:
             return
         del grid.at[spots[int(excess.argmax())]]
+
+
+def _drop_astray(grid: Grid) -> None:
+    """Drop corners, in place, that lie off the smooth surface through all of them, the worst first: there a cover's edges cross."""
+    while len(grid) >= SURFACE:
+        off = _off_surface(grid.labels, grid.xy[grid.corners])
+        worst = int(off.argmax())
+        if off[worst] <= max(ASTRAY, TIMES * float(np.median(off))):
+            return
+        del grid.at[list(grid.at)[worst]]
+
+
+def _off_surface(ij: Array, xy: Array) -> Array:
+    """Distances (N,), squares, of corners at `xy` (N, 2) px from a homography of their labels and a polynomial of low degree."""
+    plane = homography(ij, xy)
+    flat = apply_homography(plane, ij.astype(float))
+    steps = [apply_homography(plane, ij + step) - flat for step in np.eye(2)]
+    area = np.abs(steps[0][:, 0] * steps[1][:, 1] - steps[0][:, 1] * steps[1][:, 0])
+    u, v = (2 * (ij - ij.min(axis=0)) / np.maximum(np.ptp(ij, axis=0), 1) - 1).T
+    degree = 3 if len(ij) >= CUBIC else 2
+    terms = np.stack([u**a * v**b for a in range(degree + 1) for b in range(degree + 1 - a)], axis=1)
+    left = xy - flat
+    left = left - terms @ np.linalg.lstsq(terms, left, rcond=None)[0]
+    return np.asarray(np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(area, 1e-9)))
 
 
 def _usual(grey: Array, at: Array, guess: Predictions) -> tuple[int, Array]:

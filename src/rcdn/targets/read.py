@@ -10,9 +10,10 @@ from rcdn.targets import glance
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
 from rcdn.targets.charuco import read_charuco
 from rcdn.targets.families import family_of
+from rcdn.targets.paper import ended_sides
 from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
-from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares
+from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares, wider
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
 
 SAMPLES = 32
@@ -43,9 +44,11 @@ def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part:
     marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
     if marked is None:
         return None
-    squares = rectified(grey, grid, SAMPLES)
+    wide = rectified(grey, wider(grid), SAMPLES)
+    squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
-    return read_charuco(lifted, marked, inner, aspect_of(grid), told, part)
+    ended = ended_sides(wide, marked) if told is None else None
+    return read_charuco(lifted, marked, inner, aspect_of(grid), told, part, ended)
 
 
 def check_told(target: Target) -> None:

@@ -26,6 +26,16 @@ def grid_with_ring(board: Board) -> tuple[Array, Array]:
     return grid, found
 
 
+def wider(grid: Array) -> Array:
+    """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted by those before; NaN where nothing predicts it."""
+    out = np.pad(grid, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    for _ in range(2):  # the ones at the ends of lines by those beside them
+        predicted = _predicted(out)
+        hole = ~np.isfinite(out[..., 0])
+        out[hole] = predicted[hole]
+    return out
+
+
 def _predicted(grid: Array) -> Array:
     """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has."""
     total, count = np.zeros(grid.shape), np.zeros(grid.shape[:2])
