@@ -63,6 +63,7 @@ docs/python
 docs/command-line
 docs/calibration
 docs/coded-boards
+docs/adapters
 docs/many-pictures
 docs/install
 docs/training
