@@ -7,7 +7,7 @@ from setuptools import Extension, setup
 
 FLAGS = [
     "-O3", "-std=c11", "-ffp-contract=off", "-fvisibility=hidden", "-fno-math-errno", "-fno-trapping-math",
-    "-Wall", "-Wno-unknown-pragmas", "-Wno-psabi",
+    "-g0", "-Wall", "-Wno-unknown-pragmas", "-Wno-psabi",
 ]  # fmt: skip
 """every operation rounds by itself, in the order written: the same bits on every processor (docs/decisions/0020)"""
 
@@ -15,7 +15,7 @@ native = Extension(
     "rcdn._native",
     sorted(glob("src/native/*.c")),
     depends=sorted(glob("src/native/*.h")),
-    extra_compile_args=["/O2", "/std:c11", "/fp:precise"] if sys.platform == "win32" else FLAGS,
+    extra_compile_args=FLAGS,
     libraries=[] if sys.platform == "win32" else ["m"],
     py_limited_api=True,
 )

@@ -2,7 +2,6 @@
 
 import json
 import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -25,21 +24,21 @@ SOURCES = sorted((HERE.parent / "src" / "native").glob("*.c"))
 STRICT = [
     "-std=c11",
     "-ffp-contract=off",
-    "-DFAST=",
     "-fPIC",
     "-fvisibility=hidden",
     "-w",
     f"-I{sysconfig.get_paths()['include']}",
 ]
-"""what makes the compiler keep to the order and the roundings that are written down, and compile for one level of processors only"""
+"""what makes the compiler keep to the order and the roundings that are written down"""
 
 
-def levels():
-    """Flags of levels of processors under the best one here, which is what the installed library takes."""
-    flags = (
-        Path("/proc/cpuinfo").read_text() if platform.machine() == "x86_64" and Path("/proc/cpuinfo").exists() else ""
-    )
-    return {"plain": ["-O1"]} | ({"v3": ["-O2", "-march=x86-64-v3"]} if "avx512vl" in flags else {})
+LEVELS = ("baseline", "avx2", "avx512", "vnni")
+
+
+def older_packages():
+    """What tells NumPy, its BLAS and OpenCV to take their oldest kernels, as far as they can be told."""
+    disabled = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
+    return {"NPY_DISABLE_CPU_FEATURES": disabled, "OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2"}
 
 
 def build(folder, flags):
@@ -84,12 +83,24 @@ def installed(shown):
     return found
 
 
-@pytest.mark.parametrize("level", levels())
-def test_every_level_of_processors_finds_the_same_bytes(level, shown, installed, tmp_path):
-    """With other kernels of NumPy, of its BLAS and of OpenCV, too, as far as these can be told to take them."""
-    disabled = " ".join(name for name in __cpu_dispatch__ if __cpu_features__.get(name))
-    older = {"NPY_DISABLE_CPU_FEATURES": disabled, "OPENBLAS_CORETYPE": "Nehalem", "OPENCV_CPU_DISABLE": "AVX2"}
-    assert digests(build(tmp_path, levels()[level]), shown, **older) == installed
+@pytest.mark.parametrize("level", LEVELS[:-1])
+def test_every_level_of_the_installed_kernels_finds_the_same_bytes(level, shown, installed):
+    """Those of this processor; on the others there is one level."""
+    native = import_module("rcdn._native")
+    if LEVELS.index(level) >= LEVELS.index(native.level):
+        pytest.skip(f"this processor's level is {native.level}")
+    assert digests(native.__file__, shown, RCDN_LEVEL=level) == installed
+
+
+def test_plain_c_finds_the_same_bytes(shown, installed, tmp_path):
+    """Without any vector code, and with other kernels of NumPy, of its BLAS and of OpenCV."""
+    assert digests(build(tmp_path, ["-O1", "-DONE_LEVEL"]), shown, **older_packages()) == installed
+
+
+def test_a_level_that_there_is_not_is_told():
+    command = [sys.executable, "-c", "import rcdn; rcdn.Detector()"]
+    out = subprocess.run(command, env=os.environ | {"RCDN_LEVEL": "sse9"}, capture_output=True, check=False, text=True)
+    assert "RcdnError: RCDN_LEVEL must be baseline, avx2, avx512 or vnni" in out.stderr
 
 
 @pytest.mark.parametrize(

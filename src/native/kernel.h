@@ -272,10 +272,37 @@ OUTLIER_OF(int32_t)
 
 /* ---- declarations */
 
-#define KERNEL(function, ...) KERNEL_OF(, function, __VA_ARGS__)
-#define FAST_KERNEL(function, ...) KERNEL_OF(FAST, function, __VA_ARGS__)
-#define KERNEL_OF(attribute, function, ...)                                                   \
-    attribute static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));         \
+#define KERNEL(function, ...)                                                                 \
+    DECLARED(function, __VA_ARGS__)                                                           \
+    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
+
+/* Compiled for every level. What it calls must be INLINE, or it is compiled for the baseline only. */
+#ifdef X86_LEVELS
+#define FAST_KERNEL(function, ...)                                                            \
+    INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));            \
+    LEVEL_OF(FOR_AVX512, function, _avx512, __VA_ARGS__)                                      \
+    LEVEL_OF(FOR_AVX2, function, _avx2, __VA_ARGS__)                                          \
+    LEVEL_OF(, function, _baseline, __VA_ARGS__)                                              \
+    DECLARED(function, __VA_ARGS__)                                                           \
+    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) {                  \
+        if (level_taken() >= AVX512_LEVEL)                                                    \
+            return function##_avx512(refusal EACH(PASS, __VA_ARGS__));                        \
+        if (level_taken() >= AVX2_LEVEL)                                                      \
+            return function##_avx2(refusal EACH(PASS, __VA_ARGS__));                          \
+        return function##_baseline(refusal EACH(PASS, __VA_ARGS__));                          \
+    }                                                                                         \
+    INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
+#define LEVEL_OF(attribute, function, level, ...)                                             \
+    attribute static __attribute__((noinline)) index_t function##level(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) { \
+        return function##_body(refusal EACH(PASS, __VA_ARGS__));                              \
+    }
+#else
+#define FAST_KERNEL(function, ...) KERNEL(function, __VA_ARGS__)
+#endif
+
+/* What Python sees of it. */
+#define DECLARED(function, ...)                                                               \
+    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));                   \
     static const Spec function##_specs[] = {EACH(SPEC, __VA_ARGS__)};                         \
     static index_t function##_checked(const Value *given_, Refusal *refusal) {                \
         enum { EACH(PLACE, __VA_ARGS__) };                                                    \
@@ -286,8 +313,7 @@ OUTLIER_OF(int32_t)
         static Kernel kernel = {#function, #__VA_ARGS__, function##_specs,                    \
                                 sizeof function##_specs / sizeof(Spec), function##_checked, NULL}; \
         register_kernel(&kernel);                                                             \
-    }                                                                                         \
-    attribute static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
+    }
 
 /* A struct whose members Python gives in a tuple. */
 #define ARGUMENT_GROUP(type, ...)                                                             \

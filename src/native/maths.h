@@ -7,12 +7,8 @@
 /* The loop that follows has no pass that needs another's result, and no sum over its passes: clang would change its order. */
 #if defined(__clang__)
 #define INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
-#elif defined(__GNUC__)
-#define INDEPENDENT _Pragma("GCC ivdep")
-#elif defined(_MSC_VER)
-#define INDEPENDENT __pragma(loop(ivdep))
 #else
-#define INDEPENDENT
+#define INDEPENDENT _Pragma("GCC ivdep")
 #endif
 
 /* erf x within 5e-6: 1 - p(|x|)^8, p fitted to the smallest largest error up to 3.4, where erf is 1. */

@@ -306,18 +306,21 @@ static PyObject *integers_of(const Constants *constants) {
 static PyMethodDef methods[] = {{NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "rcdn._native", "Compiled kernels; see rcdn.native.", -1, methods, NULL, NULL, NULL, NULL};
 
-/* `kernels`: functions by name. `arguments`: of each, in order, (name, what, type, axes, is it written to, (those of a group)). `constants`: by
- * unit and name. */
+/* `level`: the processor's instructions that kernels use. `kernels`: functions by name. `arguments`: of each, in order, (name, what, type, axes, is it
+ * written to, (those of a group)). `constants`: by unit and name. */
 PyMODINIT_FUNC PyInit__native(void) {
     PyObject *out = PyModule_Create(&module), *functions = PyDict_New(), *arguments = PyDict_New(), *constants = PyDict_New();
     array_struct = PyUnicode_InternFromString("__array_struct__");
-    int failed = !out || !functions || !arguments || !constants || !array_struct;
+    const char *level = find_level();
+    if (!level)
+        PyErr_SetString(PyExc_ValueError, "RCDN_LEVEL must be baseline, avx2, avx512 or vnni");
+    int failed = !level || !out || !functions || !arguments || !constants || !array_struct;
     for (const Kernel *k = kernels; k && !failed; k = k->next)
         failed = put(functions, k->name, function_of(k)) || put(arguments, k->name, specs_of(k->specs, k->count));
     for (const Constants *c = all_constants; c && !failed; c = c->next)
         failed = put(constants, c->unit, integers_of(c));
-    failed = failed || PyModule_AddObjectRef(out, "kernels", functions) < 0 || PyModule_AddObjectRef(out, "arguments", arguments) < 0 ||
-             PyModule_AddObjectRef(out, "constants", constants) < 0;
+    failed = failed || PyModule_AddStringConstant(out, "level", level) < 0 || PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
+             PyModule_AddObjectRef(out, "arguments", arguments) < 0 || PyModule_AddObjectRef(out, "constants", constants) < 0;
     Py_XDECREF(functions);
     Py_XDECREF(arguments);
     Py_XDECREF(constants);

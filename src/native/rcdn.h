@@ -2,25 +2,19 @@
 #ifndef RCDN_H
 #define RCDN_H
 
+#ifndef __GNUC__
+#error "rcdn's kernels are built with gcc or clang; no other compiler has been tried"
+#endif
+
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* A function compiled for several generations of processors; the loader picks the one that fits. What it calls must be inlined (INLINE),
- * or it is compiled for the oldest of them. */
-#if defined(FAST)
-#elif defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
-#define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define FAST
-#endif
-#if defined(_MSC_VER)
-#define INLINE static __forceinline
-#else
+#include "levels.h"
+
 #define INLINE static inline __attribute__((always_inline))
-#endif
 
 typedef ptrdiff_t index_t;
 

@@ -55,15 +55,11 @@ INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, cons
 ROW_KERNEL(plain_strided, , plain_block, 2, 16, 2)
 ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 
-#if (defined(__x86_64__) || defined(_M_X64)) && defined(__GNUC__)
-#define X86 1
+#ifdef X86_LEVELS
 #include <immintrin.h>
 
-#define AVX2 __attribute__((target("avx2")))
-#define VNNI __attribute__((target("avx512f,avx512bw,avx512vl,avx512vnni")))
-
 /* Four bytes of `value` are two numbers of 16 bits, twice: no product runs over. */
-AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
     for (int o = 0; o < WIDE; o += 16) {
         __m256i low[4], high[4];
         for (int k = 0; k < count; k++)
@@ -93,18 +89,18 @@ AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, 
     }
 }
 
-AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
-AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
+FOR_AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
+FOR_AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
 
 /* sum += products of bytes, four together: as _mm512_dpbusd_epi32, around which gcc moves the sums from register to register. */
 #define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
 
-VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
+FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
     const __m512 value = _mm512_add_ps(_mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale)), _mm512_loadu_ps(bias));
     return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
 }
 
-VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+FOR_VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
     __m512i low[8], high[8];
     for (int k = 0; k < count; k++)
         low[k] = high[k] = _mm512_setzero_si512();
@@ -129,21 +125,21 @@ VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, 
     }
 }
 
-VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2)
-VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
+FOR_VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2)
+FOR_VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
 #endif
 
 /* The kernels of this processor: of the strided convolution, of the others. `level`: at most 2: VNNI, 1: AVX2, 0: plain C. */
 static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
     *strided = plain_strided;
     *conv = plain_conv;
-#ifdef X86
-    if (level >= 2 && __builtin_cpu_supports("avx512vnni") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl")) {
+#ifdef X86_LEVELS
+    if (level >= 2 && level_taken() >= VNNI_LEVEL) {
         *strided = vnni_strided;
         *conv = vnni_conv;
         return 2;
     }
-    if (level >= 1 && __builtin_cpu_supports("avx2")) {
+    if (level >= 1 && level_taken() >= AVX2_LEVEL) {
         *strided = avx2_strided;
         *conv = avx2_conv;
         return 1;

@@ -50,3 +50,5 @@ def _library() -> Any:
         raise RcdnError(
             "rcdn's compiled kernels are missing: install it again (pip install .), with a C compiler at hand"
         ) from error
+    except ValueError as error:
+        raise RcdnError(str(error)) from None

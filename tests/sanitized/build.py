@@ -15,7 +15,7 @@ BUILD = ROOT / "build" / "sanitized"
 COMPILER = os.environ.get("CC", "gcc")
 SANITIZERS = "address,undefined,float-cast-overflow,bounds-strict"
 FLAGS = (
-    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DFAST=",
+    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DONE_LEVEL",
     "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math",
     "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-fvisibility=hidden", "-Wno-psabi", "-Wno-unknown-pragmas",
 )  # fmt: skip

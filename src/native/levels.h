@@ -1,0 +1,23 @@
+/* Levels of a processor's instructions. A kernel is compiled for each of them, and the best that is there is taken: all give the same bits. */
+#ifndef RCDN_LEVELS_H
+#define RCDN_LEVELS_H
+
+enum { BASELINE, AVX2_LEVEL, AVX512_LEVEL, VNNI_LEVEL };
+
+/* The level that kernels are to take: of this processor, and at most what RCDN_LEVEL names. BASELINE before `find_level`. */
+int level_taken(void);
+
+/* Find it. Its name, or NULL if the environment variable RCDN_LEVEL is none of them. To be called once, before any kernel. */
+const char *find_level(void);
+
+/* x86-64, compiled by gcc or clang; on Windows by clang only, since gcc doesn't align the stack there as AVX needs it. ONE_LEVEL: tests. */
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
+#define X86_LEVELS 1
+#define V3 "avx2,bmi,bmi2,f16c,fma,lzcnt,movbe"
+#define V4 V3 ",avx512f,avx512bw,avx512cd,avx512dq,avx512vl"
+#define FOR_AVX2 __attribute__((target(V3)))
+#define FOR_AVX512 __attribute__((target(V4)))
+#define FOR_VNNI __attribute__((target(V4 ",avx512vnni")))
+#endif
+
+#endif
