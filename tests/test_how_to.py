@@ -10,14 +10,15 @@ import shutil
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 from tests.doc_blocks import ROOT
 from tests.test_python_page import same
 
 import rcdn
-from rcdn.io import read_camera, read_image
-from rcdn.synthetic import camera_view
+from rcdn.io import read_camera, read_detections, read_image
+from rcdn.synthetic import camera_view, render
 
 PAGES = sorted((ROOT / "docs/how-to").glob("*.md"))
 BLOCK = re.compile(r"^```([^\n]+)\n(.*?)^```$", re.M | re.S)
@@ -49,14 +50,27 @@ def cache(tmp_path_factory):
 def test_the_page_runs_and_prints_what_it_says(page, tmp_path, cache):
     if shutil.which("bash") is None:
         pytest.skip("the pages' commands need bash")
+    if page.stem == "webcam":
+        film(tmp_path / "webcam.mp4")
     printed, ran = "", 0
     for language, text in blocks_of(page):
+        text = text.replace("VideoCapture(0)", 'VideoCapture("webcam.mp4")')  # no test has a camera
         if language in ("sh", "python"):
             printed, ran = run_block(language, text, tmp_path, cache), ran + 1
         elif language == "text":
             assert same(text, printed), printed
     assert ran
-    CHECKS[page.stem](tmp_path)
+    CHECKS[page.stem.replace("-", "_")](tmp_path)
+
+
+def film(path):
+    """A video in which the board stands still twelve times, for four frames each."""
+    out = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 30, (640, 480))
+    for number in range(1, 13):
+        frame = cv2.cvtColor(render(camera_view(1, number)), cv2.COLOR_GRAY2BGR)
+        for _ in range(4):
+            out.write(frame)
+    out.release()
 
 
 def bend(folder, name):
@@ -66,10 +80,10 @@ def bend(folder, name):
     return np.sqrt(np.mean([np.linalg.svd(row)[1][1] ** 2 / len(row) for row in rows]))
 
 
-def true_camera(folder, name):
-    """Whether a file has the camera of `rcdn render --one-camera`."""
+def true_camera(folder, name, most=0.5):
+    """Whether a file has the camera of `rcdn render --one-camera`, to `most` px."""
     camera = read_camera(folder / name)
-    return pytest.approx(camera_view(1, 1).camera.K, abs=0.5) == camera.K
+    return pytest.approx(camera_view(1, 1).camera.K, abs=most) == camera.K
 
 
 def check_undistort(folder):
@@ -110,6 +124,43 @@ def check_report(folder):
         assert f">{heading}</h2>" in text
 
 
+def check_colmap(folder):
+    assert true_camera(folder, "cameras.txt")
+    assert true_camera(folder, "camera.yaml")
+    assert "FULL_OPENCV 640 480" in (folder / "cameras.txt").read_text()
+    assert bend(folder, "flat/scene_000001.png") < 0.05
+
+
+def check_webcam(folder):
+    assert true_camera(folder, "camera.yaml", most=2)
+    assert len(list((folder / "taken").glob("*.png"))) == 12
+
+
+def check_out_of_focus(folder):
+    assert true_camera(folder, "camera.yaml")
+
+
+def check_sigma(folder):
+    found, _ = read_detections(folder / "corners.json")
+    assert all(np.isfinite(picture.boards[0].sigma).all() for picture in found)
+
+
+def check_convert(folder):
+    assert true_camera(folder, "camera.yaml", most=1)
+    (before, _), (after, _) = (read_detections(folder / name) for name in ("corners.json", "again.json"))
+    assert len(before) == len(after) == 12
+    assert all(np.allclose(a.boards[0].xy, b.boards[0].xy, atol=1e-3) for a, b in zip(before, after, strict=True))
+
+
+def check_training(folder):
+    pytest.importorskip("torch")
+    from rcdn.training.config import read_config
+
+    (text,) = (text for language, text in blocks_of(ROOT / "docs/how-to/training.md") if language == "toml")
+    (folder / "mine.toml").write_text(text)
+    assert read_config(folder / "mine.toml").pool.backgrounds == "pictures-without-boards"
+
+
 CHECKS = {name.removeprefix("check_"): check for name, check in list(globals().items()) if name.startswith("check_")}
 
 
@@ -122,7 +173,8 @@ def test_blocks_are_of_known_kinds_and_options_exist(page):
             compile(text, str(page), "exec")
         for line in text.splitlines() if language == "sh elsewhere" else ():
             if line.startswith("rcdn "):
-                words = [sys.executable, "-m", "rcdn", line.split()[1], "--help"]
+                verb = line.split()[1:3] if " evaluate " in line else line.split()[1:2]
+                words = [sys.executable, "-m", "rcdn", *verb, "--help"]
                 known = subprocess.run(words, capture_output=True, text=True, check=True).stdout
                 assert all(option in known for option in re.findall(r" (--[a-z-]+)", line)), line
 
@@ -136,3 +188,10 @@ def test_the_page_has_a_picture_and_the_readme_leads_there(page):
     index = (ROOT / "docs/how-to.md").read_text("utf-8")
     assert f"](how-to/{page.name})" in index
     assert "](docs/how-to.md)" in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_pictures_are_small_and_drawn_by_the_script():
+    drawn = re.findall(r'^@picture\("(.*)"\)', (ROOT / "docs/images/draw.py").read_text("utf-8"), flags=re.M)
+    kept = {path.name: path.stat().st_size for path in (ROOT / "docs/images/how-to").iterdir()}
+    assert sorted(drawn) == sorted(kept)
+    assert max(kept.values()) <= 60_000

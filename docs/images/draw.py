@@ -14,8 +14,9 @@ import numpy as np
 import rcdn
 from rcdn.calibration import projection_uncertainty
 from rcdn.io import write_image, write_text
+from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_page, to_svg
-from rcdn.synthetic import BoardSpec, camera_view, render, truth
+from rcdn.synthetic import PRESETS, BoardSpec, Scene, Sensor, camera_view, random_crop, render, truth
 from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Printed, PuzzlePart
 
 OUT = Path(__file__).parent / "how-to"
@@ -156,6 +157,104 @@ def report() -> np.ndarray:
                 cv2.circle(shown, (round(px), round(py)), 3, ORANGE, -1, cv2.LINE_AA)
         maps.append(half(shown))
     return beside(*maps)
+
+
+@picture("colmap.svg")
+def colmap() -> str:
+    parts = []
+    for x0, name, shift in ((60, "rcdn, OpenCV", 0.0), (360, "COLMAP", 0.5)):
+        for k in range(4):
+            parts.append(f"<path d='M{x0 + 60 * k} 50v180M{x0} {50 + 60 * k}h180' stroke='#888'/>")
+        parts.append(text(x0 + 90, 30, name, "font-weight='bold'"))
+        for k in range(3):
+            at, value = x0 + 30 + 60 * k, f"{k + shift:g}"
+            parts.append(
+                f"<circle cx='{at}' cy='80' r='4' fill='#0072b2'/>"
+                + text(at, 68, f"({value}, {shift:g})", "font-size='12'")
+            )
+        corner = f"({-0.5 + shift:g}, {-0.5 + shift:g})"
+        parts.append(f"<circle cx='{x0}' cy='50' r='4' fill='#d55e00'/>" + text(x0 - 22, 42, corner, "font-size='12'"))
+    return svg(580, 250, *parts)
+
+
+def overlay(image: np.ndarray) -> np.ndarray:
+    found = rcdn.Detector().detect(image)
+    return draw_overlay(image, found.corners, found.boards)
+
+
+@picture("webcam.jpg")
+def webcam() -> np.ndarray:
+    shown = [overlay(render(camera_view(1, k))) for k in (1, 3, 4, 5, 7, 8)]
+    small = [cv2.resize(image, (270, 203), interpolation=cv2.INTER_AREA) for image in shown]
+    return np.vstack([beside(*small[:3]), np.full((10, 830, 3), 255, np.uint8), beside(*small[3:])])
+
+
+@picture("out-of-focus.jpg")
+def out_of_focus() -> np.ndarray:
+    spec = BoardSpec(11, 8, (0.05, -0.08, 0.02), (-5, -3.5, 10.5))
+    scene = replace(camera_view(1, 2), boards=(spec,), sensor=Sensor(noise=0.0))
+    sharp = render(scene).astype(float)
+    levels = [sharp, *(cv2.GaussianBlur(sharp, None, k / 4) for k in range(1, 17))]
+    columns = [levels[round(max(0, 16 - 32 * x / 640))][:, x] for x in range(640)]
+    noisy = np.stack(columns, axis=1) + np.random.default_rng(0).normal(0, 2, sharp.shape)
+    soft = np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    shown = bgr(soft)
+    (board,) = rcdn.Detector().boards(soft)
+    for (x, y), sigma in zip(board.xy, board.sigma, strict=True):
+        at = (round(x * 16), round(y * 16))
+        cv2.circle(shown, at, round(2000 * sigma * 16), ORANGE, 2, cv2.LINE_AA, 4)
+    return shown
+
+
+def stated_and_true(scene: Scene) -> tuple[float, float] | None:
+    """Root mean squares of the stated sigma and of the errors of a scene's board, px, if it was found whole."""
+    boards = rcdn.Detector().boards(render(scene))
+    if len(boards) != 1 or not boards[0].complete or boards[0].orientation != "unique":
+        return None
+    places = {tuple(ij): xy for ij, xy in zip(truth(scene)[0].ij.tolist(), truth(scene)[0].xy, strict=True)}
+    errors = boards[0].xy - [places[tuple(ij)] for ij in boards[0].ij.tolist()]
+    return float(np.sqrt((boards[0].sigma ** 2).mean())), float(np.sqrt((errors**2).mean()))
+
+
+@picture("sigma.svg")
+def sigma() -> str:
+    parts, rng = [], np.random.default_rng(0)
+    for k in range(1, 61):
+        scene, blur, noise = camera_view(2, k), rng.uniform(0.5, 2.5), np.exp(rng.uniform(0, np.log(30)))
+        pair = stated_and_true(replace(scene, sensor=Sensor(blur=float(blur), noise=float(noise))))
+        if pair is not None:
+            x, y = (60 + 420 * (np.log10(v) + 3) / 2.5 for v in pair)
+            parts.append(f"<circle cx='{x:.1f}' cy='{480 - y:.1f}' r='4' fill='#0072b2' fill-opacity='.7'/>")
+    axes = "<path d='M60 0V420H480M60 420L480 0' stroke='#444' fill='none'/>"
+    for value in (0.001, 0.003, 0.01, 0.03, 0.1):
+        at = 420 * (np.log10(value) + 3) / 2.5
+        axes += text(60 + at, 438, f"{value:g}") + text(38, 425 - at, f"{value:g}")
+    axes += text(270, 462, "stated: sigma, px") + text(14, 210, "true error, px", "transform='rotate(-90 14 210)'")
+    return svg(500, 470, axes, *parts)
+
+
+@picture("convert.svg")
+def convert() -> str:
+    parts = [box(300, 95, 130, 50, "rcdn convert", "#cde6f7")]
+    for k, name in enumerate(("OpenCV", "ROS", "Kalibr", "COLMAP", "mrcal", "JSON")):
+        y = 10 + 38 * k
+        parts += [box(10, y, 110, 30, name, "#eee"), arrow(120, y + 15, 300, 105 + 6 * k)]
+        parts += [box(610, y, 110, 30, name, "#eee"), arrow(430, 105 + 6 * k, 610, y + 15)]
+    parts += [box(610, 238, 110, 30, "maps (.npz)", "#eee"), arrow(430, 141, 610, 253)]
+    return svg(730, 280, *parts)
+
+
+@picture("training.jpg")
+def training() -> np.ndarray:
+    crops = []
+    for k in range(10):
+        image, labels = random_crop(100 + k, 112, PRESETS["training"])
+        shown = cv2.resize(bgr(image), None, fx=1.2, fy=1.2, interpolation=cv2.INTER_AREA)
+        for x, y in labels[:, :2]:
+            cv2.circle(shown, (round(x * 1.2), round(y * 1.2)), 3, ORANGE, 1, cv2.LINE_AA)
+        crops.append(shown)
+    rows = [beside(*crops[:5]), beside(*crops[5:])]
+    return np.vstack([rows[0], np.full((10, rows[0].shape[1], 3), 255, np.uint8), rows[1]])
 
 
 def main(names: list[str], out: Path = OUT) -> None:
