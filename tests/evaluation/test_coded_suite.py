@@ -153,6 +153,16 @@ def test_the_whole_command(folder, tmp_path):
     assert [p.name for p in (tmp_path / "png").iterdir()] == ["charuco_6X6,_plain,_0.png"]
 
 
+def test_standard_output_has_one_record_of_all_parts():
+    done = CliRunner().invoke(
+        app,
+        ["evaluate", "coded", "--part", "rendered", "--part", "no codes", "--kind", "charuco 6X6", "--condition", "plain", "--count", "1",
+         "--scenes", "1", "--peers", "none", "-j", "1", "--json", "-"],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["settings"]["parts"] == ["rendered", "no codes"]
+
+
 def test_goals_that_are_missed_are_said():
     row = {
         "part": "rendered",

@@ -199,9 +199,9 @@ def _nameless(folder: Path) -> IO[bytes]:
 
 def _folder(path: Path) -> Path:
     """The folder of `path`, or the nearest above that is there; that of temporary files if `path` is a device or a pipe."""
-    from rcdn.io.files import STDOUT, is_special
+    from rcdn.io.files import is_stream
 
-    if path == STDOUT or is_special(path):
+    if is_stream(path):
         return _temporary()
     folder = Path(os.path.realpath(path)).parent
     while not folder.exists() and folder != folder.parent:

@@ -101,6 +101,11 @@ def is_special(path: str | Path) -> bool:
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
+def is_stream(path: str | Path) -> bool:
+    """Standard output, a device or a pipe: what is written there stays, and follows what was written before."""
+    return Path(path) == STDOUT or is_special(path)
+
+
 def output_error(path: str | Path, error: OSError) -> OutputError:
     """What to tell the user of `path` that can't be written."""
     fix = _FIXES.get(error.errno or 0, "choose another place")

@@ -57,6 +57,7 @@ def coded(
     """
     from rcdn.evaluation import coded as suite
     from rcdn.evaluation.results import save
+    from rcdn.io.files import is_stream
 
     check_files(json)
     names, lacking = suite.contestants([name.strip() for name in peers.split(",") if name.strip()])
@@ -66,14 +67,16 @@ def coded(
     )  # fmt: skip
     rows: list[dict[str, Any]] = []
     done: list[str] = []
-    for name in suite.parts_of(part or (), plan):
+    wanted = suite.parts_of(part or (), plan)
+    for name in wanted:
         with bar(name) as step:
             own = suite.table(name, plan, step)
         rows += own
         done.append(name)
         if own:
             show(suite.shown(name, own), None, "coded", {})
-        if json is not None:  # after each part: what was measured is not lost if a later one ends early
+        last = name == wanted[-1]
+        if json is not None and (last or not is_stream(json)):  # a file after each part: what was measured isn't lost
             goals = [suite.record(goal) for goal in suite.goals(rows)]
             save(json, "coded", suite.settings_of(plan, done) | {"skipped": lacking, "goals": goals}, rows)
     for goal in suite.goals(rows):
