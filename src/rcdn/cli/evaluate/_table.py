@@ -40,10 +40,12 @@ def bar(title: str) -> Iterator[Callable[[int, int], None] | None]:
 
 
 def check_files(*paths: Path | None, plots: Path | None = None) -> None:
-    """Before the work: can the files be written, and, into the folder `plots`, pictures be drawn?"""
+    """Before the work: can the files be written, and, into the folder `plots`, pictures be drawn? What is said goes to standard error where one
+    of them is standard output."""
     from rcdn.errors import RcdnError
     from rcdn.io import check_writable
 
+    _talk.begin(outputs=paths)
     for path in paths:
         if path is not None:
             check_writable(path)
@@ -87,7 +89,6 @@ def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: di
     from rcdn.evaluation.results import save
     from rcdn.provenance import provenance
 
-    _talk.begin(outputs=[json])
     columns = list(rows[0])
     cells = [
         columns,

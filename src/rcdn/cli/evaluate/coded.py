@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._group import one_line
 from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
@@ -80,6 +81,6 @@ def coded(
             goals = [suite.record(goal) for goal in suite.goals(rows)]
             save(json, "coded", suite.settings_of(plan, done) | {"skipped": lacking, "goals": goals}, rows)
     for goal in suite.goals(rows):
-        typer.echo(str(goal))
+        _talk.say(str(goal))
     for peer, reason in lacking.items():
-        typer.echo(f"skipped {peer}: {one_line(reason)}")
+        _talk.say(f"skipped {peer}: {one_line(reason)}")

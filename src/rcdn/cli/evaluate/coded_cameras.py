@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._spacing import Spacing
 from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
@@ -39,4 +40,4 @@ def coded_cameras(
         rows.append({"set": folder.name, **suite.compared(shots, float(spacing), seeds)})
     show(rows, json, "coded-cameras", {"spacing": float(spacing), "seeds": seeds})
     reached = sum(row["ratio"] <= LIMIT for row in rows)
-    typer.echo(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")
+    _talk.say(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
 
@@ -51,6 +52,6 @@ def deltille(
     }
     show([{key: row.get(key) for key in columns} for row in rows], json, "deltille", settings)
     if not pictures:
-        typer.echo(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
+        _talk.say(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
     for text in lines(suite.claims(rendered, alarms, pictures, camera)):
-        typer.echo(text)
+        _talk.say(text)

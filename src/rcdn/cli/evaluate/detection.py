@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli.evaluate._table import Json, bar, show
+from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
 
 def scenes(
@@ -18,6 +18,7 @@ def scenes(
     """Raw corners on rendered scenes: precision and recall at 4 px under each threshold of the paper's Table 2 (about 4 minutes)."""
     from rcdn.evaluation import scenes as suite
 
+    check_files(json)
     rows = suite.table(count, os.cpu_count() or 1)
     show(rows, json, "scenes", {"count": count, "first seed": suite.FIRST, "radius": suite.RADIUS, "size": [640, 480]})
 
@@ -29,6 +30,7 @@ def hard(
     """F1 at 2 px on the fixed hard validation crops: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75° (a minute)."""
     from rcdn.evaluation import hard as suite
 
+    check_files(json)
     models = tuple(model or ("auto", "paper"))
     show(suite.table(models), json, "hard", {"models": models})
 
@@ -43,6 +45,7 @@ def detections(
     """Score a file of detections against the truth: whole boards, recall, wrong corners and labels, false alarms."""
     from rcdn.evaluation import detections as suite
 
+    check_files(json)
     show(suite.table(found, truth), json, "detections", {"detections": str(found), "truth": str(truth)})
 
 
@@ -63,6 +66,7 @@ def recovery(
     from rcdn.evaluation import recovery as suite
     from rcdn.report.recovery import Gallery
 
+    check_files(json)
     gallery = Gallery()
     with bar("recovering") as step:
         rows = suite.table(count, least, step, gallery.add if pictures is not None else None)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._group import one_line
 from rcdn.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv, write_png
 
@@ -103,7 +104,7 @@ def fig6(
         "low levels": vars(refinements.BASE), "weights": _weights({"RCDN": rcdn}),
     }  # fmt: skip
     show(refinement_claims.summary(rows), None, "fig6", settings)
-    typer.echo("\n".join(lines(claims)))
+    _talk.say("\n".join(lines(claims)))
     _write("fig6", rows, settings | {"claims": [vars(c) for c in claims]}, files, refinement_claims.markdown)
 
 
@@ -132,8 +133,8 @@ def _pixel_error(
     }  # fmt: skip
     show(pixel_error.summary(rows), None, figure, settings)
     for name, reason in lacking.items():
-        typer.echo(f"skipped {name}: {one_line(reason)}")
-    typer.echo("\n".join(lines(claims)))
+        _talk.say(f"skipped {name}: {one_line(reason)}")
+    _talk.say("\n".join(lines(claims)))
     told = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
     _write(figure, rows, settings | told, files, pixel_claims.markdown)
 

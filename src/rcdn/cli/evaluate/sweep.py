@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._group import one_line
 from rcdn.cli.evaluate._table import Json, bar, check_files, show, write_csv, write_png
 
@@ -55,7 +56,7 @@ def sweep(
         write_csv(rows, csv)
     show(rows, json, "sweep", suite.settings_of(count, preset, names) | {"skipped": lacking})
     for name, reason in lacking.items():
-        typer.echo(f"skipped {name}: {one_line(reason)}")
+        _talk.say(f"skipped {name}: {one_line(reason)}")
 
 
 def _plot(rows: Sequence[dict[str, Any]], folder: Path) -> None:

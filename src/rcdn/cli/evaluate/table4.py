@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli.evaluate._table import Json, bar, check_files, write_csv
 from rcdn.errors import present
 
@@ -121,10 +122,10 @@ def _tell(
     if json is not None:
         save(json, "table4", settings | {"claims": [asdict(c) for c in stated]}, rows)
     for table in published.tables(rows):
-        typer.echo(table.text() + "\n")
+        _talk.say(table.text() + "\n")
     for line in lines(stated):
-        typer.echo(line)
+        _talk.say(line)
     facts = provenance()
-    typer.echo(
+    _talk.say(
         f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcdn.cli import _talk
 from rcdn.cli._group import one_line
 from rcdn.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv
 
@@ -91,9 +92,9 @@ def _run(
     show(text.printed(rows), None, name, settings)
     for row in rows:
         if row["note"]:
-            typer.echo(f"{text.name_of(row)} {one_line(row['note'])}")
+            _talk.say(f"{text.name_of(row)} {one_line(row['note'])}")
     for line in text.told(name, rows):
-        typer.echo(line)
+        _talk.say(line)
     if json is not None:
         save(json, name, settings, rows)
     if csv is not None:
