@@ -10,12 +10,14 @@ import rcdn
 from rcdn.config import DetectorConfig
 from rcdn.metrics import match
 from rcdn.pyramid import (
+    SMALL_PICTURE,
     View,
     boards_in_picture,
     closer_view,
     distinct_boards,
     distinct_corners,
     outside,
+    plainly_seen,
     settled,
     unexplained,
     whole_views,
@@ -196,6 +198,53 @@ def test_cells_on_and_inside_of_a_board_are_not_looked_at():
     assert left[gap > 8].all()
     assert not left[gap < -19].any()
     assert not left[corner & (gap < 5)].any()
+
+
+def test_a_board_is_plainly_seen_if_nothing_can_follow_it():
+    board, none = lattice(9, 6, 20.0), np.zeros((0, 2))  # its corners from (50, 40) to (210, 140)
+    frame = (180, 260)
+    assert plainly_seen([board], none, frame)
+    assert plainly_seen([board], board.xy, frame)
+    assert plainly_seen([board], np.array([[240.0, 60.0]]), frame)
+    assert not plainly_seen([board], np.array([[231.0, 61.0]]), frame)  # a corner of a tenth column
+    assert not plainly_seen([board], none, (165, 260))  # a seventh row at 160 would lie at the frame
+    assert not plainly_seen([board], none, (180, 235))
+    assert not plainly_seen([board, lattice(4, 4, 9.0, at=(100, 80))], none, frame)  # squares too small
+    assert not plainly_seen([], none, frame)
+
+
+def small_picture(pitch, size=(7, 5), frame=(320, 240)):
+    return render(front(*size, pitch, frame))
+
+
+@pytest.mark.parametrize("pitch", [12.0, 18.0, 25.0])
+def test_an_enlarged_view_of_a_board_that_is_plainly_seen_would_show_nothing_new(pitch, monkeypatch):
+    grey = small_picture(pitch)
+    asked = []
+    monkeypatch.setattr(View, "to_picture", watched(View.to_picture, asked))
+    quick = rcdn.Detector().boards(grey)
+    assert not any(view.scale > 1 for view in asked)
+    monkeypatch.setattr("rcdn.detector.plainly_seen", lambda *_: False)
+    slow = rcdn.Detector().boards(grey)
+    assert any(view.scale > 1 for view in asked)
+    assert [b.xy.tobytes() for b in quick] == [b.xy.tobytes() for b in slow]
+    assert [len(b) for b in quick] == [35]
+
+
+def watched(method, asked):
+    """The method of a view, the views that it is called of noted."""
+
+    def call(view, *arguments):
+        asked.append(view)
+        return method(view, *arguments)
+
+    return call
+
+
+def test_tiny_squares_beside_a_board_that_is_plainly_seen_are_enlarged():
+    grey = np.concatenate([small_picture(14.0, (5, 4), (160, 200)), small_picture(6.0, (7, 5), (140, 200))], axis=1)
+    assert grey.size <= SMALL_PICTURE
+    assert [len(b) for b in rcdn.Detector().boards(grey)] == [35, 20]
 
 
 def two_boards(near, far_blur):

@@ -29,6 +29,7 @@ from rcdn.pyramid import (
     distinct_corners,
     outside,
     pictures_of,
+    plainly_seen,
     settled,
     unexplained,
     whole_views,
@@ -110,9 +111,12 @@ class Detector:
         views = whole_views(grey.shape) if self.config.pyramid else whole_views(grey.shape)[:1]
         parts = pictures_of(grey, views)
         looks = [self._look(grey.shape, warnings, views[0], parts[0])]
-        known = looks[0].boards
-        looks += [self._look(grey.shape, warnings, *view, known) for view in zip(views[1:], parts[1:], strict=True)]
-        if self.config.pyramid and (closer := closer_view(looks[0].strong, looks[0].boards, grey.shape)):
+        strong, known = looks[0].strong, looks[0].boards
+        plain = plainly_seen(known, strong, grey.shape)
+        rest = [(v, part) for v, part in zip(views[1:], parts[1:], strict=True) if v.scale < 1 or not plain]
+        looks += [self._look(grey.shape, warnings, *view, known) for view in rest]
+        enlarged = any(view.scale > 1 for view, _ in rest)
+        if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, grey.shape)):
             looks.append(self._look(grey.shape, warnings, closer, closer.of(grey)))
         boards = distinct_boards([look.boards for look in looks])
         boards = largest(boards, allowed(grey.size, *BOARDS), "boards", warnings)

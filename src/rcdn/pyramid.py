@@ -1,8 +1,8 @@
 """One picture at several scales: what to look at, and how what was found there becomes one answer.
 
-The network knows squares of about 6 to 60 px and blur to 4 px. A small picture, or a part of it with tiny squares, is
-looked at enlarged; a large one also reduced, where wide blur is narrow again. Each view is recovered by itself; where
-boards of two views are one, the fuller stands. Positions come back in pixels of the picture.
+The network knows squares of about 6 to 60 px and blur to 4 px. A small picture whose boards aren't plainly seen, or a part of a
+large one with tiny squares, is looked at enlarged; a large one also reduced, where wide blur is narrow again. Each view is
+recovered by itself; where boards of two views are one, the fuller stands. Positions come back in pixels of the picture.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.types import Array, Board, Corners
 
 SMALL_PICTURE = 330 * 250
-"""px; a picture up to this size is always looked at enlarged, too"""
+"""px; a picture up to this size is looked at enlarged, too, unless its boards are plainly seen"""
+PLAIN = 10.0
+"""px; squares from this on, of a settled board that the frame doesn't cut, show all that there is as they are"""
 LEAST_REDUCED = 140 * 100
 """px; a picture is halved, and halved again, as long as this is left of it"""
 MOST_HALVINGS = 3
@@ -104,7 +106,7 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
             rows = cells.inside(board.xy.min(axis=0) - EDGE, board.xy.max(axis=0) + EDGE)
             left[rows] &= ~_inside(board, xy[rows])
         xy = xy[left]
-    if len(xy) < LEAST_TINY or height * width <= SMALL_PICTURE:
+    if len(xy) < LEAST_TINY:
         return None
     distance = nearest(xy, xy, 4)[0]
     tiny = xy[(distance[:, 1:] < TINY).sum(axis=1) >= 2]
@@ -130,6 +132,32 @@ def pictures_of(grey: Array, views: list[View]) -> list[Array]:
 def settled(boards: list[Board]) -> bool:
     """Are there boards, and is there nothing to add inside of any of them?"""
     return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
+
+
+def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...]) -> bool:
+    """Are there boards, all settled, of squares that need no enlarging, and does each end where it seems to?
+
+    It does if its next corners, had it more, would lie half a square or more within the picture (H, W), and no `strong` corner (N, 2) px
+    lies near where they would be.
+    """
+    if not settled(boards) or any(_pitch(board) < PLAIN for board in boards):
+        return False
+    rim, second = (np.concatenate(rows) for rows in zip(*_sides(boards), strict=True))
+    beyond = rim + 1.5 * (rim - second)
+    inside = ((beyond >= 0) & (beyond <= np.array(shape[1::-1]) - 1)).all()
+    return bool(inside) and not _answered(strong, rim, second, 1.0).any()
+
+
+def _answered(xy: Array, rim: Array, second: Array, scale: float) -> Array:
+    """(n,) bool: at which of the next corners beyond a `rim` (n, 2) px, as the `second` line behind it continues, one of `xy` (N, 2) px
+    lies, as seen in a view of `scale`."""
+    step = np.linalg.norm(rim - second, axis=1)
+    return np.asarray(nearest(xy, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + BEYOND[1] / scale)
+
+
+def _sides(boards: list[Board]) -> list[tuple[Array, Array]]:
+    """The outermost and the second line of corners of all sides of complete boards, each (n, 2) px."""
+    return [(side[0], side[1]) for board in boards for side in (np.rot90(board.grid(), k) for k in range(4))]
 
 
 def outside(view: View, cells: Array, boards: list[Board]) -> Array:
@@ -158,10 +186,9 @@ def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
     left = np.ones(len(at), bool)
     if not len(at) or not boards:
         return left
-    sides = [(side[0], side[1]) for board in boards for side in (np.rot90(board.grid(), k) for k in range(4))]
+    sides = _sides(boards)
     rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
-    step = np.linalg.norm(rim - second, axis=1)
-    close = nearest(at, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + BEYOND[1] / view.scale
+    close = _answered(at, rim, second, view.scale)
     first = np.cumsum([0, *(len(side) for side, _ in sides[:-1])])
     if (np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any():
         return None
