@@ -1,6 +1,8 @@
 """`--target`: auto, plain, a target in one word, or its file, on detect, calibrate and pose."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -10,7 +12,7 @@ from tests.targets.raster import raster
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.cli._target import PLAIN, parse_target
+from rcdn.cli._target import DEFAULT, parse_target
 from rcdn.io import write_camera
 from rcdn.targets.drawing import draw
 from rcdn.targets.files import write_target
@@ -72,14 +74,38 @@ def test_a_told_target_is_read_in_a_word_and_from_its_file(run, target, told):
     printed = Printed(target, 0.03)
     cv2.imwrite("a.png", cv2.GaussianBlur(cv2.rotate(flat(printed), cv2.ROTATE_180), (0, 0), 0.8))
     write_target("board.yaml", printed)
-    for which in (told, "board.yaml", "auto"):
-        done = run("detect", "a.png", "--target", which, "--json", "found.json", "--quiet")
+    for which in (["--target", told], ["--target", "board.yaml"], ["--target", "auto"], []):
+        done = run("detect", "a.png", *which, "--json", "found.json", "--quiet")
         assert done.exit_code == 0, done.output
         (board,) = found()
+        (image,) = json.loads(Path("found.json").read_text())["images"]
+        assert len(np.unique(np.round(image["corners"]["xy"], 1), axis=0)) == len(image["corners"]["xy"])  # each once
         assert sorted(board["ids"]) == printed.ids.tolist()
         assert board["target"]["kind"] == target.kind
-    assert run("detect", "a.png", "--json", "found.json").exit_code == 0
+    assert run("detect", "a.png", "--target", "plain", "--json", "found.json").exit_code == 0
     assert all("target" not in board for board in found())
+
+
+def test_the_paper_s_preset_reads_codes_only_if_it_is_told_to(run):
+    cv2.imwrite("a.png", cv2.GaussianBlur(flat(Printed(BOARD, 0.03)), (0, 0), 0.8))
+    assert run("detect", "a.png", "--preset", "paper", "--json", "found.json").exit_code == 0
+    (board,) = found()
+    assert "target" not in board
+    assert run("detect", "a.png", "--preset", "paper", "--target", "auto", "--json", "found.json").exit_code == 0
+    assert [board["target"]["dictionary"] for board in found()] == ["DICT_4X4_50"]
+
+
+@pytest.mark.parametrize("target", [BOARD, AprilGrid(4, 3, "tag36h11", 0.3), PuzzlePart(9, 7, 120, 333)], ids=str)
+def test_codes_are_read_without_scipy(target, tmp_path):
+    """Its import takes as long as a dozen detections."""
+    cv2.imwrite(str(tmp_path / "a.png"), cv2.GaussianBlur(flat(Printed(target, 0.03)), (0, 0), 0.8))
+    code = f"""
+import sys, rcdn
+(board,) = rcdn.Detector().boards({str(tmp_path / "a.png")!r})
+print(board.target.kind, sorted(board.ids.tolist()) == {Printed(target, 0.03).ids.tolist()}, 'scipy' in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == [target.kind, "True", "False"], done.stderr
 
 
 def test_another_target_than_the_told_one_has_no_numbers(run):
@@ -145,7 +171,8 @@ def test_calibrate_and_pose_take_the_spacing_from_the_file(run):
 
 def test_what_was_told():
     assert parse_target("auto").reads == "auto"
-    assert parse_target("plain") == PLAIN
+    assert parse_target("plain").reads == "plain"
+    assert parse_target(DEFAULT).reads == "auto"
     assert parse_target("charuco:7x5:4X4_50:0.75").reads == BOARD
     assert parse_target("puzzleboard:9x7").reads == PuzzleBoard()
     assert parse_target("checkerboard:9x6").size == (9, 6)

@@ -91,7 +91,7 @@ def use_the_package():
     grid.around([(0, 0), (3, 3)], 1)
     symmetry.symmetry_centre(grey, xy, 5)
     polygon.deeper(xy[:9], xy, 1.0)
-    elementary.exp(xy), elementary.log(xy), elementary.cos_sin(xy), elementary.arctan2(xy, xy)
+    elementary.exp(xy), elementary.log(xy), elementary.erf(xy), elementary.cos_sin(xy), elementary.arctan2(xy, xy)
     symmetry._room.__wrapped__(5)
 
 

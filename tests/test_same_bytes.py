@@ -1,6 +1,7 @@
 """The same bytes on every processor: the kernels that this one takes, against the same C without any vector code, number after number."""
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -126,6 +127,12 @@ def test_elementary_functions_far_out():
     cosine, sine = elementary.cos_sin(np.linspace(-9e5, 9e5, 9999))
     np.testing.assert_allclose(np.hypot(cosine, sine), 1, rtol=1e-15)
     np.testing.assert_allclose(sine, np.sin(np.linspace(-9e5, 9e5, 9999)), atol=1e-15)
+
+
+def test_the_error_function():
+    x = np.concatenate([np.linspace(-7, 7, 9999), [-np.inf, np.inf]])
+    np.testing.assert_allclose(elementary.erf(x), [math.erf(v) for v in x], atol=1e-15, rtol=0)
+    assert np.isnan(elementary.erf(np.nan))
 
 
 def test_angles():

@@ -16,6 +16,13 @@ KERNEL(rcdn_log, (SIZE, n, x, 0), (IN, double, x, n), (OUT, double, out, n)) {
     return 0;
 }
 
+/* `out` (n,): erf x. */
+KERNEL(rcdn_erf, (SIZE, n, x, 0), (IN, double, x, n), (OUT, double, out, n)) {
+    for (index_t k = 0; k < n; k++)
+        out[k] = error_function(x[k]);
+    return 0;
+}
+
 /* `cosine`, `sine` (n,) of x (n,). */
 KERNEL(rcdn_cos_sin, (SIZE, n, x, 0), (IN, double, x, n), (OUT, double, cosine, n), (OUT, double, sine, n)) {
     for (index_t k = 0; k < n; k++)

@@ -177,8 +177,9 @@ class DetectorConfig:
     response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
     `border`: corners closer than this to the image border are dropped, px.
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
-    `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards (docs/coded-boards.md); `plain`, the default, takes all boards
-    for plain ones. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target alone: smaller parts of it are certain, since fewer answers compete.
+    `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards where there are any (docs/coded-boards.md); `plain`, which the
+    preset `paper` has, takes all boards for plain ones. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target alone: smaller parts of it
+    are certain, since fewer answers compete. Of deltilles no codes are read.
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
@@ -201,7 +202,7 @@ class DetectorConfig:
     min_corners: int = 9
     threads: int = 0
     pattern: Literal["checker", "deltille"] = "checker"
-    target: Targets | Target = "plain"
+    target: Targets | Target = "auto"
     device: Device = "cpu"
 
     def __post_init__(self) -> None:
@@ -255,7 +256,7 @@ class DetectorConfig:
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
             "refine": Refine("mixed", half=2), "sharpen": None, "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
-            "recovery": "growth", "pyramid": False,
+            "recovery": "growth", "pyramid": False, "target": "plain",
         }  # fmt: skip
         return cls(**(base | changes))
 

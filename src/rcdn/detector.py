@@ -77,7 +77,7 @@ class Detector:
     `config`: see `DetectorConfig`; default: the preset `auto`. Images: arrays (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
     (docs/conventions.md), paths of pictures, or PIL images. Bad input raises RcdnError; a picture without a board gives [] and no error.
     A detector may be used for any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
-    preset `auto` and boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
+    preset `auto` and plain boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
@@ -122,7 +122,8 @@ class Detector:
         boards = largest(boards, allowed(grey.size, *BOARDS), "boards", warnings)
         boards = self._identified(grey, boards, looks, warnings)
         inside = [look.corners.take(_members(look.corners, boards)) for look in looks]
-        inside += [_as_corners(board) for board in boards if board.target is not None]
+        seen = _joint([corners.xy for corners in inside], (0, 2))
+        inside += [_unseen(board, seen) for board in boards if board.target is not None]
         whole = [look.corners for look in looks if look.view.scale >= 1]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
         corners = corners.take(_members(corners, boards) | _in_frame(corners.xy, grey.shape))
@@ -150,9 +151,11 @@ class Detector:
             else:
                 out.append(known)
         if self.config.target != "plain" and not plain:
-            from rcdn.targets.pieces import read_pieces
+            pieces = [piece for look in looks for piece in look.pieces()]
+            if pieces or any(board.target is not None for board in out):
+                from rcdn.targets.pieces import read_pieces
 
-            out = read_pieces(grey, out, [piece for look in looks for piece in look.pieces()], self._told)
+                out = read_pieces(grey, out, pieces, self._told)
         return [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
 
     def _is_circle_grid(self, glance: Glance | None) -> bool:
@@ -161,7 +164,7 @@ class Detector:
 
     def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
         """The board with what its codes say, if they say anything for certain."""
-        from rcdn.targets.mirror import mirrored_target  # here: reading takes SciPy, whose import is slow
+        from rcdn.targets.mirror import mirrored_target  # here: few boards carry codes
         from rcdn.targets.read import identified
 
         known = identified(grey, board, self._told)
@@ -240,7 +243,7 @@ def _surroundings(grey: Array, board: Board) -> Surroundings | None:
     """What is printed around the corners of a board that was read."""
     if board.target is None:
         return None
-    from rcdn.targets.surroundings import surroundings  # here: it takes SciPy, whose import is slow
+    from rcdn.targets.surroundings import surroundings  # here: few boards carry codes
 
     return surroundings(grey, board)
 
@@ -269,9 +272,9 @@ def _look_of(view: View, found: Candidates, boards: list[Board], shape: tuple[in
     return _Look(view, corners, boards_in_picture(view, boards, shape), strong)
 
 
-def _as_corners(board: Board) -> Corners:
-    """The corners of a board, some of which no view may have as such."""
-    return Corners(board.xy, board.response, board.status)
+def _unseen(board: Board, seen: Array) -> Corners:
+    """The corners of a board that are none of those `seen` (N, 2) in views: codes told where to look for them."""
+    return Corners(board.xy, board.response, board.status).take(_rows(board.xy, seen) < 0)
 
 
 def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:

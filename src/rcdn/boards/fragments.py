@@ -53,17 +53,16 @@ def fragments(field: Field, free: Array, known: int) -> list[dict[Label, int]]:
 def _quads(xy: Array) -> Array:
     """Four corners each (Q, 4), rows of `xy` (N, 2), that stand like those of a square, clockwise on the screen, each once."""
     near = nearest(xy, xy, min(AROUND, len(xy) - 1) + 1)[1][:, 1:]
-    one, two = (a.ravel() for a in np.meshgrid(np.arange(near.shape[1]), np.arange(near.shape[1])))
-    a = np.repeat(np.arange(len(xy)), len(one))
-    b, c = near[:, one].ravel(), near[:, two].ravel()
-    along, down = xy[b] - xy[a], xy[c] - xy[a]
-    lengths = np.linalg.norm(along, axis=1), np.linalg.norm(down, axis=1)
-    short, long = np.minimum(*lengths), np.maximum(*lengths)
-    cross = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]
-    some = np.flatnonzero((cross > SKEW * short * long) & (long < RATIO * short))
-    gap, d = nearest(xy, (xy[b] + xy[c] - xy[a])[some], 1)
-    close = gap[:, 0] < OFF * short[some]
-    quads = np.stack([a[some], b[some], d[:, 0], c[some]], axis=1)[close]
+    side = xy[near] - xy[:, None]
+    length = np.linalg.norm(side, axis=2)
+    u, v = side[..., 0], side[..., 1]
+    cross = u[:, None] * v[..., None] - v[:, None] * u[..., None]  # of the second side and the first
+    short, long = (f(length[:, None], length[..., None]) for f in (np.minimum, np.maximum))
+    a, two, one = np.nonzero((cross > SKEW * short * long) & (long < RATIO * short))
+    b, c = near[a, one], near[a, two]
+    gap, d = nearest(xy, xy[b] + xy[c] - xy[a], 1)
+    close = gap[:, 0] < OFF * short[a, two, one]
+    quads = np.stack([a, b, d[:, 0], c], axis=1)[close]
     first = quads.argmin(axis=1)[:, None]
     return np.unique(np.take_along_axis(quads, (first + np.arange(4)) % 4, axis=1), axis=0)
 

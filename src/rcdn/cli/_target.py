@@ -68,7 +68,8 @@ class Told:
         return length
 
 
-PLAIN = Told("plain", "plain")
+DEFAULT = Told("auto", "auto")
+"""nothing was told: what the preset says"""
 
 
 def parse_target(text: str | Told) -> Told:
@@ -104,7 +105,8 @@ Target = Annotated[
     typer.Option(
         parser=parse_target,
         metavar="WHICH",
-        help="auto: read ChArUco boards, AprilGrids and PuzzleBoards; nobody has to say which. plain: take all boards for plain ones. One "
+        help="auto: read the codes of ChArUco boards, AprilGrids and PuzzleBoards, if there are any; nobody has to say which. plain: take all "
+        "boards for plain ones. One "
         "target alone, of which smaller parts are certain: charuco:8x8:DICT_4X4_50:0.75, aprilgrid:6x6:tag36h11:0.3, puzzleboard, "
         "checkerboard:9x6, or the YAML file of one, which `rcdn board --yaml` or Kalibr's users write.",
     ),

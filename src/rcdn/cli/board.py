@@ -83,7 +83,7 @@ def board(
         Printable,
         typer.Option(
             help="checker: squares. deltille: triangles, for `rcdn detect --pattern deltille`. The others carry codes that tell every corner "
-            "from the others, for `--target auto`; --spacing is the side of a square or of a tag."
+            "from the others; --spacing is the side of a square or of a tag."
         ),
     ] = Printable.checker,
     dictionary: Annotated[

@@ -33,7 +33,7 @@ from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
 from rcdn.cli._spacing import SpacingOrFile, check_spacing
 from rcdn.cli._talk import Quiet
-from rcdn.cli._target import PLAIN, Target
+from rcdn.cli._target import DEFAULT, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 
@@ -67,7 +67,7 @@ def calibrate(
     force: Force = False,
     fail_on: FailOnVerdict = None,
     pattern: Pattern = PatternName.checker,
-    target: Target = PLAIN,
+    target: Target = DEFAULT,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     frames: Frames = 40,

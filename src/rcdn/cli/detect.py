@@ -21,7 +21,7 @@ from rcdn.cli._outputs import Outputs
 from rcdn.cli._overlay_names import OverlayNames
 from rcdn.cli._progress import progress
 from rcdn.cli._talk import Quiet
-from rcdn.cli._target import PLAIN, Target
+from rcdn.cli._target import DEFAULT, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 
@@ -95,7 +95,7 @@ def detect(
         Preset, typer.Option(help="auto: the best there is. paper: exactly the published method, to compare with.")
     ] = Preset.auto,
     pattern: Pattern = PatternName.checker,
-    target: Target = PLAIN,
+    target: Target = DEFAULT,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     threads: Annotated[
@@ -144,9 +144,10 @@ def detect(
     _check_outputs(json, vnl, overlay, paths)
     pattern, board = target.pattern(pattern), target.board(board)
     _check_pattern(pattern, board, vnl)
-    config = DetectorConfig.preset(
-        preset.value, threads=threads, pattern=pattern.value, target=target.reads, device=device.value
-    )
+    reads = (
+        {} if target is DEFAULT else {"target": target.reads}
+    )  # the preset `paper` reads no codes unless it is told to
+    config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value, **reads)
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
         run = _Run(_summary.Tally(board), outputs)

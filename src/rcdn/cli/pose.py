@@ -14,7 +14,7 @@ from rcdn.cli._group import FAILED, say_error
 from rcdn.cli._options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
 from rcdn.cli._spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
 from rcdn.cli._talk import Quiet
-from rcdn.cli._target import PLAIN, Target
+from rcdn.cli._target import DEFAULT, Target
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 
@@ -48,7 +48,7 @@ def pose(
         typer.Option(metavar="FILE", help="Write poses with their covariances as JSON; - is standard output."),
     ] = None,
     pattern: Pattern = PatternName.checker,
-    target: Target = PLAIN,
+    target: Target = DEFAULT,
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     cache: CacheFolder = None,

@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.native import bind
 from rcdn.types import Array
 
-_exp, _log = bind("rcdn_exp"), bind("rcdn_log")
+_exp, _log, _erf = bind("rcdn_exp"), bind("rcdn_log"), bind("rcdn_erf")
 _cos_sin, _arctan2 = bind("rcdn_cos_sin"), bind("rcdn_arctan2")
 
 
@@ -29,6 +29,14 @@ def log(x: Any) -> Array:
     x = _doubles(x)
     out = np.empty_like(x)
     _log(x.ravel(), out.ravel())
+    return out
+
+
+def erf(x: Any) -> Array:
+    """The error function of x, of the shape of `x`, within 1e-15."""
+    x = _doubles(x)
+    out = np.empty_like(x)
+    _erf(x.ravel(), out.ravel())
     return out
 
 

@@ -12,7 +12,7 @@ __all__ = ["check_told", "identified"]
 
 
 def __getattr__(name: str) -> Any:
-    """Loaded at their first use: reading takes SciPy, whose import is slow."""
+    """Loaded at their first use: few boards carry codes."""
     if name not in __all__:
         raise AttributeError(f"module 'rcdn.targets' has no attribute {name!r}")
     from rcdn.targets import read

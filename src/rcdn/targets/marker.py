@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erf
 
+from rcdn.geometry.elementary import erf
 from rcdn.types import Array
 
 RATIOS = np.arange(0.40, 0.971, 0.02)
@@ -154,9 +154,10 @@ def _middles(samples: int) -> Array:
 
 
 def _box(x: Array, width: Array | float, blur: Array) -> Array:
-    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,): (K, S)."""
+    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about the middle: (K, S)."""
     s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
-    return np.asarray(0.5 * (erf((x - 0.5 + half) / s) - erf((x - 0.5 - half) / s)))
+    step = erf((x - 0.5 + half) / s)
+    return np.asarray(0.5 * (step + step[:, ::-1]))
 
 
 def _square(x: Array, width: Array | float, along_x: Array, along_y: Array) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import erf
 
+from rcdn.geometry.elementary import erf
 from rcdn.targets.dictionaries import marker_bits
 from rcdn.targets.layout import index_of
 from rcdn.targets.rectify import aspect_of, grid_with_ring, squares_in_perspective, whole_squares
