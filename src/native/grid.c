@@ -27,7 +27,7 @@ INLINE void predict(const Table *t, const double *xy, const int64_t *spots, inde
 }
 
 /* `predict` from corners `labels`, `xy` (n, 2). */
-FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
             (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
             (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
     Table t;
@@ -40,7 +40,7 @@ FAST_KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (W
 
 /* The empty labels beside a grid's corners, in order, (at most 4 n, 2), at which steps are `least` long, and what `predict` says of them. Returns
  * how many. */
-FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
+KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
             (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
     Table t;
     if (!open_table(&t, labels, n))
@@ -61,7 +61,7 @@ FAST_KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -A
 }
 
 /* `excess_of` the corners number `which` (count). */
-FAST_KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
             (IN, double, xy, n, 2), (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
     Table t;
     if (!open_table(&t, labels, n))

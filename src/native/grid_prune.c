@@ -234,7 +234,7 @@ static int with_room(Grid *g) {
 
 /* What is left of a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits go, worst first, then rim corners that are
  * hardly X-corners, then what is in no whole cell, until nothing changes. `part` (n): as `split` says. Returns the number of parts. */
-FAST_KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (IN, double, quality, n),
+KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (IN, double, quality, n),
             (IN, double, contrast, n), (REAL, residual), (REAL, residual_loose), (REAL, least_quality), (REAL, least_share), (OUT, int64_t, part, n)) {
     Grid g = {.labels = labels, .xy = xy, .quality = quality, .contrast = contrast, .n = n, .left = n};
     const Limits limits = {residual, residual_loose, least_quality, least_share};
