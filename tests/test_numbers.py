@@ -45,6 +45,20 @@ def test_rounding_is_told_from_another_number():
     assert not states("1.06", 1.071)
 
 
+def test_speed_on_photographs():
+    record = json.loads((ROOT / "benchmarks/results/photographs-speed.json").read_text())
+    at = {(r["pictures"], r["threads"]): r for r in record["photographs"] if r["detector"] == "opencv-sb"}
+    boards, small = at["boards", 1], at["boards, under 0.1 MP", 1]
+    claim = re.search(
+        r"It takes (\S+) of the processor time .* over (\d+) sets of photographs, one thread; (\S+) under 0.1", README
+    )
+    assert states(claim[1], boards["rcdn ÷ it"])
+    assert int(claim[2]) == boards["sets"]
+    assert states(claim[3], small["rcdn ÷ it"])
+    lead = re.search(r"takes \*\*(\S+)\*\* of the processor time", (ROOT / "docs/speed.md").read_text())
+    assert states(lead[1], boards["rcdn ÷ it"])
+
+
 def test_photographs():
     total, cube = all_of("photographs"), next(r for r in rows("photographs") if r["set"] == "babelcalib-ov-cube")
     whole, labelled = (int(v) for v in total["whole"].split("/"))
