@@ -40,7 +40,11 @@ def test_the_same_corners_as_opencv(size, dictionary, options, turn):
     assert (corners.shape, corners.dtype) == ((len(theirs), 1, 2), theirs.dtype)  # OpenCV 5 gives (N, 2)
     assert (numbers.shape, numbers.dtype) == ((len(theirs), 1), their_numbers.dtype)
     assert np.array_equal(numbers.ravel(), their_numbers.ravel())
-    assert np.linalg.norm(corners - theirs.reshape(-1, 1, 2), axis=2).mean() < 0.1
+    apart = (theirs.reshape(-1, 2) - corners[:, 0]).mean(axis=0)
+    half = (
+        0.5 * (apart > 0.25).all()
+    )  # OpenCV 4 (4.9 to 4.12) has its corners half a pixel to the right and below the true ones, 5 hasn't
+    assert np.linalg.norm(corners + half - theirs.reshape(-1, 1, 2), axis=2).mean() < 0.1
     assert np.abs(corners[:, 0] - truth[numbers[:, 0]]).max() < 0.1
 
 
