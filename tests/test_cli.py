@@ -465,7 +465,7 @@ def test_board_warns_of_ambiguous_sizes(run):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"--spacing": "0.03"}, "largest spacing that fits is 0.0251"),
+        ({"--spacing": "0.03"}, "largest spacing that fits is 0.0251 m (25.1mm); or take a3 paper"),
         ({"--spacing": "25"}, "0.025"),
         ({"--spacing": "-1"}, "above 0"),
         ({"--size": "9"}, "9x6"),

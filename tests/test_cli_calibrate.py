@@ -18,6 +18,7 @@ from rcdn.io import (
     read_camera,
     read_stereo,
     read_stereo_calibration,
+    write_camera,
     write_detections,
     write_image,
 )
@@ -358,3 +359,38 @@ def test_where_to_hold_the_board_next_is_said_and_drawn(run):
     (line,) = [line for line in result.stdout.splitlines() if line.startswith("- Next picture: Hold the board in the ")]
     assert "the worst projection uncertainty would fall from" in line
     assert line.removeprefix("- Next picture: ") in Path("page.html").read_text()
+
+
+# ---- wrong inputs
+
+
+@pytest.mark.parametrize("verb", [("calibrate", "--spacing", SPACING), ("undistort", "camera.json", "--out", "flat")])
+def test_a_bag_of_ros_is_named_as_what_it_is(run, verb):
+    write_camera("camera.json", PINHOLE)
+    Path("run.mcap").write_bytes(b"\x89MCAP0\r\n" * 9)
+    result = run(*verb[:2], "run.mcap", *verb[2:]) if verb[0] == "undistort" else run(verb[0], "run.mcap", *verb[1:])
+    assert result.exit_code == 1
+    assert "run.mcap: a bag of ROS, by its ending, is not read; write the pictures" in result.stderr
+    assert "0 pictures" not in result.stderr
+
+
+def test_a_folder_in_place_of_a_file_is_said(run):
+    Path("photos").mkdir()
+    result = run("convert", "photos", "a.yaml")
+    assert result.exit_code == 1
+    assert result.stderr == "error: photos: a folder, where a file is needed; name a file in it\n"
+
+
+@pytest.mark.parametrize("option", [("--model", "brwn"), ("--fail-on", "worst")])
+def test_a_wrong_choice_is_said_in_plain_words(run, found, option):
+    result = run("calibrate", found, "--spacing", SPACING, *option)
+    assert result.exit_code == 2
+    assert option[1] in result.stderr
+    assert "Value error" not in result.stderr
+
+
+def test_kalibr_advises_the_model_that_it_holds(run):
+    write_camera("camera.json", CAMERAS["brown"])
+    result = run("convert", "camera.json", "camchain.yaml")
+    assert result.exit_code == 1
+    assert "`rcdn calibrate --model radtan`" in result.stderr

@@ -130,7 +130,7 @@ def test_page_turns_if_the_board_fits_better():
 @pytest.mark.parametrize(
     ("size", "spacing", "paper", "message"),
     [
-        ((9, 6), 0.03, "a4", r"largest spacing that fits is 0\.0251 \(metres\)"),
+        ((9, 6), 0.03, "a4", r"largest spacing that fits is 0\.0251 m \(25\.1mm\); or take a3 paper"),
         ((9, 6), 25, "a4", r"spacing is in metres: for 25 mm give 0\.025"),
         ((900, 600), 0.01, "a4", "larger paper"),
         ((9, 2), 0.01, "a4", "at least 3x3"),

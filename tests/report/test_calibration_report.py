@@ -12,6 +12,7 @@ from rcdn.calibration.facts import measure
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.calibration.verdict import headline, judge
+from rcdn.cli._camera_text import camera_lines
 from rcdn.errors import OutputError
 from rcdn.geometry import project, rotation, transform, unproject
 from rcdn.geometry.undistort import HALF_VIEW, undistorted_camera
@@ -310,6 +311,15 @@ def test_every_camera_has_its_page(tmp_path, camera):
 def test_perfect_corners_make_a_page(tmp_path):
     perfect = simulated(noise=0.0, models=(ModelScore("brown", 0.0, 0.0),))
     assert "Use this camera." in Page(written(tmp_path, perfect)).text
+
+
+@pytest.mark.parametrize(("rms", "held_out"), [(0.0039, 0.0042), (0.0, 0.0), (0.004, 0.002)])
+def test_errors_too_small_to_compare_count_as_alike(rms, held_out):
+    made = simulated(noise=0.0, models=(ModelScore("brown", rms, held_out), ModelScore("rational", held_out, np.nan)))
+    assert measure(made).held_ratio == 1
+    text = "\n".join(camera_lines(made))
+    assert "in pictures held out 1.00 times that" in text
+    assert "brown 1.00 (held out 1.00), rational 1.00" in text
 
 
 def test_coverage_counts_cells():

@@ -16,7 +16,7 @@ from rcdn.types import Array, Calibration, Camera
 GRID = 120
 """boxes along the frame's longer side in whose middles the projection uncertainty is measured"""
 FINE = 0.01
-"""px; an RMS below counts as this, for then pictures held out needn't do as well"""
+"""px; an RMS below counts as this where one is stated as a multiple of another: such small ones are rounding, not noise"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,12 @@ def _held_ratio(calibration: Calibration) -> float:
     if not calibration.models:
         return float("nan")
     score = calibration.models[0]
-    return score.held_out / max(score.rms, FINE)
+    return multiple(score.held_out, score.rms)
+
+
+def multiple(rms: float, of: float) -> float:
+    """One RMS, px, as a multiple of another; those below FINE count as that. NaN of NaN."""
+    return max(rms, FINE) / max(of, FINE)
 
 
 def _uncertainty(calibration: Calibration, pixels: Array) -> Array:

@@ -160,8 +160,10 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
 
 def _no_board(warnings: Sequence[Sequence[str]]) -> str:
     """Why pictures with these `warnings` each have no board."""
+    if not warnings:
+        return "no picture was read, so there is nothing to calibrate from"
     reasons = [text for texts in warnings for text in texts if text.startswith(REASONS)]
-    why = "see what `rcdn detect --overlay` draws: squares need sharp, dark-light edges"
+    why = "see what `rcdn detect PICTURES --overlay DIR` draws: squares need sharp, dark-light edges"
     if reasons:
         why = f"{len(reasons)} of them: {reasons[0]}"
     return f"no board was found in {many(len(warnings), 'picture')}; {why}"

@@ -14,9 +14,6 @@ from rcdn.types.shown import decimals
 if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
 
-LEAST = 0.01
-"""px; an RMS below counts as this, where others are stated as multiples of it"""
-
 
 def verdict_line(verdict: Verdict | None) -> list[str]:
     """The verdict, which is said first; nothing where there is none."""
@@ -68,14 +65,17 @@ def _held_out(c: Calibration) -> str:
     """As a multiple of the RMS: both on the corners on which models were compared, of which the chosen one may leave some out."""
     if np.isnan(c.held_out):
         return "too few pictures to hold any out"
-    return f"in pictures held out {c.held_out / max(c.models[0].rms, LEAST):.2f} times that"
+    from rcdn.calibration.facts import multiple
+
+    return f"in pictures held out {multiple(c.held_out, c.models[0].rms):.2f} times that"
 
 
 def _model(score: ModelScore, chosen: ModelScore) -> str:
     """`brown 1.00 (held out 1.03)`; a model that can't beat a simpler one isn't tried on pictures held out."""
-    least = max(chosen.rms, LEAST)
-    held = "" if np.isnan(score.held_out) else f" (held out {score.held_out / least:.2f})"
-    return f"{score.model} {score.rms / least:.2f}{held}"
+    from rcdn.calibration.facts import multiple
+
+    held = "" if np.isnan(score.held_out) else f" (held out {multiple(score.held_out, chosen.rms):.2f})"
+    return f"{score.model} {multiple(score.rms, chosen.rms):.2f}{held}"
 
 
 def _values(values: Array, std: Array) -> list[str]:

@@ -60,6 +60,9 @@ class Group(TyperGroup):
         _talk.begin()
         try:
             return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")  # Pydantic's words, in Typer from 0.29
+            raise
         except ConfigError as error:
             say_error(str(error))
             raise typer.Exit(WRONG_USE) from None

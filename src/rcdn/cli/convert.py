@@ -64,7 +64,7 @@ def convert(
         typer.Option("--camera-name", metavar="NAME", help="Only this camera of a file with several: left, cam1, …"),
     ] = None,
     lossy: Annotated[
-        bool, typer.Option("--lossy", help="Write the nearest lens that the format has, where it can't hold this one.")
+        bool, typer.Option("--lossy", help="Write a splined lens as the nearest that the format has.")
     ] = False,
     board: Annotated[
         GridSize | None,
@@ -85,7 +85,7 @@ def convert(
 ) -> None:
     """Convert camera files, or files of detections, from one format into another; which ones, their content and OUT's name say.
 
-    Every digit is kept. What a format can't hold is refused, or said: the nearest lens of another model is written with --lossy only.
+    Every digit is kept. What a format can't hold is refused, or said; of a splined lens the nearest that OUT can hold is written with --lossy.
 
     Exit code: 0 if it was written, 1 if not, 2 for wrong use.
     """

@@ -99,7 +99,10 @@ def detect(
     jobs: Jobs = 0,
     max_megapixels: MaxMegapixels = None,
     threads: Annotated[
-        int, typer.Option(min=0, help="Threads of each process; 0: one, or all cores if there is one process only.")
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Threads of each process; 0: one, or all cores if there is one process only."
+        ),
     ] = 0,
     device: Annotated[
         Device,

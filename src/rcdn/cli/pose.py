@@ -98,7 +98,7 @@ def pose(
             _talk.say(_camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
-        say_error("no pose: no board was found in the pictures; see what `rcdn detect --overlay` draws")
+        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "poses": [\n{lines}\n]}}\n')

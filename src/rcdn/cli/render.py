@@ -45,8 +45,8 @@ def parse_frame(text: str) -> FrameSize:
 
 def render(
     output: Annotated[Path, typer.Argument(metavar="OUT_DIR", help="The folder to write to; it is made if need be.")],
-    count: Annotated[int, typer.Option(min=1, max=999_999, help="How many pictures.")] = 10,
-    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same pictures.")] = 1,
+    count: Annotated[int, typer.Option(min=1, max=999_999, metavar="N", help="How many pictures.")] = 10,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same pictures.")] = 1,
     ranges: Annotated[
         Difficulty, typer.Option(help="ordinary: calibration pictures as people take them. hard: much worse.")
     ] = Difficulty.ordinary,

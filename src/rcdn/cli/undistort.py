@@ -59,11 +59,17 @@ def undistort(
     balance: Annotated[
         float,
         typer.Option(
-            min=0, max=1, help="0: no empty pixels. 1: all that the camera saw, up to 55° off its axis, the rest black."
+            min=0,
+            max=1,
+            metavar="SHARE",
+            help="0: no empty pixels. 1: all that the camera saw, up to 55° off its axis, the rest black.",
         ),
     ] = 0.0,
     scale: Annotated[
-        float, typer.Option(min=0.01, max=16, help="Size of the new pictures, as a multiple of the old ones'.")
+        float,
+        typer.Option(
+            min=0.01, max=16, metavar="TIMES", help="Size of the new pictures, as a multiple of the old ones'."
+        ),
     ] = 1.0,
     crop: Annotated[
         bool, typer.Option("--crop", help="Cut away the margins with empty pixels that --balance leaves.")

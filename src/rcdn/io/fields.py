@@ -28,6 +28,8 @@ def read_text(path: str | Path) -> str:
         return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError as error:
         raise FormatError(f"{path}: no such file; check the path") from error
+    except IsADirectoryError as error:
+        raise FormatError(f"{path}: a folder, where a file is needed; name a file in it") from error
     except OSError as error:
         raise FormatError(f"{path}: can't be read ({error.strerror or error}); check the path") from error
     except ValueError as error:

@@ -25,6 +25,7 @@ _STRETCH_SAMPLES = 1 << 22
 MOST_VALUES = 1 << 31  # of an array, all channels counted
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
 _HEAD = 32  # bytes that say which format it is
+_BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes that are read at once
 
@@ -161,6 +162,13 @@ def write_image(path: str | Path, image: Array, mark: Mark | None = None) -> Non
     write_bytes(path, encoded if mark is None else marked(encoded, mark))
 
 
+def _no_picture(path: str | Path) -> str:
+    """What to do with a file that doesn't begin as a picture does."""
+    if Path(path).suffix.lower() in _BAGS:
+        return "a bag of ROS, by its ending, is not read; write the pictures of its topic to a folder first"
+    return "not a picture that can be read, or a damaged one; convert it to PNG or JPEG"
+
+
 def _read_bytes(path: str | Path) -> bytes:
     """The bytes of a picture: of a file, or what comes through a pipe, never more than a picture may have."""
     _open_check(path)
@@ -170,7 +178,7 @@ def _read_bytes(path: str | Path) -> bytes:
             if not head:
                 raise ImageError(f"{path}: the file is empty; copy or record it again")
             if not known(head):
-                raise ImageError(f"{path}: not a picture that can be read, or a damaged one; convert it to PNG or JPEG")
+                raise ImageError(f"{path}: {_no_picture(path)}")
             return _rest(file, head, str(path))
     except PermissionError as error:
         raise ImageError(f"{path}: may not be read; check its permissions") from error

@@ -184,7 +184,10 @@ def _too_large(printed: Printed, paper: str, most: float) -> str:
     most = math.floor(most * 10) / 10  # rounded down: the advice must fit
     if most < 1:
         return f"size: {board}, too many for {paper} paper; take a larger paper or a smaller size"
-    advice = f"the largest spacing that fits is {most / 1000:g} (metres)"
+    advice = f"the largest spacing that fits is {most / 1000:g} m ({most:g}mm)"
+    sheets = (p for p in PAPERS if (p[0] == "a") == (paper[0] == "a"))  # of one country's
+    if wider := [p for p in sheets if largest_spacing(target, p) >= spacing]:
+        advice += f"; or take {min(wider, key=lambda p: PAPERS[p][0] * PAPERS[p][1])} paper"
     if spacing >= 1 and spacing <= most:
         advice = f"spacing is in metres: for {spacing:g} mm give {spacing / 1000:g}"
     return f"spacing {spacing:g}: {board}, which at {spacing * 1000:g} mm doesn't fit on {paper} paper; {advice}"

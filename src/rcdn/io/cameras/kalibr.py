@@ -41,7 +41,7 @@ def _lens(camera: Camera) -> tuple[str, Array]:
     if beyond:
         raise FormatError(
             f"{TITLE}: radtan holds k1 k2 p1 p2 only, but this camera has {', '.join(beyond)}; "
-            f"calibrate it as fisheye or without them, or write {_OTHERS}"
+            f"calibrate it with the model radtan or fisheye (`rcdn calibrate --model radtan`), or write {_OTHERS}"
         )
     return "radtan", d[:4]
 

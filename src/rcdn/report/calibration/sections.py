@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.facts import FINE, Facts
+from rcdn.calibration.facts import Facts, multiple
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.report.calibration import charts, maps
 from rcdn.report.calibration.markup import (
@@ -159,11 +159,11 @@ def _models(calibration: Calibration) -> Html | None:
     some out in the end."""
     if not calibration.models:
         return None
-    chosen = max(calibration.models[0].rms, FINE)
+    chosen = calibration.models[0].rms
     rows = []
     for k, score in enumerate(calibration.models):
         name = tag("th", score.model, " ", tag("span", "chosen", class_="tag") if k == 0 else None, scope="row")
-        ratios = (f"{number(v / chosen)} ×" if np.isfinite(v) else "–" for v in (score.rms, score.held_out))
+        ratios = (f"{number(multiple(v, chosen))} ×" if np.isfinite(v) else "–" for v in (score.rms, score.held_out))
         rows.append(tag("tr", name, *(tag("td", r, class_="n") for r in ratios), class_="chosen" if k == 0 else None))
     head = tag(
         "tr",
