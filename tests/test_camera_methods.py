@@ -50,6 +50,9 @@ def test_pinholes_are_as_opencv_has_them():
         (lambda: BROWN.unproject(3), r"xy must have shape \(\.\.\., 2\), not \(\)"),
         (lambda: BROWN.unproject([[1, 2], [3]]), "xy must hold numbers in rows of equal length"),
         (lambda: BROWN.undistorted(2), "balance"),
+        (lambda: BROWN.undistorted(np.zeros((480, 640), np.uint8)), r"not ndarray; pictures go to undistort\(image\)"),
+        (lambda: BROWN.undistort(np.zeros((480, 640), np.uint8), "all"), "balance must be a number, not str"),
+        (lambda: BROWN.undistortion_maps([0.5]), "balance must be a number, not list"),
         (lambda: BROWN.undistort(np.zeros((10, 10), np.uint8)), "calibrated at 640×480"),
     ],
 )

@@ -394,3 +394,15 @@ def test_kalibr_advises_the_model_that_it_holds(run):
     result = run("convert", "camera.json", "camchain.yaml")
     assert result.exit_code == 1
     assert "`rcdn calibrate --model radtan`" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [("ros.yaml", "camera_info"), ("left_kalibr.yml", "camchain"), ("across.yaml", ""), ("ros.json", "")],
+)
+def test_a_name_that_sounds_like_another_format_is_noted(run, name, part):
+    write_camera("camera.json", PINHOLE)
+    result = run("convert", "camera.json", name)
+    assert result.exit_code == 0
+    assert ("written as OpenCV's YAML" in result.stderr) == bool(part)
+    assert part in result.stderr

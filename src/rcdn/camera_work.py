@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rcdn import geometry, io
-from rcdn.errors import ImageError
+from rcdn.errors import ConfigError, ImageError
 from rcdn.geometry.flat_view import flat_camera
 from rcdn.geometry.resample import Undistortion, undistortion
 from rcdn.types import Array, Camera, Pose
@@ -27,18 +28,25 @@ def unproject(camera: Camera, xy: Array) -> Array:
 
 def undistorted(camera: Camera, balance: float) -> Camera:
     """See `Camera.undistorted`."""
-    return flat_camera(camera, balance)
+    return flat_camera(camera, _number(balance))
 
 
 def undistort(camera: Camera, image: Any, balance: float) -> Array:
     """See `Camera.undistort`."""
-    return _undistortion(camera, balance)(_pixels(image))
+    return _undistortion(camera, _number(balance))(_pixels(image))
 
 
 def undistortion_maps(camera: Camera, balance: float) -> tuple[Array, Array]:
     """See `Camera.undistortion_maps`."""
-    made = _undistortion(camera, balance)
+    made = _undistortion(camera, _number(balance))
     return made.map_x.copy(), made.map_y.copy()
+
+
+def _number(balance: Any) -> float:
+    """`balance` as a float; raises ConfigError for anything else, a picture for one."""
+    if not isinstance(balance, Real):
+        raise ConfigError(f"balance must be a number, not {type(balance).__name__}; pictures go to undistort(image)")
+    return float(balance)
 
 
 @lru_cache(maxsize=1)

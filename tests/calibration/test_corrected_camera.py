@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import estimate_pose
+from rcdn.calibration.arguments import check_camera
 from rcdn.calibration.sight import reach
 from rcdn.cli import _camera_files, _camera_text
+from rcdn.errors import ConfigError
 from rcdn.geometry import project, rotation, transform, zero_correction
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.io import read_calibration, read_camera, write_calibration
@@ -99,3 +101,8 @@ def test_what_a_file_cannot_hold_is_said(tmp_path, capsys):
         assert bool(said) == bool(told)
     with np.load(tmp_path / "a.npz") as found:
         assert found["map_x"].shape == SIZE[::-1]
+
+
+def test_a_calibration_in_place_of_its_camera_is_told():
+    with pytest.raises(ConfigError, match=r"not Calibration; give camera=calibration\.camera"):
+        check_camera(calibration(rippled()))

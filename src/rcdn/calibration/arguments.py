@@ -7,7 +7,7 @@ from typing import Any
 
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry.usable_lens import number_trouble
-from rcdn.types import Board, Camera
+from rcdn.types import Board, Calibration, Camera
 from rcdn.types.ranges import SPACING, in_words, is_spacing
 
 
@@ -36,7 +36,8 @@ def check_board(board: Any, name: str = "board") -> None:
 def check_camera(camera: Any, name: str = "camera") -> None:
     """Raise ConfigError unless it is a camera whose numbers can be those of a lens."""
     if not isinstance(camera, Camera):
-        raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}")
+        hint = f"; give {name}=calibration.camera" if isinstance(camera, Calibration) else ""
+        raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}{hint}")
     if trouble := number_trouble(camera):
         raise ConfigError(f"{name}.{trouble}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,6 +60,7 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
     """Write a camera, and say what the file can't hold of it."""
     from rcdn.io import write_camera, write_maps
 
+    _say_opencv(path, format)
     if _maps(path, format):
         write_maps(path, camera)
     else:
@@ -69,6 +71,7 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
     """Write two cameras, and say what the file can't hold of them."""
     from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
+    _say_opencv(path, format)
     if _maps(path, format):
         write_stereo_maps(path, found)
         return
@@ -79,6 +82,18 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:
     return format is None and path.suffix.lower() == ".npz"
+
+
+def _say_opencv(path: Path, format: CameraFormat | None) -> None:
+    """A note on a name such as `ros.yaml`, which sounds like another format than the one that it stands for."""
+    from rcdn.io import camera_format
+
+    if _maps(path, format) or format is not None or camera_format(path) != "opencv":
+        return
+    words = re.split(r"[^a-z]+", path.stem.lower())
+    for format_name, part in (("ROS", "camera_info"), ("Kalibr", "camchain")):
+        if format_name.lower() in words:
+            _talk.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
 
 
 def _say(path: Path, fits: list[LensFit | None]) -> None:
