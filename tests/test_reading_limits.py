@@ -89,7 +89,7 @@ def test_a_pipe_that_never_ends(tmp_path, monkeypatch):
     stop = threading.Event()
 
     def write():
-        with open(tmp_path / "pipe", "wb") as file:
+        with open(tmp_path / "pipe", "wb", buffering=0) as file:  # nothing is left to be written on closing
             file.write(PNG)
             try:
                 while not stop.is_set():

@@ -123,12 +123,17 @@ def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, end
     layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
     if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], shape, ended):
         return None
-    if not from_0 and (ends is None or not np.rot90(ended, layouts[0].turns)[0, 1]):
+    if not from_0 and (ends is None or not _seen_whole(np.rot90(ended, layouts[0].turns))):
         return None
     margin = layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
     if margin <= MARGIN:
         return None
     return _reading(layouts[0], _rows(layouts[0], ends), margin)
+
+
+def _seen_whole(ended: Array) -> bool:
+    """Whether paper is seen above a board and on both its sides, so that its first square is known."""
+    return bool(ended[0, 1] and ended[1, 0] and ended[1, 2])
 
 
 def _place(scored: list[_Scores], inner: Array, told: Charuco) -> Reading | None:

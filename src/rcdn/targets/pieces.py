@@ -19,6 +19,8 @@ OFF = 0.3
 """squares; how far corners of joined pieces may lie from their common plane, and the same corner in two pieces"""
 RATIO = 0.09
 """how much the measured sizes of the markers of one board may differ, squares"""
+INSIDE = 0.9
+"""share of a piece's corners that are those of one plain board, above which the piece tells nothing that the board doesn't"""
 SHARED = 0.25
 """share of a plain board's corners that are those of a read one, above which it is that one"""
 
@@ -30,7 +32,7 @@ def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Tar
     """
     read, left = [b for b in boards if b.target is not None], READ
     for piece in pieces:
-        if len(piece) <= left and not _held(piece, read):
+        if len(piece) <= left and not _held(piece, read) and not _inside(piece, boards):
             left -= len(piece)
             found = identified(grey, piece, told, part=True)
             if found.target is not None:
@@ -43,6 +45,12 @@ def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Tar
 def _held(piece: Board, read: list[Board]) -> bool:
     """Are the corners of a piece, or many of them, those of a board that was read?"""
     return any((nearest(b.xy, piece.xy, 1)[0][:, 0] < OFF * _pitch(b)).mean() > SHARED for b in read)
+
+
+def _inside(piece: Board, boards: list[Board]) -> bool:
+    """Are nearly all corners of a piece those of one board that wasn't read? That one tells more, and it isn't certain."""
+    plain = [b for b in boards if b.target is None]
+    return any((nearest(b.xy, piece.xy, 1)[0][:, 0] < OFF * _pitch(b)).mean() > INSIDE for b in plain)
 
 
 def _with(read: list[Board], piece: Board) -> list[Board]:
