@@ -23,6 +23,8 @@ AGREE = 0.85
 """share of the steps that must alternate alike"""
 LEAST = 12
 """corners of a grid that can be told to alternate"""
+TRIPLES = 8
+"""corners with a neighbour on both sides that can tell, along both axes together"""
 ENOUGH = 400
 """corners that are looked at to tell"""
 REACHES = (1.4, 2.4)
@@ -56,12 +58,12 @@ def alternating(field: Field, grids: list[dict[Label, int]], free: Array) -> lis
 
 def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] | None:
     """The grid with long steps at even labels, and the gap, short over long step; None if its steps don't alternate along both axes."""
-    if len(at) < LEAST:
+    ratios = [_ratios(xy, at, step) for step in ((1, 0), (0, 1))] if len(at) >= LEAST else []
+    if sum(map(len, ratios)) < TRIPLES:
         return None
-    ratios = [_ratios(xy, at, step) for step in ((1, 0), (0, 1))]
     shift, size = [], 1.0
     for ratio in ratios:
-        usual = median(ratio) if len(ratio) >= LEAST // 3 else 0.0
+        usual = median(ratio) if len(ratio) > 1 else 0.0
         if abs(usual) < UNEVEN or (ratio * np.sign(usual) > UNEVEN).mean() < AGREE:
             return None
         shift.append(0 if usual > 0 else 1)
