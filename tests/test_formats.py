@@ -208,7 +208,7 @@ def test_files_that_are_not_there(tmp_path):
     for read in (read_detections, read_vnl):
         with pytest.raises(FormatError, match="no such file"):
             read(tmp_path / "none")
-        with pytest.raises(FormatError, match="can't be read"):
+        with pytest.raises(FormatError, match="a folder, where a file is needed"):
             read(tmp_path)
 
 
