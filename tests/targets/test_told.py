@@ -46,6 +46,15 @@ def part_of(board: Board, columns: int, rows: int) -> Board:
     return replace(board, **pick, sigma=None)
 
 
+def test_legacy_says_nothing_of_an_odd_number_of_rows():
+    """What is printed beside the corners is the same, and so are the corners."""
+    image, _ = seen(charuco(8, 7, "DICT_5X5_100", 0.8), noise=1)
+    target = Charuco(8, 7, "DICT_5X5_100", 0.8)
+    one, two = (Detector(DetectorConfig(target=t)).boards(image)[0] for t in (target, replace(target, legacy=True)))
+    assert np.array_equal(one.xy, two.xy)
+    assert np.array_equal(one.ids, two.ids)
+
+
 def test_smaller_parts_are_certain_than_of_any_target():
     """What competes is the places of one board, not all boards; and no part gets a wrong number."""
     told = Charuco(8, 6, "DICT_4X4_50", 0.75)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.targets.families import Family, families, family_of
-from rcdn.targets.layout import index_of, place_of
+from rcdn.targets.layout import index_of, odd_markers, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
@@ -298,7 +298,7 @@ class _Scores:
     def places_on(self, told: Charuco) -> Array:
         """All layouts (M, 5) of the board `told`."""
         height, width = self.shape
-        odd = not (told.legacy and (told.rows or 0) % 2 == 0)
+        odd = odd_markers(told)
         most = told.rows or int(place_of(np.array(len(self.family)), np.array(told.columns), np.array(odd))[1]) + 1
         # the outermost squares that were sampled may lie beyond the board
         u, v = np.meshgrid(np.arange(-1, told.columns - width + 2), np.arange(-1, most - height + 2))

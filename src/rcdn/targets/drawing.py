@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import ConfigError
 from rcdn.targets.dictionaries import dictionary_names, marker_bits, tag_bits
-from rcdn.targets.layout import index_of
+from rcdn.targets.layout import markers_in, odd_markers
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Charuco, Checkerboard, Deltille, Print, Printed, PuzzlePart
 from rcdn.types.plane import ROW
@@ -67,11 +67,6 @@ def check(target: Print) -> None:
         if target.border not in (1, 2):
             raise ConfigError(f"a tag's border is 1 or 2 bits wide (Kalibr's 2), not {target.border}")
         _check_count(target.family, len(tag_bits(target.family)), target.first_id, target.columns * target.rows, "tags")
-
-
-def odd_markers(board: Charuco) -> bool:
-    """Whether the markers stand in the squares whose column + row is odd; else where it is even."""
-    return not (board.legacy and (board.rows or 0) % 2 == 0)
 
 
 def _markers(board: Charuco) -> int:
@@ -142,14 +137,14 @@ def _deltille(target: Deltille) -> Iterator[Area]:
 
 def _charuco(board: Charuco) -> Iterator[Shape]:
     """Markers stand in the white squares; inverted, what is black and what is white change places."""
-    bits, odd, columns = marker_bits(board.dictionary), odd_markers(board), np.array(board.columns)
+    bits = marker_bits(board.dictionary)
     margin = (1 - board.marker) / 2
     for row in range(board.rows or 0):
         for column in range(board.columns):
             corners = ((column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1))
-            if (column + row) % 2 == odd:
-                number = board.first_id + int(index_of(np.array(column), np.array(row), columns, np.array(odd)))
-                loops = _marker(bits[number], 1, board.marker, column + margin, row + margin)
+            number, marked = markers_in(board, np.array([column, row]))
+            if marked:
+                loops = _marker(bits[int(number)], 1, board.marker, column + margin, row + margin)
                 yield Area((corners, *loops) if board.inverted else loops)
             elif not board.inverted:
                 yield Rect(column, row, 1.0, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.geometry.elementary import erf
 from rcdn.targets.dictionaries import marker_bits
-from rcdn.targets.layout import index_of
+from rcdn.targets.layout import markers_in
 from rcdn.targets.rectify import aspect_of, grid_with_ring, squares_in_perspective, whole_squares
 from rcdn.types import Array, Board, Charuco
 
@@ -61,11 +61,9 @@ def placement(grey: Array, board: Board, target: Charuco) -> Placement | None:
     grid, found = grid_with_ring(board)
     row, column = np.nonzero(whole_squares(found))
     place = np.stack([column, row], axis=1) + board.ij.min(axis=0)
-    odd = not target.legacy
     bits = marker_bits(target.dictionary)
-    marker = target.first_id + index_of(place[:, 0], place[:, 1], np.array(target.columns), np.array(odd))
-    marked = (place.sum(axis=1) % 2 == odd) & (marker >= 0) & (marker < len(bits))
-    some = np.flatnonzero(marked)
+    marker, marked = markers_in(target, place)
+    some = np.flatnonzero(marked & (marker >= 0) & (marker < len(bits)))
     some = some[:: len(some) // MANY + 1]
     squares = squares_in_perspective(grey, grid, row[some], column[some], PLACES)
     seen = np.isfinite(squares).all(axis=(1, 2))

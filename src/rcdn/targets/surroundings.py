@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.precision.surroundings import PARTS, SIDES, Shape, Surroundings, drawn, shape, without_shapes
 from rcdn.targets.dictionaries import marker_bits, tag_bits
-from rcdn.targets.layout import index_of
+from rcdn.targets.layout import markers_in
 from rcdn.targets.placement import Placement, placement
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard
@@ -39,9 +39,7 @@ def surroundings(grey: Array, board: Board) -> Surroundings | None:
 
 def _charuco(target: Charuco, ij: Array, placed: Placement) -> Surroundings | None:
     square = ij[:, None] + QUADRANTS  # (N, 4, 2) column and row
-    odd = not target.legacy
-    marked = square.sum(axis=2) % 2 == odd
-    marker = target.first_id + index_of(square[..., 0], square[..., 1], np.array(target.columns), np.array(odd))
+    marker, marked = markers_in(target, square)
     known, shapes = np.unique(marker[marked], return_inverse=True)
     if known[0] < 0 or known[-1] >= len(marker_bits(target.dictionary)):
         return None

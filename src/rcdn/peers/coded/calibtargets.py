@@ -11,6 +11,7 @@ import numpy as np
 
 from rcdn.peers.base import not_installed, version_of
 from rcdn.peers.coded.base import CodedPeer, Labelled, Read, board_size, boards_of
+from rcdn.targets.layout import odd_markers
 from rcdn.types import Array
 from rcdn.types.target import PUZZLE, Charuco, PuzzleBoard, Target
 
@@ -22,7 +23,7 @@ SIDE = 50
 
 def _reads(target: Target) -> bool:
     if isinstance(target, Charuco):
-        return not target.first_id and not (target.legacy and (target.rows or 0) % 2 == 0)
+        return not target.first_id and odd_markers(target)
     return isinstance(target, PuzzleBoard)
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from rcdn.peers.coded.base import CodedPeer, Labelled, Read, board_size, boards_of, corners_of_tag
+from rcdn.targets.layout import odd_markers
 from rcdn.types import Array
 from rcdn.types.target import AprilGrid, Charuco, Target
 
@@ -29,7 +30,7 @@ def _charuco(image: Array, target: Charuco) -> list[Labelled]:
     """CharucoDetector, which refines with cornerSubPix. A board with inverted grey levels is given as an ordinary one, from the negative."""
     columns, rows = board_size(target)
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
-    odd = not (target.legacy and rows % 2 == 0)
+    odd = odd_markers(target)
     ids = target.first_id + np.arange((columns * rows + (not odd)) // 2)
     board = cv2.aruco.CharucoBoard((columns, rows), 1.0, target.marker, known, ids)
     board.setLegacyPattern(target.legacy)
