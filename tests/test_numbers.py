@@ -55,8 +55,10 @@ def test_speed_on_photographs():
     assert states(claim[1], boards["rcdn ÷ it"])
     assert int(claim[2]) == boards["sets"]
     assert states(claim[3], small["rcdn ÷ it"])
+    assert states(re.search(r"(\S+) in the worst set", README)[1], boards["worst"])
     lead = re.search(r"takes \*\*(\S+)\*\* of the processor time", (ROOT / "docs/speed.md").read_text())
-    assert states(lead[1], boards["rcdn ÷ it"])
+    features = re.search(r"on one thread (\S+) on photographs", (ROOT / "docs/features.md").read_text())
+    assert all(states(found[1], boards["rcdn ÷ it"]) for found in (lead, features))
 
 
 def test_photographs():
