@@ -79,6 +79,8 @@ docs/reference/files
 docs/conventions
 docs/formats
 docs/formulation
+docs/pipeline
+docs/glossary
 ```
 ```{toctree}
 :hidden:
