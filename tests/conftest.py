@@ -29,3 +29,21 @@ def shared_data() -> Path:
             f"no real photographs: {shared}/data/truth.json is absent; set RCDN_SHARED to the folder above data"
         )
     return shared / "data"
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """Run `rcdn ARGUMENTS` in a temporary folder."""
+    from typer.testing import CliRunner
+
+    from rcdn.cli import app
+
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of other detectors are `peers`."""
+    for item in items:
+        if ROOT / "tests" / "peers" in item.path.parents:
+            item.add_marker("peers")

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from rcdn.calibration.verdict import headline
-from rcdn.cli import _inputs, app
+from rcdn.cli import _inputs
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn.io import (
     ImageResult,
@@ -27,13 +26,6 @@ from rcdn.types import Corners
 
 PINHOLE = CAMERAS["pinhole"]
 FAST = ("--model", "pinhole", "--spacing", SPACING)
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    """Run `rcdn ARGUMENTS` in a temporary folder."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def save(path, boards, name="{:02d}.png", errors=()):

@@ -6,9 +6,8 @@ import errno
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from rcdn.cli import _calibration_runs, app
+from rcdn.cli import _calibration_runs
 from rcdn.errors import OutputError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import ImageResult, read_calibration, read_camera, write_detections
@@ -16,13 +15,6 @@ from rcdn.report.calibration import comparison  # noqa: F401  # before write_tex
 from rcdn.types import Corners
 
 OTHERS = ("-o", "camera.yaml", "--json", "c.json", "--report", "r.html")
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    """Run `rcdn ARGUMENTS` in a temporary folder."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def save(path, lens):

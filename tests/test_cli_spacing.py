@@ -8,34 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner
+from tests.saved_boards import save
 
 from rcdn.calibration.calibrate import FIXABLE, check_fix
-from rcdn.cli import app
 from rcdn.cli._spacing import check_length, parse_length
 from rcdn.errors import ConfigError
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, board, random_boards, see
 from rcdn.geometry import rotation
-from rcdn.io import ImageResult, read_camera, write_detections
-from rcdn.types import Corners
+from rcdn.io import read_camera
 
 PINHOLE = CAMERAS["pinhole"]
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    """Run `rcdn ARGUMENTS` in a temporary folder."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-def save(path, boards):
-    images = [
-        ImageResult(f"{k:02d}.png", *b.image_size, Corners(b.xy, b.response, b.status, sigma=b.sigma), (b,))
-        for k, b in enumerate(boards)
-    ]
-    write_detections(path, images, ())
-    return path
 
 
 @pytest.fixture

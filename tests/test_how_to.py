@@ -46,6 +46,7 @@ def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("kept")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_the_page_runs_and_prints_what_it_says(page, tmp_path, cache):
     if shutil.which("bash") is None:

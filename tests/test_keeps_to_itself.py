@@ -8,9 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from rcdn.cli import app
 from rcdn.errors import ImageError
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import ImageResult, frames, read_image, write_detections, write_image
@@ -129,12 +127,6 @@ def test_onnx_runtime_is_imported_only_where_it_runs(tmp_path):
 
 
 # ---- pictures that files name
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def saved(file, names):

@@ -8,31 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coded_views import APRILGRID, CHARUCO, coded_boards
-from typer.testing import CliRunner
+from tests.saved_boards import save
 
 from rcdn.calibration.coded import same_boards
-from rcdn.cli import app
 from rcdn.errors import FormatError
 from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
-from rcdn.io import ImageResult, read_calibration, read_vnl, write_detections, write_vnl
+from rcdn.io import ImageResult, read_calibration, read_vnl, write_vnl
 from rcdn.types import Corners
 
 CAMERA = CAMERAS["brown"]
-
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    """Run `rcdn ARGUMENTS` in a temporary folder."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
-
-
-def save(path, boards):
-    images = [
-        ImageResult(f"{k:02d}.png", *b.image_size, Corners(b.xy, b.response, b.status, sigma=b.sigma), (b,))
-        for k, b in enumerate(boards)
-    ]
-    write_detections(path, images, ())
 
 
 @pytest.fixture
