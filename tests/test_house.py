@@ -101,7 +101,7 @@ def test_public_names():
     """A change of this list is a change of the API: say so in CHANGELOG.md."""
     assert sorted(rcdn.__all__) == [
         "Board", "Calibration", "Camera", "Corners", "Detection", "Detector", "DetectorConfig", "Pose", "RcdnError",
-        "__version__", "calibrate", "calibrate_stereo", "detect_charuco", "estimate_pose", "find_chessboard_corners", "read_image",
+        "__version__", "calibrate", "calibrate_rig", "calibrate_stereo", "detect_charuco", "estimate_pose", "find_chessboard_corners", "read_image",
     ]  # fmt: skip
     assert dir(rcdn) == sorted(rcdn.__all__)
 

@@ -9,6 +9,7 @@ from rcdn.provided import provide_camera_work
 
 if TYPE_CHECKING:
     from rcdn.calibration import calibrate as calibrate
+    from rcdn.calibration import calibrate_rig as calibrate_rig
     from rcdn.calibration import calibrate_stereo as calibrate_stereo
     from rcdn.calibration import estimate_pose as estimate_pose
     from rcdn.config import DetectorConfig as DetectorConfig
@@ -37,6 +38,7 @@ _HOMES = {
     "Pose": "types",
     "RcdnError": "errors",
     "calibrate": "calibration",
+    "calibrate_rig": "calibration",
     "calibrate_stereo": "calibration",
     "detect_charuco": "opencv",
     "estimate_pose": "calibration",

@@ -1,8 +1,17 @@
 """Cameras and poses from boards."""
 
 from rcdn.calibration.calibrate import MODELS, calibrate
+from rcdn.calibration.many_cameras import calibrate_rig
 from rcdn.calibration.pose import estimate_pose
 from rcdn.calibration.stereo import calibrate_stereo
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 
-__all__ = ["MODELS", "calibrate", "calibrate_stereo", "coverage", "estimate_pose", "projection_uncertainty"]
+__all__ = [
+    "MODELS",
+    "calibrate",
+    "calibrate_rig",
+    "calibrate_stereo",
+    "coverage",
+    "estimate_pose",
+    "projection_uncertainty",
+]

@@ -173,7 +173,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
             by_board = in_first @ T[of, :3, :3]
             functions = corners.basis[of, : len(state.shape)]
             shared[of, :, offsets[-2] :] = (functions[:, None, :, None] * by_board[:, :, None, :]).reshape(
-                len(of), 2, -1
+                len(of), 2, state.shape.size
             )
     return xy, by_frame, shared
 

@@ -181,6 +181,19 @@ STEREO_LIMITS = {
     ),
 }  # fmt: skip
 """and what a pair of cameras must meet besides"""
+RIG_LIMITS = {
+    "components": Limit(
+        "Parts of the rig that no board connects", "", 1, 1, 1, "Nothing tells where one part stands to the other."
+    ),
+    "thin": Limit(
+        "Cameras that hang on one board", "", 0, 0, NEVER, "A single wrong view would move the camera, and nothing would tell.",
+    ),
+    "rig_rms": Limit("Reprojection error of all cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True),
+    "time_shift": Limit(
+        "Cameras that are out of step", "", 0, 0, NEVER, "A board that moves is then at different places for different cameras."
+    ),
+}  # fmt: skip
+"""and what a rig of many cameras must meet"""
 
 
 def reason(
@@ -190,7 +203,7 @@ def reason(
 
     `factor`: of limits in pixels. `level`: instead of the one by the limits, where the value alone doesn't tell.
     """
-    limit = (LIMITS | STEREO_LIMITS)[key]
+    limit = (LIMITS | STEREO_LIMITS | RIG_LIMITS)[key]
     factor = factor if limit.grows else 1.0
     found = level or limit.level(value, factor)
     fine = found == "good"

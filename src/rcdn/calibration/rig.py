@@ -30,12 +30,12 @@ def place(
     `given`: all pairs in the order of the pictures, those that tell nothing too (default: `pairs`): where most disagree, the error says
     whether they would agree if the right pictures were shifted against the left ones. Raises CalibrationError if no place has half of the pairs.
     """
-    best, most = _most_agreed(first, second, pairs)
+    best, most = most_agreed(first, second, pairs)
     if 2 * most < len(pairs) or most < FEWEST_PAIRS:
         raise CalibrationError(_disagree(first, second, pairs, most, pairs if given is None else given))
     turned, odd = {}, []
     for pair in pairs:
-        gap, turn = _nearest(best, _hypothesis(first, second, pair))
+        gap, turn = nearest(best, hypothesis(first, second, pair))
         if gap <= 1:
             turned[pair[1]] = turn
         else:
@@ -51,25 +51,25 @@ class _Hypothesis:
     reach: float
 
 
-def _hypothesis(first: Calibration, second: Calibration, pair: tuple[int, int]) -> _Hypothesis:
+def hypothesis(first: Calibration, second: Calibration, pair: tuple[int, int]) -> _Hypothesis:
     left, right = first.views[pair[0]], second.views[pair[1]]
     back = np.linalg.inv(matrix(left))
     places = [(q, _pose(right, q, second) @ back) for q in _turns(first)]
     return _Hypothesis(places, float(np.linalg.norm(matrix(left)[:3, 3])))
 
 
-def _nearest(T: Array, told: _Hypothesis) -> tuple[float, int]:
+def nearest(T: Array, told: _Hypothesis) -> tuple[float, int]:
     """How far a pair's place is from T, 1 where it still agrees, and the turn that brings it there."""
     return min((_gap(T, U, told.reach), q) for q, U in told.places)
 
 
-def _most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
+def most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
     """The place of one of the pairs with which most pairs agree, and how many."""
-    told = [_hypothesis(first, second, pair) for pair in pairs]
+    told = [hypothesis(first, second, pair) for pair in pairs]
     best, most = told[0].places[0][1], -1
-    for hypothesis in told:
-        for _, T in hypothesis.places:
-            votes = sum(_nearest(T, other)[0] <= 1 for other in told)
+    for each in told:
+        for _, T in each.places:
+            votes = sum(nearest(T, other)[0] <= 1 for other in told)
             if votes > most:
                 best, most = T, votes
     return best, most
@@ -113,7 +113,7 @@ def _shift(
         pairs = [(a, b) for (a, _), (_, b) in zip(late, early, strict=False) if tells(first.views[a], second.views[b])]
         if len(pairs) < FEWEST_PAIRS:
             continue
-        votes = _most_agreed(first, second, pairs)[1]
+        votes = most_agreed(first, second, pairs)[1]
         if votes >= max(2 * len(pairs) / 3, FEWEST_PAIRS, most + 1) and (best is None or votes > best[1]):
             best = (by, votes, pairs[0])
     return best

@@ -61,7 +61,7 @@ class Run:
             if "squares have" in hint:
                 raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
             _talk.note(f"hint: {hint}")
-        check_spacing(spacing, sizes_of(_flat(got.images)[0], self.size))
+        check_spacing(spacing, sizes_of(flat(got.images)[0], self.size))
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
 
     got = run.gather(inputs)
     run.check(got, problem.spacing)
-    boards, names = _flat(got.images)
+    boards, names = flat(got.images)
     done = calibrate(
         boards, metres(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
         leave_out=problem.leave_out, fix=problem.fix,
@@ -116,7 +116,7 @@ def two_cameras(
     run.check(left, problem.spacing)
     run.check(right, problem.spacing)
     pairs = _paired_boards(left, right, pair_file)
-    (boards, names), (others, theirs) = _flat(left.images), _flat(right.images)
+    (boards, names), (others, theirs) = flat(left.images), flat(right.images)
     done = calibrate_stereo(
         boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
     )
@@ -169,7 +169,7 @@ def _no_board(warnings: Sequence[Sequence[str]]) -> str:
     return f"no board was found in {many(len(warnings), 'picture')}; {why}"
 
 
-def _flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
+def flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
     """All boards, and the name of each one's picture."""
     boards = [board for image in images for board in image.boards]
     return boards, [image.path for image in images for _ in image.boards]

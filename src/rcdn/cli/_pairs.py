@@ -31,13 +31,13 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     By the file names but for the word that names the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, else
     by order if there are as many. Frames of two videos belong together by their numbers. Raises ConfigError if nothing of that works.
     """
-    for keys in (_stems, *(_without(words) for words in SIDES), _numbers):
+    for keys in (stems, *(_without(words) for words in SIDES), trailing_numbers):
         one, two = keys(left, 0), keys(right, 1)
         if _distinct(one) and _distinct(two):
             at = {key: k for k, key in enumerate(two)}
             pairs = [(k, at[key]) for k, key in enumerate(one) if key in at]
             if 2 * len(pairs) > min(len(left), len(right)):
-                return Pairing(pairs, "number" if keys is _numbers else "name")
+                return Pairing(pairs, "number" if keys is trailing_numbers else "name")
     if len(left) == len(right):
         return Pairing([(k, k) for k in range(len(left))], "order")
     raise ConfigError(
@@ -94,7 +94,8 @@ def _stem(name: str) -> str:
     return f"#{frame}" if mark and path else PurePath(name).stem.lower()
 
 
-def _stems(names: Sequence[str], side: int) -> list[str]:
+def stems(names: Sequence[str], side: int) -> list[str]:
+    """The names without folders and endings; a frame's number."""
     return [_stem(n) for n in names]
 
 
@@ -110,7 +111,8 @@ def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]
     return keys
 
 
-def _numbers(names: Sequence[str], side: int) -> list[str]:
+def trailing_numbers(names: Sequence[str], side: int) -> list[str]:
+    """The last number in each name, "" where there is none."""
     found = [re.findall(r"\d+", _stem(n)) for n in names]
     return [str(int(f[-1])) if f else "" for f in found]
 

@@ -30,6 +30,7 @@ from rcdn.cli._options import (
     PicturePlaces,
 )
 from rcdn.cli._pair_file import PairFile, Pairs
+from rcdn.cli._rig_runs import many_cameras
 from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
 from rcdn.cli._spacing import SpacingOrFile, check_spacing
 from rcdn.cli._talk import Quiet
@@ -57,6 +58,14 @@ def calibrate(
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
+    ] = False,
+    rig: Annotated[
+        bool,
+        typer.Option(
+            "--rig",
+            help="Calibrate many cameras: an input for each, or one folder with a folder or a video of each; frames of one name or "
+            "number belong together.",
+        ),
     ] = False,
     pairs: Pairs = None,
     output: CameraFiles = None,
@@ -93,11 +102,20 @@ def calibrate(
     check_spacing(length, {"checker": board})  # before the work
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
     fix = frozenset(name for name, fixed in held.items() if fixed)
+    if rig:
+        _check_rig(
+            {
+                "--stereo": stereo,
+                "--flat": flat,
+                "--leave-out": leave_out,
+                "--fix-aspect and --fix-principal-point": fix,
+            }
+        )
     if stereo:
         _check_two(inputs, {"--flat": flat, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
-    if pattern is PatternName.deltille and (board is not None or stereo):
+    if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = Outputs(
         output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
@@ -108,9 +126,12 @@ def calibrate(
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
     problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix)
-    found = (
-        two_cameras(run, inputs, problem, outputs, pair_file) if stereo else one_camera(run, inputs, problem, outputs)
-    )
+    if rig:
+        found = many_cameras(run, inputs, problem, outputs)
+    elif stereo:
+        found = two_cameras(run, inputs, problem, outputs, pair_file)
+    else:
+        found = one_camera(run, inputs, problem, outputs)
     if run.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
         raise typer.Exit(FAILED)
 
@@ -127,3 +148,10 @@ def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
             raise ConfigError(
                 f"{name} {verb} for one camera; leave {'them' if verb == 'are' else 'it'} away with --stereo"
             )
+
+
+def _check_rig(other: dict[str, object]) -> None:
+    """Raise ConfigError if an option was given that isn't for a rig."""
+    for name, given in other.items():
+        if given:
+            raise ConfigError(f"{name}: not for many cameras; leave away with --rig")

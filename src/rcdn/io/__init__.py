@@ -28,6 +28,7 @@ from rcdn.io.formats import (
 )
 from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 from rcdn.io.maps import write_maps, write_stereo_maps
+from rcdn.io.rig_calibration import write_rig_calibration
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
@@ -70,6 +71,7 @@ __all__ = [
     "write_image",
     "write_lines",
     "write_maps",
+    "write_rig_calibration",
     "write_stereo",
     "write_stereo_maps",
     "write_text",

@@ -42,7 +42,7 @@ def write_calibration(path: str | Path, found: Calibration | StereoCalibration) 
 
     The same input gives the same bytes. Numbers that nobody knows (NaN) are null. Raises OutputError as `write_text`.
     """
-    record = _record(found) if isinstance(found, Calibration) else _stereo_record(found)
+    record = calibration_record(found) if isinstance(found, Calibration) else _stereo_record(found)
     write_text(path, ours.to_text(_KINDS[type(found)], record))
 
 
@@ -84,7 +84,8 @@ def read_calibrations(path: str | Path) -> dict[str, Calibration]:
 # ---- values → JSON
 
 
-def _record(found: Calibration) -> dict[str, Any]:
+def calibration_record(found: Calibration) -> dict[str, Any]:
+    """The fields of one camera's calibration."""
     names = found.camera.parameter_names
     return {
         "camera": ours.camera_record(found.camera),
@@ -99,7 +100,7 @@ def _record(found: Calibration) -> dict[str, Any]:
         "shape": None if found.shape is None else nullable(found.shape.offsets),
         "noise": nullable(found.noise),
         "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
-        "reasons": [] if found.verdict is None else [_reason_record(r) for r in found.verdict.reasons],
+        "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
         "views": [_view_record(view) for view in found.views],
@@ -114,15 +115,16 @@ def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
         "rms": nullable(found.rms),
         "epipolar": nullable(found.epipolar),
         "baseline": nullable(found.baseline),
-        "reasons": [] if found.verdict is None else [_reason_record(r) for r in found.verdict.reasons],
+        "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
-        "left": _record(found.left),
-        "right": _record(found.right),
+        "left": calibration_record(found.left),
+        "right": calibration_record(found.right),
     }
 
 
-def _reason_record(reason: Reason) -> dict[str, Any]:
+def reason_record(reason: Reason) -> dict[str, Any]:
+    """The fields of a reason."""
     return vars(reason) | {
         "value": nullable(reason.value),
         "limit": nullable(reason.limit),

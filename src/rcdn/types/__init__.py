@@ -12,6 +12,8 @@ from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
 from rcdn.types.plane import SQUARES, Pattern, Plane, plane_points
 from rcdn.types.printed import Checkerboard, Deltille, Print, Printed, PuzzlePart
+from rcdn.types.rig import Rig
+from rcdn.types.rig_calibration import MissingLink, RigCalibration, RigPair, TimeShift
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
@@ -32,6 +34,7 @@ __all__ = [
     "Deltille",
     "LensCorrection",
     "Level",
+    "MissingLink",
     "ModelScore",
     "Orientation",
     "Pattern",
@@ -43,9 +46,13 @@ __all__ = [
     "PuzzleBoard",
     "PuzzlePart",
     "Reason",
+    "Rig",
+    "RigCalibration",
+    "RigPair",
     "Status",
     "StereoCalibration",
     "Target",
+    "TimeShift",
     "Verdict",
     "Warnings",
     "allowed",

@@ -15,6 +15,7 @@ from rcdn.cli.evaluate import (
     deltille,
     detection,
     figures,
+    rigs,
     sieve,
     sweep,
     table4,
@@ -33,6 +34,7 @@ app.command("recovery")(detection.recovery)
 app.command("sweep")(sweep.sweep)
 app.command("coded")(coded.coded)
 app.command("coded-cameras")(coded_cameras.coded_cameras)
+app.command("rigs")(rigs.rigs)
 app.command("sieve")(sieve.sieve)
 app.command("worst-case")(worst_case.worst_case)
 app.command("calibration")(calibration.calibration)

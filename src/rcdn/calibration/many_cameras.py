@@ -1,0 +1,293 @@
+"""Many cameras that see parts of the same boards: lenses, places and boards solved together, with a covariance of every place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration import robust
+from rcdn.calibration.arguments import check_boards
+from rcdn.calibration.board_points import flat_points, has_shape
+from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
+from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.labels import Size, turn_labels
+from rcdn.calibration.rig import matrix
+from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of, shifts_of
+from rcdn.calibration.rig_start import Edge, Key, Turned, averaged, components_of, edges_of, tree, turned
+from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.uncertainty import covariance
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import Array, Board, Calibration, Pose, Rig, RigCalibration
+
+ODD = "it disagrees with the other cameras on where the board is"
+
+
+def calibrate_rig(
+    views: Mapping[str, Sequence[Board]],
+    spacing: Spacing,
+    *,
+    moments: Mapping[str, Sequence[str]] | None = None,
+    names: Mapping[str, Sequence[str]] | None = None,
+    model: str | Mapping[str, str] = "auto",
+    size: Size | None = None,
+) -> RigCalibration:
+    """Cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board need be seen by all.
+
+    `views`: by the camera's name its boards; partial ones, and those that no other camera saw, help its lens. `moments`: by camera, for each
+    board when it was seen: boards of one moment (and one target) are one board (default: the k-th boards of all cameras belong together).
+    `names` of the boards' pictures. `model`: of all cameras, or by name. The rest as in `calibrate`; the first camera of the largest
+    connected part gives the rig's frame.
+
+    Each camera is calibrated alone first. Pairs that agree on how they stand are the edges of a graph; its best spanning tree, rotations and
+    then translations averaged over all edges, starts one least squares over lenses, places and boards, whose poses are eliminated. Views that
+    disagree are left out and named. Covariances are by the scatter of whole moments. Raises CalibrationError if a camera can't be calibrated,
+    or no two are connected; ConfigError for a wrong argument.
+    """
+    order = list(views)
+    if len(order) < 2:
+        raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
+    when = _moments(views, moments)
+    geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
+    alone = [
+        _alone(name, views[name], geometries, (names or {}).get(name), model if isinstance(model, str) else model[name])
+        for name in order
+    ]
+    sights = [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
+    edges = edges_of(alone, sights)
+    parts = components_of(len(order), edges)
+    main = parts[0]
+    if len(main) < 2:
+        raise CalibrationError(
+            "no two cameras agree on where they stand: "
+            + _why(order, sights)
+            + "; were the pictures taken at the same moments, and do their names or numbers say which belong together?"
+        )
+    places = averaged(tree(main, edges), edges)
+    places = {c: places[c] for c in main}
+    fits = turned(places, alone, sights)
+    task = _Task.of(main, alone, sights, fits, [when[name] for name in order])
+    state = task.start(alone, places)
+    free = default_free(state, rig=True)
+    state, noise = robust.rough_fit(state, task.corners, task.sigma, free)
+    fit = robust.fit(state, noise, task.corners, task.sigma, free, task.cluster)
+    return _result(task, fit, order, alone, parts, edges, when, sights)
+
+
+def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
+    check_boards(boards, f"views[{name!r}]")
+    return boards
+
+
+def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> dict[str, list[str]]:
+    if moments is None:
+        return {name: [str(k) for k in range(len(boards))] for name, boards in views.items()}
+    for name, boards in views.items():
+        if name not in moments or len(moments[name]) != len(boards):
+            raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
+    return {name: [str(m) for m in moments[name]] for name in views}
+
+
+def _alone(
+    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, model: str
+) -> Calibration:
+    try:
+        check_arguments(boards, names, model, None)
+        return with_geometries(boards, geometries, names_of(boards, names), model)
+    except CalibrationError as error:
+        raise CalibrationError(f"camera {name}: {error}") from error
+
+
+def _why(order: Sequence[str], sights: Sequence[Mapping[Key, int]]) -> str:
+    shared = {
+        (order[a], order[b]): len(sights[a].keys() & sights[b].keys())
+        for a in range(len(order))
+        for b in range(a + 1, len(order))
+    }
+    (first, second), most = max(shared.items(), key=lambda item: item[1])
+    return f"{first} and {second} share most whole boards, {most}"
+
+
+def _sights(calibration: Calibration, when: Sequence[str]) -> dict[Key, int]:
+    """The view of each board whose labels are settled and that wasn't left out; of several plain ones of a moment the largest."""
+    numbers: dict[str, int] = {}
+    out: dict[Key, int] = {}
+    for k, view in enumerate(calibration.views):
+        if not view.settled or view.reason or view.pose is None:
+            continue
+        key = (when[k], _number(view.target, numbers))
+        if key not in out or len(view) > len(calibration.views[out[key]]):
+            out[key] = k
+    return out
+
+
+def _number(target: object, numbers: dict[str, int]) -> int:
+    """A number that is the same for one target in all cameras."""
+    import zlib
+
+    return 0 if target is None else 1 + zlib.crc32(repr(target).encode())
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each with its `keys` entry (None:
+    only one camera's partial view); `rows` (camera, view) → rows of the corners, their labels `ij`; `cluster` (F,): moments."""
+
+    cameras: list[int]
+    keys: list[Key | None]
+    poses: list[tuple[Key | None, int, int]]
+    corners: Corners3
+    sigma: Array
+    ij: Array
+    rows: dict[tuple[int, int], Array]
+    cluster: Array
+    turned: Turned
+    shape: int
+
+    @classmethod
+    def of(
+        cls,
+        main: list[int],
+        alone: Sequence[Calibration],
+        sights: Sequence[Mapping[Key, int]],
+        fits: Turned,
+        when: Sequence[Sequence[str]],
+    ) -> _Task:
+        """All views of the cameras `main` but the odd ones."""
+        shaped = max(main, key=lambda c: (alone[c].shape is not None, len(alone[c].used_views)))
+        odd, frame_of = set(fits.odd), {key: f for f, key in enumerate(fits.boards)}
+        owner = {(c, k): key for c in main for key, k in sights[c].items()}
+        keys: list[Key | None] = list(fits.boards)
+        firsts: list[tuple[Key | None, int, int]] = [(key, -1, -1) for key in fits.boards]
+        moments = [key[0] for key in fits.boards]
+        frame, camera, ij, flat, known, xy, sigma, rows, at = [], [], [], [], [], [], [], {}, 0
+        for local, c in enumerate(main):
+            for k, view in enumerate(alone[c].views):
+                if view.reason or view.pose is None or (c, k) in odd:
+                    continue
+                key = owner.get((c, k))
+                if key is None:
+                    f = len(keys)
+                    keys.append(None)
+                    firsts.append((None, c, k))
+                    moments.append(when[c][k])
+                else:
+                    f = frame_of[key]
+                turn = fits.turns.get((c, k), 0)
+                labels = turn_labels(view.ij, alone[c].size or (1, 1), turn) if turn else view.ij
+                frame.append(np.full(len(view), f))
+                camera.append(np.full(len(view), local))
+                ij.append(labels)
+                flat.append(flat_points(alone[c], view, labels))
+                known.append(np.full(len(view), has_shape(alone[shaped], view)))
+                xy.append(view.xy)
+                sigma.append(np.nan_to_num(view.sigma))
+                rows[c, k] = np.arange(at, at + len(view))
+                at += len(view)
+        joint, board, settled = np.concatenate(ij), np.concatenate(flat), np.concatenate(known)
+        basis = np.zeros((len(joint), 1))
+        board[settled], basis[settled] = on_shape(board[settled], joint[settled], alone[shaped].shape)
+        corners = Corners3(np.concatenate(frame), np.concatenate(camera), board, np.concatenate(xy), basis)
+        cluster = np.unique(np.array(moments), return_inverse=True)[1]
+        return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped)
+
+    def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
+        """Boards and cameras where the graph has them."""
+        poses = [
+            self.turned.boards[key] if key is not None else np.linalg.inv(places[c]) @ matrix(alone[c].views[k])
+            for key, c, k in self.poses
+        ]
+        return State(
+            tuple(alone[c].camera for c in self.cameras),
+            np.array(poses),
+            np.stack([places[c] for c in self.cameras]),
+            KNOWN,
+        )
+
+
+def _result(
+    task: _Task,
+    fit: robust.Fit,
+    order: list[str],
+    alone: list[Calibration],
+    parts: list[list[int]],
+    edges: Sequence[Edge],
+    when: Mapping[str, Sequence[str]],
+    sights: Sequence[Mapping[Key, int]],
+) -> RigCalibration:
+    main = task.cameras
+    used = np.array([f for f, reason in enumerate(fit.reasons) if not reason])
+    if not len(used):
+        raise CalibrationError("no board agrees with the others: check which pictures belong to one moment")
+    cov = covariance(fit.arrow, used, fit.scale, fit.clustered)
+    names = tuple(order[c] for c in main)
+    lenses = np.cumsum([0, *(len(c.parameters) for c in fit.state.cameras)])
+    places = slice(lenses[-1], lenses[-1] + 6 * (len(main) - 1))
+    whole = np.zeros((6 * len(main), 6 * len(main)))
+    whole[6:, 6:] = cov[places, places]
+    rig = Rig(names, fit.state.cameras, tuple(Pose(T) for T in fit.state.rig), whole)
+    done = list(alone)
+    for local, c in enumerate(main):
+        J = _to_camera(rig, local, lenses, len(cov))
+        done[c] = _one(task, fit, alone[c], local, c, alone[task.shape], J @ cov @ J.T)
+    seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
+    boards = {key: fit.state.poses[f] for f, key in enumerate(task.keys) if key is not None and not fit.reasons[f]}
+    found = RigCalibration(
+        rig=rig,
+        cameras=dict(zip(order, done, strict=True)),
+        boards=boards,
+        rms=float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean())),
+        pairs=pairs_of(order, done, sights),
+        components=tuple(tuple(order[c] for c in part) for part in parts),
+        links=links_of(order, done, parts, when),
+        thin=tuple(order[c] for c in main if len(_shared(c, edges)) == 1),
+        shifts=shifts_of(rig, {order[c]: done[c] for c in main}, {order[c]: sights[c] for c in main}),
+    )
+    return judged_rig(found)
+
+
+def _shared(camera: int, edges: Sequence[Edge]) -> set[Key]:
+    """The boards that a camera saw together with others that agree with it."""
+    return {key for e in edges if camera in (e.a, e.b) for key in e.keys}
+
+
+def _to_camera(rig: Rig, local: int, lenses: Array, size: int) -> Array:
+    """(P + 6, size): a camera's own parameters and the mean motion of the boards in its axes, of all that was solved for."""
+    mine = np.arange(lenses[local], lenses[local + 1])
+    J = np.zeros((len(mine) + 6, size))
+    J[np.arange(len(mine)), mine] = 1
+    if local:
+        at = lenses[-1] + 6 * (local - 1)
+        J[len(mine) :, at : at + 6] = np.eye(6)
+    J[len(mine) :, -6:] = rig.motion_to(local)
+    return J
+
+
+def _one(
+    task: _Task, fit: robust.Fit, before: Calibration, local: int, c: int, shaped: Calibration, cov: Array
+) -> Calibration:
+    """One camera's calibration after the joint solution."""
+    views, odd = [], set(task.turned.odd)
+    for k, view in enumerate(before.views):
+        rows = task.rows.get((c, k))
+        if rows is None:
+            gone = np.zeros(len(view), bool)
+            views.append(replace(view, reason=ODD, used=gone) if (c, k) in odd else view)
+            continue
+        f = int(task.corners.frame[rows[0]])
+        views.append(
+            replace(
+                view,
+                ij=task.ij[rows],
+                pose=Pose(fit.state.rig[local] @ fit.state.poses[f]),
+                residuals=fit.residuals[rows],
+                used=fit.used[rows],
+                reason=fit.reasons[f] or ("" if fit.used[rows].any() else ODD),
+            )
+        )
+    return replace(
+        before, camera=fit.state.cameras[local], views=tuple(views), cov=cov, noise=fit.noise, shape=shaped.shape,
+        advice=(), verdict=None,
+    )  # fmt: skip

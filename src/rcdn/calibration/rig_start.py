@@ -1,0 +1,157 @@
+"""Where the cameras of a rig stand, roughly: which boards they share, the tree of the pairs that agree best, and rotations averaged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration.rig import hypothesis, matrix, most_agreed, nearest
+from rcdn.geometry import rotation
+from rcdn.types import Array, Calibration
+
+Key = tuple[str, int]
+"""(moment, number of the board's target)"""
+Sights = Sequence[Mapping[Key, int]]
+"""for each camera the index of its view of each board that it saw whole"""
+ROUNDS = 10
+"""of averaging"""
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """Cameras `a` < `b` with the `keys` of the boards that both saw, the place of `b` that most agree on, T_b_a (4, 4), and their `votes`."""
+
+    a: int
+    b: int
+    keys: list[Key]
+    T: Array
+    votes: int
+
+
+def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
+    """An edge for each two cameras whose shared boards agree on how they stand.
+
+    Half of the boards must agree; where colours leave turns of a board open, at least two.
+    """
+    edges = []
+    for a in range(len(cameras)):
+        for b in range(a + 1, len(cameras)):
+            keys = [k for k in sights[a] if k in sights[b]]
+            if not keys:
+                continue
+            T, votes = most_agreed(cameras[a], cameras[b], [(sights[a][k], sights[b][k]) for k in keys])
+            least = 1 if cameras[a].orientation == "unique" else 2
+            if votes >= max(least, len(keys) / 2):
+                edges.append(Edge(a, b, keys, T, votes))
+    return edges
+
+
+def components_of(count: int, edges: Sequence[Edge]) -> list[list[int]]:
+    """Cameras that edges connect, the largest part first."""
+    ends = np.array([(e.a, e.b) for e in edges]).reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
+    _, label = connected_components(graph, directed=False)
+    parts = [np.flatnonzero(label == k).tolist() for k in range(label.max() + 1)]
+    return sorted(parts, key=lambda part: (-len(part), part[0]))
+
+
+def tree(part: Sequence[int], edges: Sequence[Edge]) -> dict[int, Array]:
+    """T_camera_first (4, 4) of each camera of `part` along the tree of most votes (Prim)."""
+    places = {part[0]: np.eye(4)}
+    while len(places) < len(part):
+        ready = [e for e in edges if (e.a in places) != (e.b in places)]
+        best = max(ready, key=lambda e: e.votes)
+        if best.a in places:
+            places[best.b] = best.T @ places[best.a]
+        else:
+            places[best.a] = np.linalg.inv(best.T) @ places[best.b]
+    return places
+
+
+def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array]:
+    """`places` after all edges had their say: rotations by least absolute turns (reweighted), then translations for these rotations.
+
+    Chatterjee and Govindu, Efficient and robust large-scale rotation averaging, 2013.
+    """
+    order = list(places)
+    mine = [e for e in edges if e.a in places and e.b in places]
+    if len(order) < 3:
+        return places
+    R = {c: places[c][:3, :3] for c in order}
+    for _ in range(ROUNDS):
+        gaps = np.array([Rotation.from_matrix(R[e.b].T @ e.T[:3, :3] @ R[e.a]).as_rotvec() for e in mine])
+        weight = np.sqrt(np.array([e.votes for e in mine]) / np.maximum(np.linalg.norm(gaps, axis=1), 1e-3))
+        steps = _differences(order, mine, weight, gaps)
+        R = {c: R[c] @ rotation(steps[k]) for k, c in enumerate(order)}
+    centres = {c: -places[c][:3, :3].T @ places[c][:3, 3] for c in order}
+    for _ in range(ROUNDS):
+        # centre of b − centre of a, in the rig's axes, as the edge tells it
+        told = np.array([-R[e.b].T @ e.T[:3, 3] for e in mine])
+        off = told - np.array([centres[e.b] - centres[e.a] for e in mine])
+        weight = np.sqrt(np.array([e.votes for e in mine]) / np.maximum(np.linalg.norm(off, axis=1), 1e-3))
+        steps = _differences(order, mine, weight, off)
+        centres = {c: centres[c] + steps[k] for k, c in enumerate(order)}
+    out = {}
+    for c in order:
+        out[c] = np.eye(4)
+        out[c][:3, :3], out[c][:3, 3] = R[c], -R[c] @ centres[c]
+    return out
+
+
+def _differences(order: list[int], edges: Sequence[Edge], weight: Array, told: Array) -> Array:
+    """(C, 3) values, 0 of the first camera, whose differences over the edges are as `told` (E, 3), by weighted least squares."""
+    at = {c: k for k, c in enumerate(order)}
+    A = np.zeros((len(edges), len(order)))
+    for row, e in enumerate(edges):
+        A[row, at[e.b]], A[row, at[e.a]] = weight[row], -weight[row]
+    out = np.zeros((len(order), 3))
+    out[1:] = np.linalg.lstsq(A[:, 1:], told * weight[:, None], rcond=None)[0]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """How the views of each board fit together: `turns` (camera, view) quarters, `odd` views that disagree with the others, and T_rig_board
+    (4, 4) by key, `boards`."""
+
+    turns: dict[tuple[int, int], int]
+    odd: list[tuple[int, int]]
+    boards: dict[Key, Array]
+
+
+def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights) -> Turned:
+    """Each board as most cameras see it, labels turned to those of its first camera that agrees with most others."""
+    out = Turned({}, [], {})
+    keys = dict.fromkeys(k for c in places for k in sights[c])
+    for key in keys:
+        seers = [c for c in places if key in sights[c]]
+        best: tuple[int, int, dict[int, tuple[float, int]]] | None = None
+        for a in seers:
+            told = {b: _told(places, cameras, sights, key, a, b) for b in seers if b != a}
+            votes = sum(gap <= 1 for gap, _ in told.values())
+            if best is None or votes > best[0]:
+                best = (votes, a, told)
+        if best is None:
+            continue
+        votes, a, others = best
+        out.boards[key] = np.linalg.inv(places[a]) @ matrix(cameras[a].views[sights[a][key]])
+        for b, (gap, turn) in others.items():
+            out.turns[b, sights[b][key]] = turn
+            if gap > 1:
+                out.odd.append((b, sights[b][key]))
+        if votes == 0 and others:  # two views that disagree, nobody knows which is wrong
+            out.odd.append((a, sights[a][key]))
+    return out
+
+
+def _told(
+    places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights, key: Key, a: int, b: int
+) -> tuple[float, int]:
+    """How far camera b's view of a board is from where camera a's has it, and the turn of b's labels."""
+    T = places[b] @ np.linalg.inv(places[a])
+    return nearest(T, hypothesis(cameras[a], cameras[b], (sights[a][key], sights[b][key])))

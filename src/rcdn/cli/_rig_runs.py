@@ -1,0 +1,99 @@
+"""The work of `rcdn calibrate --rig`: boards of all cameras found, their moments told, the rig solved, said and written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from rcdn.cli import _talk
+from rcdn.cli._calibration_outputs import Outputs
+from rcdn.cli._calibration_runs import Problem, Run, flat
+from rcdn.cli._moments import cameras_in, moments_of
+from rcdn.cli._spacing import metres
+from rcdn.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.cli._inputs import Gathered
+    from rcdn.types import Array, RigCalibration, Verdict
+
+
+def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
+    """Calibrate the cameras of `inputs`, say what came out, and write it."""
+    from rcdn.calibration import calibrate_rig
+    from rcdn.cli._camera_text import verdict_line
+    from rcdn.io import write_rig_calibration
+
+    if outputs.cameras or outputs.report:
+        raise ConfigError("--output and --report don't know rigs yet; write everything with --json")
+    found = _gathered(run, cameras_in(inputs), problem)
+    keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
+    if way != "name":
+        _talk.note(f"note: pictures belong together by {way}")
+    moments = {
+        name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
+        for (name, got), each in zip(found.items(), keys, strict=True)
+    }
+    sets = {name: flat(got.images) for name, got in found.items()}
+    done = calibrate_rig(
+        {n: boards for n, (boards, _) in sets.items()},
+        metres(problem.spacing),
+        moments=moments,
+        names={n: pictures for n, (_, pictures) in sets.items()},
+        model=problem.model,
+        size=run.size,
+    )
+    for line in [*verdict_line(done.verdict), *rig_lines(done)]:
+        _talk.say(line)
+    run.failed |= not outputs.write(True, _no_file, lambda path: write_rig_calibration(path, done), _no_file)
+    return done.verdict
+
+
+def _no_file(path: object) -> None:
+    raise ConfigError(f"{path}: files of a rig are written with --json")
+
+
+def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
+    """The boards of each camera; of videos the frames that were chosen of the first one's."""
+    found: dict[str, Gathered] = {}
+    numbers = None
+    for name, inputs in cameras.items():
+        found[name] = run.gather(inputs, numbers)
+        run.check(found[name], problem.spacing)
+        numbers = numbers or found[name].frames or None
+    return found
+
+
+def rig_lines(done: RigCalibration) -> list[str]:
+    """Where the cameras stand with deviations, the pairs, and what speaks against the rig."""
+    rig, lines = done.rig, []
+    lines.append(
+        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {len(done.boards)} boards; frame of {rig.names[0]}"
+    )
+    for k, (name, camera, pose) in enumerate(zip(rig.names, rig.cameras, rig.poses, strict=True)):
+        centre = -pose.R.T @ pose.t
+        place = "at the origin" if not k else f"at {_triple(centre)} m ± {_spread(done, k)}"
+        lines.append(f"  {name}: {camera.model}, {place}")
+    for pair in done.pairs:
+        lines.append(
+            f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
+        )
+    against = done.verdict.against if done.verdict else ()
+    lines += [f"- {r.sentence} {r.action}".rstrip() for r in against]
+    return lines
+
+
+def _spread(done: RigCalibration, k: int) -> str:
+    import numpy as np
+
+    cov = done.rig.covariance
+    if cov is None:
+        return "unknown"
+    R, t = done.rig.poses[k].R, done.rig.poses[k].t
+    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
+    part = J @ cov[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T
+    turn = np.degrees(np.sqrt(np.trace(cov[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])))
+    return f"{1000 * np.sqrt(np.trace(part)):.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(t):.4g} m)"
+
+
+def _triple(values: Array) -> str:
+    return "(" + ", ".join(f"{v:.4f}" for v in values) + ")"

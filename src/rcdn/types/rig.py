@@ -1,0 +1,70 @@
+"""Cameras fixed to each other: where each stands, and how well that is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.types.base import Array, Value, freeze
+from rcdn.types.camera import Camera, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Rig(Value):
+    """`names` of the n cameras, `cameras` and `poses`: T_cam_rig of each, which takes the rig's frame, that of the first camera, to the camera, m.
+
+    `covariance` (6n, 6n) of small motions after the poses (left increments: rotation vector, rad, then translation, m, in each
+    camera's axes); zero rows for the first camera; None if it isn't known. Raises RcdnError if the numbers of entries differ.
+    """
+
+    names: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    poses: tuple[Pose, ...]
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if not n or len(set(self.names)) != n or len(self.cameras) != n or len(self.poses) != n:
+            raise RcdnError("Rig.names must be different, and cameras and poses must have one entry a name")
+        if self.covariance is not None:
+            freeze(self, "covariance", self.covariance, np.float64, (6 * n,))
+            if self.covariance.shape != (6 * n, 6 * n):
+                raise RcdnError(f"Rig.covariance must have shape ({6 * n}, {6 * n}), not {self.covariance.shape}")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        return f"<Rig: {len(self)} cameras, {', '.join(self.names)}>"
+
+    def index(self, name: str) -> int:
+        """The number of the camera called `name`. Raises RcdnError if there is none."""
+        if name not in self.names:
+            raise RcdnError(f"the rig has no camera {name!r}; it has {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def relative(self, a: str, b: str) -> tuple[Array, Array | None]:
+        """T_b_a (4, 4), which takes the frame of camera `a` to that of camera `b`, and its covariance (6, 6) as a left increment; None if unknown."""
+        k, m = self.index(a), self.index(b)
+        T = self.poses[m].T_cam_board @ np.linalg.inv(self.poses[k].T_cam_board)
+        if self.covariance is None:
+            return T, None
+        J = np.zeros((6, 6 * len(self)))
+        J[:, 6 * m : 6 * m + 6] += np.eye(6)
+        J[:, 6 * k : 6 * k + 6] -= _adjoint(T)
+        return T, np.asarray(J @ self.covariance @ J.T)
+
+    def motion_to(self, k: int) -> Array:
+        """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
+        return _adjoint(self.poses[k].T_cam_board)
+
+
+def _adjoint(T: Array) -> Array:
+    """(6, 6) takes a small motion (rotation vector, translation) before T to the one after it."""
+    R, (x, y, z) = T[:3, :3], T[:3, 3]
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = R
+    out[3:, :3] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ R
+    return out

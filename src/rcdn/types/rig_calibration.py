@@ -1,0 +1,75 @@
+"""What a calibration of many cameras gives: the rig, how well it explains the corners, and what is not connected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rcdn.types.base import Array, Value
+from rcdn.types.calibration import Calibration, Verdict
+from rcdn.types.rig import Rig
+
+
+@dataclass(frozen=True)
+class RigPair:
+    """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
+    square `rms` of their corners' residuals in both pictures, px (NaN if none was used)."""
+
+    first: str
+    second: str
+    shared: int
+    used: int
+    rms: float
+
+
+@dataclass(frozen=True)
+class MissingLink:
+    """What would join two parts of a rig: cameras `first` and `second` by name, and the pictures of theirs that come nearest to a shared
+    board, "" where a camera saw none. `same_moment`: both pictures were taken at one moment, but don't show one whole board."""
+
+    first: str
+    second: str
+    first_picture: str
+    second_picture: str
+    same_moment: bool
+
+
+@dataclass(frozen=True)
+class TimeShift:
+    """How much later than its stamp a camera's pictures were taken, against the others': `moments` (1: the time from one moment to the next),
+    with its standard deviation `std`."""
+
+    moments: float
+    std: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the shift is larger than a twentieth of a moment, and than four standard deviations."""
+        return bool(abs(self.moments) > max(0.05, 4 * self.std))
+
+
+@dataclass(frozen=True, eq=False)
+class RigCalibration(Value):
+    """Cameras of a rig with all that tells how far to trust it.
+
+    `rig`: the cameras that are connected and where they stand; its frame is that of its first camera. `cameras`: by name each camera's own
+    calibration after the joint solution, those that aren't connected as they are alone. `boards`: by (moment, number of the board's
+    target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
+    `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
+    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board.
+    """
+
+    rig: Rig
+    cameras: Mapping[str, Calibration]
+    boards: Mapping[tuple[str, int], Array]
+    rms: float
+    pairs: tuple[RigPair, ...]
+    components: tuple[tuple[str, ...], ...]
+    links: tuple[MissingLink, ...] = ()
+    thin: tuple[str, ...] = ()
+    shifts: Mapping[str, TimeShift] | None = None
+    verdict: Verdict | None = None
+
+    def __repr__(self) -> str:
+        level = "not judged" if self.verdict is None else self.verdict.level
+        return f"<RigCalibration: {level}, {len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px>"

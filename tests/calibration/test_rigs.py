@@ -1,0 +1,177 @@
+"""Many cameras: known rigs from what neighbours share, cut graphs, wrong moments, cameras out of step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration import calibrate_rig
+from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
+from rcdn.cli._moments import moments_of
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.evaluation.camera_scenes import SPACING
+from rcdn.evaluation.rig_scenes import chain, row
+from rcdn.geometry import rotation
+
+SCENE = row([0.3, 0.3], ("pinhole", "fisheye"))
+MODELS = {"c0": "pinhole", "c1": "fisheye", "c2": "pinhole"}
+
+
+@pytest.fixture(scope="module")
+def seen():
+    return SCENE.views(np.random.default_rng(1), chain(3, 3))
+
+
+@pytest.fixture(scope="module")
+def found(seen):
+    boards, moments = seen
+    return calibrate_rig(boards, SPACING, moments=moments, model=MODELS)
+
+
+def truth(scene, name, first="c0"):
+    return scene.places[name] @ np.linalg.inv(scene.places[first])
+
+
+def gap(T, U):
+    """The small motion (6,) after T that gives U."""
+    D = U @ np.linalg.inv(T)
+    return np.concatenate([Rotation.from_matrix(D[:3, :3]).as_rotvec(), D[:3, 3]])
+
+
+def places_hold(found, scene):
+    for name in found.rig.names[1:]:
+        T, cov = found.rig.relative(found.rig.names[0], name)
+        error = gap(T, truth(scene, name, found.rig.names[0]))
+        assert error @ np.linalg.solve(cov, error) < 6 + 4 * np.sqrt(12)
+        assert np.linalg.norm(error[3:]) < 0.01
+
+
+def test_a_known_rig_of_two_lenses_comes_back_within_its_deviations(found):
+    assert found.components == (("c0", "c1", "c2"),)
+    assert not found.links
+    assert not found.thin
+    assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.05)
+    places_hold(found, SCENE)
+
+
+def test_the_covariance_between_any_two_cameras_is_that_of_their_difference(found):
+    T, cov = found.rig.relative("c1", "c2")
+    error = gap(T, truth(SCENE, "c2", "c1"))
+    assert error @ np.linalg.solve(cov, error) < 6 + 4 * np.sqrt(12)
+    back, other = found.rig.relative("c2", "c1")
+    assert back @ T == pytest.approx(np.eye(4), abs=1e-9)
+    assert np.sqrt(np.diag(other))[:3] @ np.ones(3) == pytest.approx(np.sqrt(np.diag(cov))[:3].sum(), rel=0.5)
+
+
+def test_boards_are_in_the_frame_of_the_first_camera(found, seen):
+    for k, when in enumerate(seen[1]["c1"]):
+        view = found.cameras["c1"].views[k]
+        T = found.rig.poses[1].T_cam_board @ found.boards[when, 0]
+        assert view.pose.T_cam_board == pytest.approx(T, abs=1e-9)
+
+
+def test_views_of_another_moment_are_left_out_and_named(seen):
+    boards, moments = seen
+    wrong = list(moments["c2"])
+    wrong[0], wrong[1] = wrong[1], wrong[0]
+    done = calibrate_rig(boards, SPACING, moments={**moments, "c2": wrong}, model=MODELS)
+    assert {k for k, v in enumerate(done.cameras["c2"].views) if v.reason} >= {0, 1}
+    places_hold(done, SCENE)
+
+
+def test_a_cut_rig_names_its_parts_and_what_would_join_them(seen):
+    boards, moments = seen
+    apart = [f"late {m}" for m in moments["c2"]]
+    done = calibrate_rig(boards, SPACING, moments={**moments, "c2": apart}, model=MODELS)
+    assert done.components == (("c0", "c1"), ("c2",))
+    assert done.rig.names == ("c0", "c1")
+    (link,) = done.links
+    assert link.second == "c2"
+    assert not link.same_moment
+    assert done.verdict.level == "bad"
+    assert "c2" in done.verdict.against[0].sentence
+
+
+def test_a_camera_that_hangs_on_one_board_is_named(seen):
+    boards, moments = seen
+    others = {m for name in ("c0", "c1") for m in moments[name]}
+    shared = [m for m in moments["c2"] if m in others]
+    when = [m if m == shared[0] else f"late {m}" for m in moments["c2"]]
+    done = calibrate_rig(boards, SPACING, moments={**moments, "c2": when}, model=MODELS)
+    assert done.thin == ("c2",)
+    assert any(r.key == "thin" and "c2" in r.sentence for r in done.verdict.against)
+
+
+def test_nothing_shared_is_an_error(seen):
+    boards, moments = seen
+    apart = {name: [f"{name} {m}" for m in each] for name, each in moments.items()}
+    with pytest.raises(CalibrationError, match="no two cameras"):
+        calibrate_rig(boards, SPACING, moments=apart, model=MODELS)
+    with pytest.raises(ConfigError, match="two cameras"):
+        calibrate_rig({"a": boards["c0"]}, SPACING)
+
+
+def test_averaging_halves_what_a_tree_lets_add_up():
+    rng = np.random.default_rng(0)
+    n = 8
+    places = [np.eye(4)] + [
+        np.block([[rotation(rng.normal(0, 1, 3)), rng.normal(0, 1, (3, 1))], [0, 0, 0, 1]]) for _ in range(n - 1)
+    ]
+    edges = []
+    for a in range(n):
+        for b in range(a + 1, n):
+            T = places[b] @ np.linalg.inv(places[a])
+            T = T.copy()
+            T[:3, :3] = rotation(rng.normal(0, 0.01, 3)) @ T[:3, :3]
+            T[:3, 3] += rng.normal(0, 0.01, 3)
+            edges.append(Edge(a, b, [], T, 5))
+    assert components_of(n + 1, edges) == [list(range(n)), [n]]
+    first = tree(range(n), edges)
+    errors = [
+        np.sqrt(np.mean([gap(T[c], places[c]) @ gap(T[c], places[c]) for c in range(n)]))
+        for T in (first, averaged(first, edges))
+    ]
+    assert errors[1] < 0.85 * errors[0]
+
+
+def test_moments_are_told_by_name_number_or_order():
+    assert moments_of([["a/01.png", "a/02.png"], ["b/02.png", "b/01.png"]]) == ([["01", "02"], ["02", "01"]], "name")
+    assert moments_of([["l1.png", "l2.png"], ["r1.png", "r2.png"]])[1] == "number"
+    assert moments_of([["x.png", "y.png"], ["p.png", "q.png"]]) == ([["0", "1"], ["0", "1"]], "order")
+    with pytest.raises(ConfigError, match="2, 1"):
+        moments_of([["x.png", "y.png"], ["p.png"]])
+
+
+def test_a_late_camera_is_told():
+    """A board that moves steadily, one camera a third of a moment late."""
+    from rcdn.evaluation.camera_scenes import board, see
+
+    rng, boards, moments = np.random.default_rng(3), {}, {}
+    late = {"c0": 0.0, "c1": 0.3, "c2": 0.0}
+    scene = row([0.15, 0.15], ("pinhole",))
+    middle = np.linalg.inv(scene.places["c1"])
+    for name, camera in scene.cameras.items():
+        boards[name], moments[name] = [], []
+        for m in range(40):
+            t = m + late[name]
+            T = np.eye(4)
+            T[:3, :3] = rotation(np.array([0.4 * np.sin(t / 3), 0.4 * np.cos(t / 4), 0.1]))
+            T[:3, 3] = [-0.12 + 0.1 * np.sin(t / 5), -0.08 + 0.06 * np.cos(t / 4), 0.6 + 0.1 * np.sin(t / 6)]
+            ij, xy = see(camera, scene.places[name] @ middle @ T)
+            if len(ij) == 54:
+                boards[name].append(board(ij, xy + rng.normal(0, 0.1, xy.shape), camera.image_size, np.full(54, 0.1)))
+                moments[name].append(str(m))
+    done = calibrate_rig(boards, SPACING, moments=moments, model="pinhole")
+    shift = done.shifts["c1"]
+    assert shift.moments == pytest.approx(0.3, abs=0.1)
+    assert shift.clear
+    assert any(r.key == "time_shift" for r in done.verdict.against)
+
+
+def test_the_calibrations_stay_frozen(found):
+    assert replace(found, thin=("x",)).thin == ("x",)
+    with pytest.raises(AttributeError):
+        found.rms = 1.0
