@@ -49,6 +49,8 @@ def calibrate_rig(
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
+    if not isinstance(model, str) and (missing := [name for name in order if name not in model]):
+        raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)
     geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
     alone = [

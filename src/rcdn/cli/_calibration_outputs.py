@@ -48,7 +48,8 @@ CameraFiles = Annotated[
         "-o",
         metavar="FILE",
         help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, camchain.yaml: "
-        "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap.",
+        "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap. "
+        "With --rig: camchain.yaml, .toml (aniposelib; camera_array.toml: caliscope), .json.",
     ),
 ]
 CameraFileFormat = Annotated[
@@ -89,12 +90,12 @@ class Outputs:
     pictures: Sequence[Path] = ()
     refused: bool = False
 
-    def check(self, inputs: Sequence[str | Path]) -> None:
-        """Raise before the work what would spoil it afterwards."""
+    def check(self, inputs: Sequence[str | Path], rig: bool = False) -> None:
+        """Raise before the work what would spoil it afterwards; `rig`: of the files of many cameras."""
         paths = [Path(i) for i in inputs]
         for path in self.cameras:
             try:
-                check_format(path, self.format)
+                check_format(path, self.format, rig)
             except FormatError as error:
                 raise ConfigError(str(error)) from None
             _batch.check_file("--output", path, paths)

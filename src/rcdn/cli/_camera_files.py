@@ -11,7 +11,7 @@ from rcdn.errors import ConfigError, FormatError
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat, LensFit, StereoCameras
-    from rcdn.types import Camera, StereoCalibration
+    from rcdn.types import Camera, Rig, StereoCalibration
 
 
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
@@ -23,10 +23,13 @@ def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camer
     return read_camera(path, name=name)
 
 
-def check_format(path: Path, format: CameraFormat | None) -> None:
-    """Raise FormatError if the name tells no format."""
-    from rcdn.io import camera_format
+def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> None:
+    """Raise FormatError if the name tells no format, or (`rig`) none that holds many cameras and where they stand."""
+    from rcdn.io import camera_format, rig_format
 
+    if rig:
+        rig_format(path, format)
+        return
     if not _maps(path, format):
         camera_format(path, format)
 
@@ -78,6 +81,13 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
     write_stereo(path, found, format)
     pair = StereoCameras.of(found)
     _say(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
+
+
+def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
+    """Write the cameras of a rig, and say what the file can't hold of them."""
+    from rcdn.io import write_rig
+
+    _say(path, write_rig(path, rig, format))
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.cli import _talk
 from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._calibration_runs import Problem, Run, flat
+from rcdn.cli._camera_files import write_rig_files
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
 from rcdn.errors import ConfigError
@@ -23,8 +25,6 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     from rcdn.cli._camera_text import verdict_line
     from rcdn.io import write_rig_calibration
 
-    if outputs.cameras or outputs.report:
-        raise ConfigError("--output and --report don't know rigs yet; write everything with --json")
     found = _gathered(run, cameras_in(inputs), problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
@@ -44,12 +44,18 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
         _talk.say(line)
-    run.failed |= not outputs.write(True, _no_file, lambda path: write_rig_calibration(path, done), _no_file)
+    kept = outputs.kept(*(done.cameras[name] for name in done.rig.names))
+    run.failed |= not outputs.write(
+        kept,
+        lambda path: write_rig_files(path, done.rig, outputs.format),
+        lambda path: write_rig_calibration(path, done),
+        _no_page,
+    )
     return done.verdict
 
 
-def _no_file(path: object) -> None:
-    raise ConfigError(f"{path}: files of a rig are written with --json")
+def _no_page(path: Path) -> None:
+    raise ConfigError(f"{path}: a rig has no report; write everything with --json")
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:

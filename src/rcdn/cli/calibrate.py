@@ -106,6 +106,7 @@ def calibrate(
         _check_rig(
             {
                 "--stereo": stereo,
+                "--report": report,
                 "--flat": flat,
                 "--leave-out": leave_out,
                 "--fix-aspect and --fix-principal-point": fix,
@@ -120,8 +121,9 @@ def calibrate(
     outputs = Outputs(
         output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
     )
-    outputs.check(inputs if pairs is None else [*inputs, pairs])
-    outputs = outputs.without_refused(model.value, stereo)
+    outputs.check(inputs if pairs is None else [*inputs, pairs], rig)
+    if not rig:
+        outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
@@ -154,4 +156,4 @@ def _check_rig(other: dict[str, object]) -> None:
     """Raise ConfigError if an option was given that isn't for a rig."""
     for name, given in other.items():
         if given:
-            raise ConfigError(f"{name}: not for many cameras; leave away with --rig")
+            raise ConfigError(f"{name} doesn't go with --rig; leave it out")

@@ -29,6 +29,7 @@ from rcdn.io.formats import (
 from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 from rcdn.io.maps import write_maps, write_stereo_maps
 from rcdn.io.rig_calibration import write_rig_calibration
+from rcdn.io.rig_files import RigFormat, read_rig, rig_format, write_rig
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "ImageResult",
     "LensFit",
     "Rectification",
+    "RigFormat",
     "StereoCameras",
     "as_grey",
     "camera_format",
@@ -59,10 +61,12 @@ __all__ = [
     "read_detections",
     "read_image",
     "read_pixels",
+    "read_rig",
     "read_stereo",
     "read_stereo_calibration",
     "read_vnl",
     "read_vnl_boards",
+    "rig_format",
     "write_bytes",
     "write_calibration",
     "write_camera",
@@ -71,6 +75,7 @@ __all__ = [
     "write_image",
     "write_lines",
     "write_maps",
+    "write_rig",
     "write_rig_calibration",
     "write_stereo",
     "write_stereo_maps",

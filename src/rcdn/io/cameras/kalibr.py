@@ -46,11 +46,12 @@ def _lens(camera: Camera) -> tuple[str, Array]:
     return "radtan", d[:4]
 
 
-def _entry(camera: Camera, index: int, overlaps: str, T: Array | None = None) -> str:
+def entry(camera: Camera, index: int, overlaps: Sequence[int], T: Array | None = None) -> str:
+    """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own."""
     kind, d = _lens(camera)
     pose = "" if T is None else "  T_cn_cnm1:\n" + "".join(f"  - {flow(row)}\n" for row in T)
     return (
-        f"cam{index}:\n{pose}  cam_overlaps: {overlaps}\n  camera_model: pinhole\n"
+        f"cam{index}:\n{pose}  cam_overlaps: {list(overlaps)}\n  camera_model: pinhole\n"
         f"  distortion_coeffs: {flow(d)}\n  distortion_model: {kind}\n"
         f"  intrinsics: {flow(pinhole_numbers(camera, TITLE))}\n"
         f"  resolution: [{camera.image_size[0]}, {camera.image_size[1]}]\n  rostopic: /cam{index}/image_raw\n"
@@ -58,7 +59,7 @@ def _entry(camera: Camera, index: int, overlaps: str, T: Array | None = None) ->
 
 
 def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
-    return (_entry(pair.left, 0, "[1]") + _entry(pair.right, 1, "[0]", pair.T_right_left),)
+    return (entry(pair.left, 0, [1]) + entry(pair.right, 1, [0], pair.T_right_left),)
 
 
 def names(data: Any) -> list[str]:
@@ -107,4 +108,4 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 
 
 _FIT = coefficients(("brown", 4), ("fisheye", 4))
-FORMAT = Format(TITLE, load, _cameras, lambda camera: _entry(camera, 0, "[]"), _stereo_texts, _stereo, _FIT)
+FORMAT = Format(TITLE, load, _cameras, lambda camera: entry(camera, 0, []), _stereo_texts, _stereo, _FIT)

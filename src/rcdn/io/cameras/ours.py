@@ -82,9 +82,12 @@ def load(path: str, text: str) -> Any:
 
 
 def cameras(data: Any, path: str) -> dict[str, Camera]:
-    """The cameras of a camera file, a pair, or a calibration of either."""
+    """The cameras of a camera file, a pair, a rig, or a calibration of any of them."""
     if "camera" in data:
         return {"camera": camera_of(data, path)}
+    if data.get("kind") == "rig":
+        records = [(f"{path}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, path))]
+        return {take(record, "name", str, where): camera_of(record, where) for where, record in records}
     if all(side in data for side in _BLOCKS):
         return {side: camera_of(data[side], f"{path}: {side}") for side in _BLOCKS}
     raise FormatError(f"{path}: holds no camera; give a file of `rcdn calibrate`")

@@ -1,0 +1,161 @@
+"""Files of rigs: round trips, what other programs make of them, and refusals."""
+
+import json
+import subprocess
+import sys
+import tomllib
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from camera_files import camera, same_camera
+
+from rcdn.errors import FormatError
+from rcdn.geometry import rotation
+from rcdn.io import read_cameras, read_rig, rig_format, write_rig
+from rcdn.types import Pose, Rig
+
+NAMES = {"kalibr": "camchain.yaml", "aniposelib": "rig.toml", "caliscope": "camera_array.toml", "json": "rig.json"}
+LENSES = ("brown4", "fisheye", "pinhole")
+
+
+def rig(lenses=LENSES, covariance=None):
+    """Cameras on a ring that look at its middle, each 1 m from it."""
+    turns = [rotation(np.array([0.1, 2 * np.pi * k / len(lenses), 0.05])) for k in range(len(lenses))]
+    places = []
+    for R in turns:
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = R, (0, 0, 1)
+        places.append(T)
+    first = np.linalg.inv(places[0])
+    names = tuple(f'view "{k}" é' for k in range(len(lenses)))
+    return Rig(names, tuple(camera(lens) for lens in lenses), tuple(Pose(T @ first) for T in places), covariance)
+
+
+def same_rig(a, b):
+    assert len(a) == len(b)
+    for one, other in zip(a.cameras, b.cameras, strict=True):
+        same_camera(one, other)
+    for one, other in zip(a.poses, b.poses, strict=True):
+        np.testing.assert_allclose(one.T_cam_board, other.T_cam_board, atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_every_format_gives_the_rig_back(tmp_path, kind):
+    made = rig()
+    path = tmp_path / NAMES[kind]
+    assert rig_format(path) == kind
+    assert write_rig(path, made) == [None] * 3
+    found = read_rig(path)
+    same_rig(made, found)
+    if kind in ("json", "aniposelib"):
+        assert found.names == made.names
+
+
+def test_more_than_ten_cameras_keep_their_order(tmp_path):
+    made = rig(("brown4",) * 12)
+    for name in NAMES.values():
+        write_rig(tmp_path / name, made)
+        same_rig(made, read_rig(tmp_path / name))
+    tables = tomllib.loads((tmp_path / "rig.toml").read_text("utf-8"))
+    ordered = [tables[key]["name"] for key in sorted(tables) if key != "metadata"]  # as aniposelib reads them
+    assert tuple(ordered) == made.names
+
+
+def test_json_keeps_the_covariance(tmp_path):
+    root = np.random.default_rng(3).normal(size=(18, 30))
+    made = rig(covariance=root @ root.T)
+    write_rig(tmp_path / "rig.json", made)
+    np.testing.assert_array_equal(read_rig(tmp_path / "rig.json").covariance, made.covariance)
+    assert list(read_cameras(tmp_path / "rig.json")) == list(made.names)
+
+
+def test_a_camchain_tells_each_place_after_the_one_before(tmp_path):
+    made = rig()
+    write_rig(tmp_path / "camchain.yaml", made)
+    data = yaml.safe_load((tmp_path / "camchain.yaml").read_text())
+    for k in (1, 2):
+        T = np.array(data[f"cam{k}"]["T_cn_cnm1"])
+        np.testing.assert_allclose(T @ made.poses[k - 1].T_cam_board, made.poses[k].T_cam_board, atol=1e-12)
+    assert data["cam1"]["cam_overlaps"] == [0, 2]
+
+
+MIDDLE = np.random.default_rng(0).uniform(-0.2, 0.2, (20, 3)) + np.array([0, 0, 1])
+"""points that all cameras see, in the rig's frame"""
+
+
+@pytest.mark.parametrize("kind", ["aniposelib", "caliscope"])
+def test_opencv_projects_by_the_numbers_of_the_toml_what_we_do(tmp_path, kind):
+    """Both programs hand these numbers to OpenCV."""
+    made = rig()
+    write_rig(tmp_path / NAMES[kind], made)
+    data = tomllib.loads((tmp_path / NAMES[kind]).read_text("utf-8"))
+    tables = [t for t in data.get("cameras", data).values() if "matrix" in t]
+    for table, own, pose in zip(tables, made.cameras, made.poses, strict=True):
+        rvec, tvec, K, d = (np.array(table[k], float) for k in ("rotation", "translation", "matrix", "distortions"))
+        project = cv2.fisheye.projectPoints if table["fisheye"] else cv2.projectPoints
+        theirs = project(MIDDLE[:, None], rvec, tvec, K, d)[0].reshape(-1, 2)
+        np.testing.assert_allclose(theirs, own.project(MIDDLE @ pose.R.T + pose.t), atol=1e-6)
+
+
+ANIPOSE = """
+import json, sys, numpy as np
+from aniposelib.cameras import CameraGroup
+group = CameraGroup.load(sys.argv[1])
+points = np.array(json.loads(sys.argv[2]))
+print(json.dumps([[c.get_name(), c.project(points).reshape(-1, 2).tolist()] for c in group.cameras]))
+"""
+
+
+def test_aniposelib_reads_and_projects(tmp_path):
+    pytest.importorskip("aniposelib", reason="aniposelib isn't installed (python -m tests.environments aniposelib)")
+    made = rig()
+    write_rig(tmp_path / "rig.toml", made)
+    words = [sys.executable, "-c", ANIPOSE, str(tmp_path / "rig.toml"), json.dumps(MIDDLE.tolist())]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=300)
+    theirs = json.loads(done.stdout.splitlines()[-1])
+    assert [name for name, _ in theirs] == list(made.names)
+    for (_, xy), own, pose in zip(theirs, made.cameras, made.poses, strict=True):
+        np.testing.assert_allclose(xy, own.project(MIDDLE @ pose.R.T + pose.t), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["rig.yaml", "cameras.txt", "rig.cameramodel", "camera_info.yaml"])
+def test_formats_without_a_place_for_a_rig_are_refused(tmp_path, name):
+    with pytest.raises(FormatError, match=r"no place for a rig; name the file camchain\.yaml"):
+        write_rig(tmp_path / name, rig())
+    assert not (tmp_path / name).exists()
+
+
+def test_a_lens_that_the_format_lacks_is_named_with_its_camera(tmp_path):
+    with pytest.raises(FormatError, match=r"camera view \"1\" é: Kalibr's camchain: radtan holds"):
+        write_rig(tmp_path / "camchain.yaml", rig(("brown4", "rational")))
+    with pytest.raises(FormatError, match=r"camera view \"0\" é: .* no lens model for 'division'"):
+        write_rig(tmp_path / "rig.toml", rig(("division", "pinhole")))
+
+
+BROKEN = {
+    "rig.toml": ["", "x = ", "[cam_0]\nmatrix = 3\nrotation = 1\nsize = [1, 2]", "cameras = 3"],
+    "rig.json": ["{}", "[]", '{"version": 1, "kind": "camera"}', '{"version": 1, "kind": "rig"}'],
+    "camchain.yaml": ["", "cam0: 3", "[1, 2"],
+}
+
+
+@pytest.mark.parametrize(("name", "text"), [(n, t) for n, texts in BROKEN.items() for t in texts])
+def test_broken_files_are_refused_by_name(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FormatError, match=name.replace(".", r"\.")):
+        read_rig(tmp_path / name)
+
+
+def test_a_turn_that_is_none_and_names_that_no_camera_has_are_refused(tmp_path):
+    path = tmp_path / "rig.json"
+    write_rig(path, rig())
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps(data | {"names": ["a", "b", {}]}))
+    with pytest.raises(FormatError, match="'names' must be those"):
+        read_rig(path)
+    data["cameras"][1]["T_cam_rig"][0][0] += 0.1
+    path.write_text(json.dumps(data))
+    with pytest.raises(FormatError, match=r"cameras\[1\]: 'T_cam_rig' is no rotation"):
+        read_rig(path)
