@@ -132,7 +132,7 @@ def _chain(names: tuple[str, ...], cameras: list[Camera], places: list[Array]) -
     for k, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         T = places[k] @ np.linalg.inv(places[k - 1]) if k else None
         try:
-            entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T))
+            entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T, ".toml or json"))
         except FormatError as error:
             raise FormatError(f"camera {name}: {error}") from error
     return entries

@@ -29,7 +29,7 @@ _OTHERS = "opencv, ros, colmap, mrcal or json"
 _LENGTHS = {"radtan": 4, "equidistant": 4, "none": -1}
 
 
-def _lens(camera: Camera) -> tuple[str, Array]:
+def _lens(camera: Camera, others: str) -> tuple[str, Array]:
     d = camera.distortion
     if camera.model == "fisheye":
         return "equidistant", d
@@ -41,14 +41,16 @@ def _lens(camera: Camera) -> tuple[str, Array]:
     if beyond:
         raise FormatError(
             f"{TITLE}: radtan holds k1 k2 p1 p2 only, but this camera has {', '.join(beyond)}; "
-            f"calibrate it with the model radtan or fisheye (`rcdn calibrate --model radtan`), or write {_OTHERS}"
+            f"calibrate it with the model radtan or fisheye (`rcdn calibrate --model radtan`), or write {others}"
         )
     return "radtan", d[:4]
 
 
-def entry(camera: Camera, index: int, overlaps: Sequence[int], T: Array | None = None) -> str:
-    """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own."""
-    kind, d = _lens(camera)
+def entry(camera: Camera, index: int, overlaps: Sequence[int], T: Array | None = None, others: str = _OTHERS) -> str:
+    """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own.
+
+    Raises FormatError for a lens that a camchain can't hold, with the `others` to write instead."""
+    kind, d = _lens(camera, others)
     pose = "" if T is None else "  T_cn_cnm1:\n" + "".join(f"  - {flow(row)}\n" for row in T)
     return (
         f"cam{index}:\n{pose}  cam_overlaps: {list(overlaps)}\n  camera_model: pinhole\n"
