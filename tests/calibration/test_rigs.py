@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import calibrate_rig
 from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
 from rcdn.cli._moments import moments_of
+from rcdn.cli._rig_runs import _against
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import SPACING
 from rcdn.evaluation.rig_scenes import chain, row
 from rcdn.geometry import rotation
+from rcdn.types import Reason
 
 SCENE = row([0.3, 0.3], ("pinhole", "fisheye"))
 MODELS = {"c0": "pinhole", "c1": "fisheye", "c2": "pinhole"}
@@ -175,3 +177,16 @@ def test_the_calibrations_stay_frozen(found):
     assert replace(found, thin=("x",)).thin == ("x",)
     with pytest.raises(AttributeError):
         found.rms = 1.0
+
+
+def test_the_terminal_says_once_what_several_cameras_have_in_common():
+    def of(name, sentence, action="Tilt it."):
+        return Reason(f"{name}.key", "fair", name, 1.0, 0.5, "", f"{name}: {sentence}", action)
+
+    reasons = [of("a", "Flat."), of("b", "Flat."), of("c", "Flatter."), of("b", "Few.", "Take more.")]
+    whole = Reason("components", "bad", "", 2.0, 1.0, "", "Boards connect only a – b.", "")
+    assert _against([whole, *reasons], ("a", "b", "c")) == [
+        "- Boards connect only a – b.",
+        "- a, b: Flat. c: Flatter. Tilt it.",
+        "- b: Few. Take more.",
+    ]

@@ -16,7 +16,7 @@ from rcdn.errors import ConfigError
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered
-    from rcdn.types import Array, RigCalibration, Verdict
+    from rcdn.types import Array, Reason, RigCalibration, Verdict
 
 
 def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
@@ -83,8 +83,20 @@ def rig_lines(done: RigCalibration) -> list[str]:
         lines.append(
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
-    against = done.verdict.against if done.verdict else ()
-    lines += [f"- {r.sentence} {r.action}".rstrip() for r in against]
+    return lines + _against(done.verdict.against if done.verdict else (), rig.names)
+
+
+def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
+    """A line for each action, with what several cameras have in common said once."""
+    groups: dict[str, dict[str, list[str]]] = {}
+    for found in reasons:
+        name = next((n for n in names if found.sentence.startswith(f"{n}: ")), "")
+        sentence = found.sentence.removeprefix(f"{name}: ") if name else found.sentence
+        groups.setdefault(found.action, {}).setdefault(sentence, []).append(name)
+    lines = []
+    for action, sentences in groups.items():
+        said = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
+        lines.append(" ".join(["-", *said, action]).rstrip())
     return lines
 
 
