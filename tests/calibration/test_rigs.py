@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate_rig
+from rcdn.calibration import calibrate, calibrate_rig
+from rcdn.calibration.many_cameras import _of_one_make
 from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
 from rcdn.cli._moments import moments_of
 from rcdn.cli._rig_runs import _against
@@ -190,3 +191,25 @@ def test_the_terminal_says_once_what_several_cameras_have_in_common():
         "- a, b: Flat. c: Flatter. Tilt it.",
         "- b: Few. Take more.",
     ]
+
+
+def test_cameras_of_one_make_get_one_lens_model_and_others_keep_theirs():
+    scene = row([0.3, 0.3, 0.3], ("brown", "brown", "fisheye"))
+    boards, moments = scene.views(np.random.default_rng(2), chain(4, 4))
+    chosen = ("rational", "brown", "fisheye", "rational")  # c0, c1 and c3 are alike
+
+    def as_model(camera, lens):
+        return calibrate(boards[f"c{camera}"], spacing=SPACING, model=lens)
+
+    alone = [as_model(c, lens) for c, lens in enumerate(chosen)]
+    sights = [{(m, 0): k for k, m in enumerate(moments[f"c{c}"])} for c in range(4)]
+    found = [c.models[0].model for c in _of_one_make(alone, range(4), as_model, sights)]
+    assert found == ["brown", "brown", "fisheye", "brown"]
+    named = _of_one_make(alone, [1, 2], as_model, sights)
+    assert [c.models[0].model for c in named] == list(chosen)
+
+
+def test_a_model_for_some_cameras_only_is_refused_by_name(seen):
+    boards, moments = seen
+    with pytest.raises(ConfigError, match="it has none for c1, c2"):
+        calibrate_rig(boards, SPACING, moments=moments, model={"c0": "brown"})

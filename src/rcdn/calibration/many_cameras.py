@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of, shifts_of
 from rcdn.calibration.rig_start import Edge, Key, Turned, averaged, components_of, edges_of, tree, turned
 from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Array, Board, Calibration, Pose, Rig, RigCalibration
@@ -41,10 +44,10 @@ def calibrate_rig(
     `names` of the boards' pictures. `model`: of all cameras, or by name. The rest as in `calibrate`; the first camera of the largest
     connected part gives the rig's frame.
 
-    Each camera is calibrated alone first. Pairs that agree on how they stand are the edges of a graph; its best spanning tree, rotations and
-    then translations averaged over all edges, starts one least squares over lenses, places and boards, whose poses are eliminated. Views that
-    disagree are left out and named. Covariances are by the scatter of whole moments. Raises CalibrationError if a camera can't be calibrated,
-    or no two are connected; ConfigError for a wrong argument.
+    Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs that agree on how they
+    stand are the edges of a graph; its best spanning tree, rotations and then translations averaged over all edges, starts one least squares
+    over lenses, places and boards, whose poses are eliminated. Views that disagree are left out and named. Covariances are by the scatter of
+    whole moments. Raises CalibrationError if a camera can't be calibrated, or no two are connected; ConfigError for a wrong argument.
     """
     order = list(views)
     if len(order) < 2:
@@ -53,10 +56,17 @@ def calibrate_rig(
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)
     geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
-    alone = [
-        _alone(name, views[name], geometries, (names or {}).get(name), model if isinstance(model, str) else model[name])
-        for name in order
-    ]
+
+    def as_model(camera: int, lens: str) -> Calibration:
+        name = order[camera]
+        return _alone(name, views[name], geometries, (names or {}).get(name), lens)
+
+    lenses = [model if isinstance(model, str) else model[name] for name in order]
+    alone = [as_model(c, lens) for c, lens in enumerate(lenses)]
+    unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
+    alone = _of_one_make(
+        alone, unnamed, as_model, [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
+    )
     sights = [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
     edges = edges_of(alone, sights)
     parts = components_of(len(order), edges)
@@ -100,6 +110,30 @@ def _alone(
         return with_geometries(boards, geometries, names_of(boards, names), model)
     except CalibrationError as error:
         raise CalibrationError(f"camera {name}: {error}") from error
+
+
+def _of_one_make(
+    alone: list[Calibration],
+    unnamed: Sequence[int],
+    as_model: Callable[[int, str], Calibration],
+    sights: Sequence[Mapping[Key, int]],
+) -> list[Calibration]:
+    """The calibrations, those of the cameras `unnamed` with one lens model where they are of one make (`twins.one_model`, two at a time)."""
+    found = list(alone)
+    for _ in unnamed:
+        before = [c.models[0].model for c in found]
+        for a, b in combinations(unnamed, 2):
+            pairs = [(sights[a][key], sights[b][key]) for key in sights[a].keys() & sights[b].keys()]
+            both = partial(_one_as, (a, b), as_model)
+            found[a], found[b], _ = one_model((found[a], found[b]), both, pairs)
+        if before == [c.models[0].model for c in found]:
+            break
+    return found
+
+
+def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], side: int, lens: str) -> Calibration:
+    """The first or the second of two cameras with a lens model."""
+    return as_model(both[side], lens)
 
 
 def _why(order: Sequence[str], sights: Sequence[Mapping[Key, int]]) -> str:
