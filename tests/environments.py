@@ -24,6 +24,7 @@ TESTS = (
     "tests/test_detector.py::test_ordinary_boards_are_found_whole_with_right_labels_and_sub_pixel_corners[auto]",
 )  # fmt: skip
 SOLVERS = "tests/adapters/test_solvers.py"
+RIG_FILES = "tests/cameras/test_rig_files.py"
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def environments() -> dict[str, Environment]:
         found[f"{flavour}-newest"] = Environment(with_opencv(flavour), TESTS)
     for solver in ("lensboy", "aniposelib", "caliscope"):
         bare = tuple(line for line in requirements() if not line.startswith("opencv"))
-        found[solver] = Environment((*bare, solver), (SOLVERS, "-k", solver))
+        found[solver] = Environment((*bare, solver), (SOLVERS, RIG_FILES, "-k", solver))
     own = ("multical", "numpy<1.24")
     found["multical"] = Environment(tuple(requirements()), (SOLVERS, "-k", "multical"), own)
     return found

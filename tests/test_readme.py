@@ -9,7 +9,7 @@ import pytest
 from tests.doc_blocks import ROOT, blocks, commands, run
 
 import rcdn
-from rcdn.io import read_calibration, read_camera, read_detections, write_calibration, write_image
+from rcdn.io import read_calibration, read_camera, read_detections, read_rig, write_calibration, write_image
 from rcdn.io.cameras import read_stereo
 from rcdn.synthetic import camera_view, render
 
@@ -91,6 +91,8 @@ def test_every_other_command_ends_well(workplace):
     assert (workplace / "corners.vnl").read_text().startswith("#")
     pair = read_stereo(workplace / "rig.yaml")
     assert pair.T_right_left[:3, 3] == pytest.approx([-BASELINE * SQUARE, 0, 0], abs=1e-3)
+    T, _ = read_rig(workplace / "rig.toml").relative("left", "right")
+    assert T[:3, 3] == pytest.approx([-BASELINE * SQUARE, 0, 0], abs=1e-3)
     assert read_calibration(workplace / "monday.json").camera.model == "brown"
     assert "<html" in (workplace / "difference.html").read_text()
 

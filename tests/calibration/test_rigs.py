@@ -17,6 +17,7 @@ from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import SPACING
 from rcdn.evaluation.rig_scenes import chain, row
 from rcdn.geometry import rotation
+from rcdn.io import read_rig, write_rig_calibration
 from rcdn.types import Reason
 
 SCENE = row([0.3, 0.3], ("pinhole", "fisheye"))
@@ -213,3 +214,12 @@ def test_a_model_for_some_cameras_only_is_refused_by_name(seen):
     boards, moments = seen
     with pytest.raises(ConfigError, match="it has none for c1, c2"):
         calibrate_rig(boards, SPACING, moments=moments, model={"c0": "brown"})
+
+
+def test_the_json_of_a_rigs_calibration_is_read_as_its_rig(found, tmp_path):
+    write_rig_calibration(tmp_path / "all.json", found)
+    read = read_rig(tmp_path / "all.json")
+    assert read.names == found.rig.names
+    np.testing.assert_array_equal(read.covariance, found.rig.covariance)
+    for one, other in zip(read.poses, found.rig.poses, strict=True):
+        np.testing.assert_array_equal(one.T_cam_board, other.T_cam_board)

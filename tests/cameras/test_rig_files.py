@@ -1,5 +1,6 @@
 """Files of rigs: round trips, what other programs make of them, and refusals."""
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -99,24 +100,38 @@ def test_opencv_projects_by_the_numbers_of_the_toml_what_we_do(tmp_path, kind):
         np.testing.assert_allclose(theirs, own.project(MIDDLE @ pose.R.T + pose.t), atol=1e-6)
 
 
-ANIPOSE = """
-import json, sys, numpy as np
+READERS = {
+    "aniposelib": """
 from aniposelib.cameras import CameraGroup
-group = CameraGroup.load(sys.argv[1])
-points = np.array(json.loads(sys.argv[2]))
-print(json.dumps([[c.get_name(), c.project(points).reshape(-1, 2).tolist()] for c in group.cameras]))
-"""
+cameras = CameraGroup.load(path).cameras
+names, seen = [c.get_name() for c in cameras], [c.project(points) for c in cameras]
+""",
+    "caliscope": """
+import cv2
+from caliscope.cameras.camera_array import CameraArray
+names, seen = [], []
+for number, c in CameraArray.from_toml(path).cameras.items():
+    names.append(str(number))
+    project = cv2.fisheye.projectPoints if c.fisheye else cv2.projectPoints
+    seen.append(project(points[:, None], cv2.Rodrigues(c.rotation)[0], c.translation, c.matrix, c.distortions)[0])
+""",
+}
 
 
-def test_aniposelib_reads_and_projects(tmp_path):
-    pytest.importorskip("aniposelib", reason="aniposelib isn't installed (python -m tests.environments aniposelib)")
+@pytest.mark.parametrize("program", READERS)
+def test_the_programs_themselves_read_and_project_what_we_do(tmp_path, program):
+    if importlib.util.find_spec(program) is None:
+        pytest.skip(f"{program} isn't installed (python -m tests.environments {program})")
     made = rig()
-    write_rig(tmp_path / "rig.toml", made)
-    words = [sys.executable, "-c", ANIPOSE, str(tmp_path / "rig.toml"), json.dumps(MIDDLE.tolist())]
+    path = tmp_path / NAMES[program]
+    write_rig(path, made)
+    head = f"import json, numpy as np\npath, points = {str(path)!r}, np.array({MIDDLE.tolist()})"
+    tail = "print(json.dumps([names, [np.reshape(xy, (-1, 2)).tolist() for xy in seen]]))"
+    words = [sys.executable, "-c", head + READERS[program] + tail]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=300)
-    theirs = json.loads(done.stdout.splitlines()[-1])
-    assert [name for name, _ in theirs] == list(made.names)
-    for (_, xy), own, pose in zip(theirs, made.cameras, made.poses, strict=True):
+    names, theirs = json.loads(done.stdout.splitlines()[-1])
+    assert names == (list(made.names) if program == "aniposelib" else ["0", "1", "2"])
+    for xy, own, pose in zip(theirs, made.cameras, made.poses, strict=True):
         np.testing.assert_allclose(xy, own.project(MIDDLE @ pose.R.T + pose.t), atol=1e-6)
 
 

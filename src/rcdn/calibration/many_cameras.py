@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -57,6 +57,7 @@ def calibrate_rig(
     when = _moments(views, moments)
     geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
 
+    @cache
     def as_model(camera: int, lens: str) -> Calibration:
         name = order[camera]
         return _alone(name, views[name], geometries, (names or {}).get(name), lens)

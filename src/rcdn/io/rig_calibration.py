@@ -8,6 +8,7 @@ from rcdn.io.calibration import calibration_record, reason_record
 from rcdn.io.cameras import ours
 from rcdn.io.fields import nullable
 from rcdn.io.files import write_text
+from rcdn.io.rig_files import rig_record
 from rcdn.types import RigCalibration
 
 
@@ -19,8 +20,7 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
         "verdict": None if found.verdict is None else found.verdict.level,
         "rms": nullable(found.rms),
         "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
-        "names": list(rig.names),
-        "cov": None if rig.covariance is None else nullable(rig.covariance),
+        **rig_record(rig),
         "components": [list(part) for part in found.components],
         "links": [dict(vars(link)) for link in found.links],
         "thin": list(found.thin),

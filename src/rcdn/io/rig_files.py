@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
-from rcdn.io.cameras import camera_format, kalibr, opencv, ours
+from rcdn.io.cameras import camera_format, kalibr, lens_fit, ours
 from rcdn.io.cameras.base import LensFit, make_camera, opencv_lens, pinhole_numbers
 from rcdn.io.cameras.rig import motion
 from rcdn.io.cameras.yaml_text import flow
@@ -48,7 +48,7 @@ def write_rig(path: str | Path, rig: Rig, format: str | None = None) -> list[Len
     the camera; OutputError as `write_text`.
     """
     kind = rig_format(path, format)
-    fits = [_fit(kind, camera) for camera in rig.cameras]
+    fits = [_fit(path, kind, camera) for camera in rig.cameras]
     cameras = [c if f is None else f.held for c, f in zip(rig.cameras, fits, strict=True)]
     places = [pose.T_cam_board for pose in rig.poses]
     if kind == "json":
@@ -79,10 +79,9 @@ def read_rig(path: str | Path) -> Rig:
         raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
-def _fit(kind: RigFormat, camera: Camera) -> LensFit | None:
-    """What the format holds of a camera with a correction."""
-    fit = {"json": ours.FORMAT, "kalibr": kalibr.FORMAT}.get(kind, opencv.FORMAT).fit
-    return None if fit is None or camera.correction is None else fit(camera)
+def _fit(path: str | Path, kind: RigFormat, camera: Camera) -> LensFit | None:
+    """What the format holds of a camera with a correction; the TOML files have OpenCV's lenses."""
+    return lens_fit(path, camera, kind if kind in ("kalibr", "json") else "opencv")
 
 
 # ---- JSON
