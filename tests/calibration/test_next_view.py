@@ -7,7 +7,7 @@ import pytest
 
 from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration import next_view as module
-from rcdn.calibration.added_view import Information, Prior, share_told, variances, weight_of
+from rcdn.calibration.added_view import Information, Prior, judged_points, share_told, variances, weight_of
 from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
@@ -47,7 +47,7 @@ def test_one_view_more_is_that_of_the_whole_least_squares(model):
     points = (labels() * SPACING) @ poses[6][:3, :2].T + poses[6][:3, 3]
     more = Information.of(camera, points[None], np.full((1, 54), 1 / NOISE))
     both = stated(camera, poses[:6], poses[6:])
-    pixels, by_camera, by_motion = module._judged(both)
+    pixels, by_camera, by_motion = judged_points(both.camera)
     found = np.sqrt(variances(prior, more, by_camera, by_motion)[0])
     assert found == pytest.approx(projection_uncertainty(both, pixels), rel=1e-4)
 
@@ -82,7 +82,7 @@ def test_the_picture_brings_what_is_promised(middling):
         xy = xy + np.random.default_rng(1).normal(0, NOISE, xy.shape)
         extra = board(ij - ij.min(axis=0), xy, BROWN.image_size, np.full(len(xy), NOISE))
         again = calibrate([*boards, extra], SPACING, model="brown", flat=True)
-        return float(np.nanmax(projection_uncertainty(again, module._judged(calibration)[0])))
+        return float(np.nanmax(projection_uncertainty(again, judged_points(calibration.camera)[0])))
 
     held = worst(found.pose.T_cam_board)
     # a view that alone tells of a corner of the frame is trusted less than its information says: nothing confirms it
@@ -132,7 +132,7 @@ def test_the_board_is_in_the_frame_and_leans_as_said(model):
 def test_the_side_that_is_named_is_nearer_and_where_it_says():
     camera = Camera([[600, 0, 319.5], [0, 600, 239.5], [0, 0, 1]], [], (640, 480), "pinhole")
     calibration = calibrate(random_boards(camera, 4, 5)[0], SPACING, model="pinhole")
-    every = module._candidates(calibration, SIZE, SQUARES, np.array([0.5]))
+    every = module.candidates(calibration.camera, SIZE, SQUARES, calibration.spacing, np.array([0.5]))
     half = np.array([4, 2.5]) * SPACING
     for T, middle, tilt, side in zip(every.T, every.middle, every.tilt, every.side, strict=True):
         if tilt and np.hypot(*(middle - 319.5)) < 100:

@@ -10,12 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
-from rcdn.geometry import cross_matrix, project_with_slopes
+from rcdn.calibration.sight import out_of_sight
+from rcdn.calibration.uncertainty import projection_uncertainty
+from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration, Camera
 
 NEGLIGIBLE = 1e-12
 """× the largest eigenvalue of a covariance of unit diagonal: what lies below is no freedom"""
+BATCH = 256
+"""views that are computed together"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,3 +106,48 @@ def variances(prior: Prior, more: Information, by_camera: Array, by_motion: Arra
     rows = (slopes @ prior.root) @ half.transpose(0, 2, 1)
     square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
     return np.asarray(square.reshape(count, many, 2).mean(axis=2))
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """What the worst projection uncertainty over the frame would be with one view more: `before` px, as it is; the `camera` and what is known
+    of it, `prior`; `weight` 1 / px of a corner; derivatives of the projection at points over the frame, `by_camera` and `by_motion`."""
+
+    camera: Camera
+    prior: Prior
+    weight: float
+    by_camera: Array
+    by_motion: Array
+    before: float
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> Forecast | None:
+        """None if nobody knows the covariance, or the lens sees nothing."""
+        points, by_camera, by_motion = judged_points(calibration.camera)
+        if not len(points) or not np.isfinite(calibration.cov).all():
+            return None
+        prior = Prior.of(calibration)
+        weight = weight_of(calibration) * float(np.sqrt(share_told(calibration, prior)))
+        before = float(np.nanmax(projection_uncertainty(calibration, points)))
+        return cls(calibration.camera, prior, weight, by_camera, by_motion, before)
+
+    def after(self, points: Array, seen: Array) -> Array:
+        """(C,) px: with each of C views that see `points` (C, N, 3), m, camera coordinates; `seen` (C, N): for how many corners each
+        stands, 0 where it isn't seen."""
+        worst = []
+        for k in range(0, len(points), BATCH):
+            more = Information.of(self.camera, points[k : k + BATCH], self.weight * np.sqrt(seen[k : k + BATCH]))
+            worst.append(variances(self.prior, more, self.by_camera, self.by_motion).max(axis=1))
+        return np.asarray(np.sqrt(np.concatenate(worst)))
+
+
+def judged_points(camera: Camera) -> tuple[Array, Array, Array]:
+    """Points (G, 2) px over the frame where the lens sees, with the derivatives of the projection of a far point there in the camera's
+    parameters (G, 2, P) and in the boards' mean motion (G, 2, 6), as in `projection_uncertainty`."""
+    points = frame_grid(camera.image_size)
+    points = points[~np.logical_or(*out_of_sight(camera, points))]
+    rays = unproject(camera, points)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    _, by_point, by_camera = project_with_slopes(camera, rays)
+    turn = -by_point @ cross_matrix(rays)
+    return points, by_camera, np.concatenate([turn, 0 * by_point], axis=2)

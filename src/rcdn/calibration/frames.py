@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from rcdn.geometry import apply_homography, homography
+from rcdn.calibration.outlines import distances, outline
 from rcdn.io import ImageResult
 from rcdn.types import Array, Board
 
@@ -104,34 +104,16 @@ def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:
     boards = [images[k].boards[0] for k in index]
     if not boards:
         return []
-    outlines = np.stack([_outline(board) for board in boards])
+    outlines = np.stack([outline(board) for board in boards])
     worth = _worth(boards)
     gap = np.where(worth > 0, np.inf, -1.0)
     chosen = [int(np.argmax(worth))]
     while len(chosen) < most:
-        gap = np.minimum(gap, _distances(outlines, outlines[chosen[-1]]))
+        gap = np.minimum(gap, distances(outlines, outlines[chosen[-1]]))
         if gap.max() <= ALIKE:
             break
         chosen.append(int(np.argmax(gap * worth)))
     return sorted(index[k] for k in chosen)
-
-
-def _outline(board: Board) -> Array:
-    """(4, 2) corners of the board's grid, in order around it, in diagonals of the image."""
-    cols, rows = board.size
-    box = board.ij.min(axis=0) + np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])
-    wh = np.array(board.image_size, float)
-    xy = apply_homography(homography(board.ij, board.xy), box)
-    return np.asarray(np.clip(xy, -0.5 * wh, 1.5 * wh) / np.linalg.norm(wh))
-
-
-def _distances(outlines: Array, one: Array) -> Array:
-    """(N,) root mean square distance of the corners of each outline from those of `one`.
-
-    The least over the four turns: where a board's labels begin is often arbitrary.
-    """
-    turns = [np.roll(one, k, axis=0) for k in range(4)]
-    return np.min([np.sqrt(np.square(outlines - t).sum(axis=2).mean(axis=1)) for t in turns], axis=0)
 
 
 def _worth(boards: Sequence[Board]) -> Array:

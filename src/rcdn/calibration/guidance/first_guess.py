@@ -1,0 +1,152 @@
+"""A camera before there is one: what is known of any camera beforehand, and what one or two views of a board add to it.
+
+A Gaussian prior on focal length, principal point and distortion, and its maximum a posteriori estimate from the views there are. It is
+good enough to plan the first views by (where a board must be held to tell what), and is given up as soon as the views alone settle a camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
+from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.labels import Labelled, Size, in_line
+from rcdn.calibration.solver import Linear, solve
+from rcdn.calibration.start import Seen, poses
+from rcdn.calibration.uncertainty import Clustered, covariance
+from rcdn.calibration.usable import FEWEST_CORNERS, sigma_of
+from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
+
+MODELS: tuple[tuple[CameraModel, int], ...] = (("brown", 5), ("fisheye", 4))
+"""lens models and their coefficients: a usual lens, and a wide one"""
+FOCALS = (0.8, 0.45, 1.4)
+"""focal lengths to start from, widths of the frame; the prior's mean is the first"""
+FOCAL, ASPECT, CENTRE = 0.4, 0.02, 0.05
+"""prior standard deviations: of the focal length as a share of it, of fy ÷ fx, of the principal point as a share of the width"""
+RADIAL, TANGENTIAL = 0.3, 0.01
+"""and of the coefficients of the lens"""
+SCATTER = 0.2
+"""px along one axis that corners are taken to scatter: nothing is known yet of how they do"""
+
+
+def first_guess(
+    image_size: tuple[int, int], boards: Sequence[Board], names: Sequence[str], spacing: Spacing, size: Size | None
+) -> Calibration:
+    """The camera that a prior and `boards` (none will do) make likely, as a calibration whose covariance is the posterior's.
+
+    `image_size` (width, height) px; `spacing` m and `size` as in `calibrate`. Boards that no pose fits are left out.
+    """
+    seen, labels, kept = _seen(boards, spacing, size)
+    side = labels[0].spacing if labels else spacing if isinstance(spacing, float) else next(iter(spacing.values()))
+    fits = [
+        _fit(image_size, model, many, focal, seen, [sigma_of(boards[k]) for k in kept])
+        for model, many in MODELS
+        for focal in (FOCALS if seen else FOCALS[:1])
+    ]
+    best = min(fits, key=lambda f: f.cost)
+    arrow = Linear.of(best.state, best.corners, best.weight, default_free(best.state)).arrow()
+    frames = np.arange(len(seen))
+    by_noise = Clustered(arrow.covariance, 1.0)
+    cov = covariance(arrow, frames, 1.0, by_noise) if seen else _without_views(arrow.covariance)
+    gaps = residuals(best.state, best.corners)
+    views = tuple(
+        _view(boards[k], names[k], label, best.state.poses[f], gaps[best.corners.frame == f])
+        for f, (k, label) in enumerate(zip(kept, labels, strict=True))
+    )
+    camera = best.state.cameras[0]
+    return Calibration(camera, side, views, cov, SCATTER, (ModelScore(camera.model, float("nan"), float("nan")),))
+
+
+def nominal(image_size: tuple[int, int], model: CameraModel, many: int, focal: float) -> Camera:
+    """A camera of a focal length of `focal` widths of the frame whose lens of `many` coefficients bends nothing."""
+    width, height = image_size
+    K = np.array([[focal * width, 0, (width - 1) / 2], [0, focal * width, (height - 1) / 2], [0, 0, 1]])
+    return Camera(K, np.zeros(many), image_size, model)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A `state` that was fitted to `corners` with `weight` (N,) 1 / px; twice the negative logarithm of its posterior density, `cost`."""
+
+    state: State
+    corners: Corners3
+    weight: Array
+    cost: float
+
+
+def _seen(boards: Sequence[Board], spacing: Spacing, size: Size | None) -> tuple[list[Seen], list[Labelled], list[int]]:
+    """The boards that tell something, their labels, and their indices."""
+    if not boards:
+        return [], [], []
+    every = Geometries.of(boards, spacing, size).labelled(boards, strict=False)
+    kept = [
+        k
+        for k, (b, label) in enumerate(zip(boards, every, strict=True))
+        if not label.reason and len(b) >= FEWEST_CORNERS and not in_line(b)
+    ]
+    return [Seen(every[k].places, boards[k].xy) for k in kept], [every[k] for k in kept], kept
+
+
+def _fit(
+    image_size: tuple[int, int], model: CameraModel, many: int, focal: float, seen: list[Seen], sigma: list[Array]
+) -> _Fit:
+    camera = nominal(image_size, model, many, focal)
+    prior = _prior(nominal(image_size, model, many, FOCALS[0]))
+    T = poses(camera, seen) if seen else np.zeros((0, 4, 4))
+    T[~np.isfinite(T).all(axis=(1, 2))] = np.eye(4)
+    state = State.mono(camera, T)
+    state = State(state.cameras, state.poses, state.rig, state.shape, prior)
+    frame = np.repeat(np.arange(len(seen)), [len(s.xy) for s in seen])
+    empty = np.zeros((0, 2))
+    corners = Corners3(
+        frame,
+        0 * frame,
+        np.concatenate([s.board for s in seen] or [empty]),
+        np.concatenate([s.xy for s in seen] or [empty]),
+        np.zeros((len(frame), 0)),
+    )
+    scatter = np.nan_to_num(np.concatenate([*sigma, empty[:, 0]]))
+    weight = 1 / np.hypot(SCATTER, scatter)
+    if seen:
+        state = solve(state, corners, weight, default_free(state)).state
+    gaps = np.nan_to_num(residuals(state, corners), nan=1e3) * weight[:, None]
+    return _Fit(state, corners, weight, float((gaps**2).sum()) + prior.cost(state.values))
+
+
+def _prior(camera: Camera) -> Prior:
+    """Of the parameters of `camera`, with its own as the mean."""
+    focal, width = camera.K[0, 0], camera.image_size[0]
+    names = camera.parameter_names[4:]
+    lens = [TANGENTIAL if name.startswith("p") else RADIAL for name in names]
+    deviations = [FOCAL * focal, FOCAL * focal, CENTRE * width, CENTRE * width, *lens]
+    precision = np.diag(1 / np.square(deviations))
+    precision[:2, :2] += np.array([[1, -1], [-1, 1]]) / (ASPECT * focal) ** 2
+    return Prior(camera.parameters.copy(), precision)
+
+
+def _without_views(covariance: Array) -> Array:
+    """(P + 6, P + 6): boards that were never seen have no motion to be wrong in."""
+    out = np.zeros((len(covariance) + 6, len(covariance) + 6))
+    out[:-6, :-6] = covariance
+    return out
+
+
+def _view(board: Board, name: str, label: Labelled, T: Array, gaps: Array) -> BoardView:
+    return BoardView(
+        name=name,
+        board=0,
+        ij=label.ij,
+        xy=board.xy,
+        sigma=sigma_of(board),
+        pose=Pose(T),
+        residuals=gaps,
+        used=np.ones(len(board), bool),
+        settled=label.settled,
+        target=label.target,
+        ids=None if label.target is None else board.ids,
+        plane=label.plane,
+        spacing=label.spacing,
+    )

@@ -1,0 +1,223 @@
+"""Guidance while a camera is being calibrated: where to hold the board next, which frame to take, when it is enough."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn.calibration.arguments import check_board, check_spacing
+from rcdn.calibration.calibrate import MODELS
+from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.guidance import gates
+from rcdn.calibration.guidance.hints import Held, hint
+from rcdn.calibration.guidance.progress import Plan, Progress, Wish, learned, planned
+from rcdn.calibration.guidance.quality import quality
+from rcdn.calibration.labels import Size
+from rcdn.calibration.next_view import NextView
+from rcdn.calibration.outlines import distances, outline
+from rcdn.calibration.start import Seen, poses
+from rcdn.errors import ConfigError, shown
+from rcdn.geometry import project
+from rcdn.types import SQUARES, Array, Board, Plane
+from rcdn.types.ranges import grid_size, whole_size
+
+FEWEST_CORNERS = 12
+"""that a board must show"""
+FIT = 0.85
+"""how near the board must be to the wanted pose"""
+ENOUGH = 0.7
+"""share of what the wanted view would bring (in the logarithm of the worst uncertainty) that makes any view worth taking"""
+OFF = 0.25
+"""of the board's size in the picture: an outline that is off by as much doesn't fit at all"""
+BEYOND = 1.1
+"""× the distance at which a still board is blurred: the board isn't wanted nearer"""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a frame shows. `refused`: why it can't be taken, in a sentence, "" if it can. `hint`: what to do next. `take`: it is good, and
+    worth taking now. `fit`: how near the board is to the wanted pose, 0 to 1. `gain`: share of what the wanted view would bring that this one
+    would. `arrow`: from the board's middle to where it is wanted, (2, 2) px, or None."""
+
+    refused: str
+    hint: str
+    take: bool = False
+    fit: float = 0.0
+    gain: float = 0.0
+    arrow: Array | None = None
+
+
+class Guide:
+    """Guides a person who holds a board in front of a camera, or the camera in front of a board.
+
+    `look` judges every frame, in order, and says when one should be taken; `add` takes its board and calibrates again; `progress` says where the
+    board is wanted next and how far it is. The wanted view is the one that lowers the worst projection uncertainty over the frame most
+    (`rcdn.calibration.next_view`); before there is a camera, under a prior of cameras (`first_guess`). The same frames give the same answers.
+    `look` may be called while another thread is in `add` or `remove`; those wait for one another.
+
+    `image_size` (width, height) px; `spacing` m, lens `model` and board `size` (columns, rows) in corners as in `rcdn.calibrate` (`size` is
+    learned from the first whole board by default); `target` px: the worst projection uncertainty to reach.
+    Raises RcdnError for a wrong argument.
+    """
+
+    def __init__(
+        self,
+        image_size: tuple[int, int],
+        spacing: Spacing,
+        *,
+        model: str = "auto",
+        size: Size | None = None,
+        target: float = 0.1,
+    ) -> None:
+        if not isinstance(spacing, Mapping):
+            check_spacing(spacing)
+        if model not in MODELS:
+            raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
+        if not (np.isfinite(target) and target > 0):
+            raise ConfigError(f"target must be a positive number of pixels, not {shown(target)}")
+        self._wish = Wish(whole_size(image_size, "image_size"), spacing, model, float(target))
+        self._given = None if size is None else grid_size(size, "size", 2)
+        self._writing = threading.Lock()
+        self._boards: dict[str, Board] = {}
+        self._stillness = gates.Stillness()
+        self._nearest = 0.0
+        self._plan = planned(self._wish, learned(self._wish, [], [], self._given, SQUARES))
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        return self._plan.progress
+
+    def add(self, board: Board, name: str) -> Progress:
+        """Take `board` of the picture `name`, and calibrate again; a name that is there already is replaced. Takes up to seconds."""
+        check_board(board)
+        if board.image_size != self._wish.image_size:
+            (w, h), (width, height) = board.image_size, self._wish.image_size
+            raise ConfigError(f"board must be of a picture of {width}×{height} px, not {w}×{h}")
+        with self._writing:
+            self._boards = {**self._boards, name: board}
+            return self._replanned(*self._printed(board))
+
+    def remove(self, name: str) -> Progress:
+        """Give up the picture `name`. Raises ConfigError if it isn't there."""
+        with self._writing:
+            if name not in self._boards:
+                raise ConfigError(f"name must be one of the accepted pictures, not {shown(name)}")
+            self._boards = {k: b for k, b in self._boards.items() if k != name}
+            return self._replanned(self._plan.known.size, self._plan.known.plane)
+
+    def look(self, board: Board | None, time: float, grey: Array | None = None) -> Look:
+        """Judge the board of the frame at `time` s (rising), None if there is none; `grey` (H, W) uint8: the frame, in whose pixels
+        the board's corners count, for its sharpness and exposure (None: they aren't judged)."""
+        if board is None or len(board) < FEWEST_CORNERS:
+            self._stillness.lost()
+            why = "No board is seen." if board is None else "Too little of the board is seen."
+            return Look(why, "Hold the board in front of the camera.")
+        self._learn(board)
+        state = self._plan
+        now = _Now.of(board, state)
+        refused = gates.too_small(board) or self._stillness.moving(board, time) or self._poor(board, now, grey)
+        refused = refused or gates.taken(board, self._boards.values())
+        wanted = state.progress.wanted
+        if wanted is None or now is None:
+            return Look(refused, state.progress.sentence or "Hold the whole board in the picture.")
+        fit, gain = _fit(board, wanted, state), now.gain
+        worth = gain >= ENOUGH or (fit >= FIT and gain > 0)
+        said = (
+            "Hold still." if worth else hint(now.held, _held_as_wanted(wanted, state), state.known.calibration.camera)
+        )
+        arrow = np.stack([now.held.middle, wanted.middle])
+        return Look(refused, said or state.progress.sentence, not refused and worth, fit, gain, arrow)
+
+    def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
+        """Of a board that is still: one that is blurred, nearer than all that were sharp, is below the depth of field."""
+        if grey is None:
+            return ""
+        found = quality(grey, board)
+        if why := gates.blurred(board, found):
+            self._too_near(now)
+            return why
+        return gates.poor(board, found)
+
+    def _too_near(self, now: _Now | None) -> None:
+        known = self._plan.known
+        seen = known.calibration.used_views
+        if now is None or not seen or self._writing.locked():
+            return
+        sharp = min(float(np.linalg.norm(v.pose.t)) for v in seen if v.pose is not None)
+        if self._nearest < now.held.distance < sharp:
+            with self._writing:
+                self._nearest = now.held.distance * BEYOND
+                self._plan = planned(self._wish, known, self._nearest)
+
+    def _learn(self, board: Board) -> None:
+        """The board's size, from the first that is whole or whose codes say it."""
+        if self._plan.known.size is not None or self._writing.locked():
+            return
+        size, plane = self._printed(board)
+        if size is not None:
+            with self._writing:
+                self._replanned(size, plane)
+
+    def _printed(self, board: Board) -> tuple[Size | None, Plane]:
+        """Size and plane of the whole board as far as this one, or one before, tells."""
+        if self._plan.known.size is not None:
+            return self._plan.known.size, self._plan.known.plane
+        if self._given is not None:
+            return self._given, board.plane
+        if board.target is not None:
+            return Geometries.of([board], self._wish.spacing).main.size, board.plane
+        return (board.size if board.complete else None), board.plane
+
+    def _replanned(self, size: Size | None, plane: Plane = SQUARES) -> Progress:
+        known = learned(self._wish, list(self._boards.values()), list(self._boards), size, plane)
+        self._plan = planned(self._wish, known, self._nearest)
+        return self._plan.progress
+
+
+@dataclass(frozen=True, eq=False)
+class _Now:
+    """How a board is `held`, as far as the camera is known, and its `gain` as in `Look`."""
+
+    held: Held
+    gain: float
+
+    @classmethod
+    def of(cls, board: Board, state: Plan) -> _Now | None:
+        """None if no pose fits."""
+        points = board.points * state.known.calibration.spacing
+        T = poses(state.known.calibration.camera, [Seen(points, board.xy)])[0]
+        if not np.isfinite(T).all():
+            return None
+        seen = np.column_stack([points, 0 * points[:, 0]]) @ T[:3, :3].T + T[:3, 3]
+        centre = (seen.min(axis=0) + seen.max(axis=0)) / 2 if state.known.size != board.size else seen.mean(axis=0)
+        middle = project(state.known.calibration.camera, centre[None])[0]
+        return cls(Held.of(middle, centre, T[:3, :3]), _gain(seen, state))
+
+
+def _gain(points: Array, state: Plan) -> float:
+    """Share of the wanted view's gain that a view which sees `points` (N, 3) would bring."""
+    forecast, wanted = state.forecast, state.progress.wanted
+    if forecast is None or wanted is None or not 0 < wanted.after < wanted.before:
+        return 0.0
+    after = float(forecast.after(points[None], np.ones((1, len(points))))[0])
+    return float(np.log(wanted.before / max(after, 1e-12)) / np.log(wanted.before / wanted.after))
+
+
+def _fit(board: Board, wanted: NextView, state: Plan) -> float:
+    """1 for a board that lies where it is wanted, 0 for one that is off by OFF of its size, or that isn't seen whole."""
+    if sorted(board.size) != sorted(state.known.size or ()):
+        return 0.0
+    diagonal = float(np.hypot(*board.image_size))
+    off = float(distances(wanted.outline[None] / diagonal, outline(board))[0])
+    extent = float(np.ptp(wanted.outline, axis=0).max()) / diagonal
+    return float(np.clip(1 - off / max(OFF * extent, 1e-9), 0, 1))
+
+
+def _held_as_wanted(wanted: NextView, state: Plan) -> Held:
+    T = wanted.pose.T_cam_board
+    middle = state.known.plane.points((np.array(wanted.size) - 1) / 2) * state.known.calibration.spacing
+    return Held.of(wanted.middle, T[:3, :2] @ middle + T[:3, 3], T[:3, :3])
