@@ -344,6 +344,20 @@ def test_a_picture_is_left_out_by_hand(run, found):
     assert "--leave-out is for one camera" in pair.stderr
 
 
+def test_the_pictures_that_tell_most_are_selected(run):
+    found = save("many.json", random_boards(PINHOLE, 3, 14)[0])
+    result = fine(run("calibrate", found, *FAST, "--select", "8", "--json", "some.json"))
+    assert "8 of 14 pictures with a board are used" in result.stderr
+    some = read_calibration(Path("some.json"))
+    assert len(some.views) == 8
+    assert some.camera.K[0, 0] == pytest.approx(520, abs=5)
+    fine(run("calibrate", found, *FAST, "--select", "8", "--leave-out", some.views[0].name, "--json", "others.json"))
+    assert some.views[0].name not in [v.name for v in read_calibration(Path("others.json")).views]
+    pair = run("calibrate", "--stereo", found, found, *FAST, "--select", "8")
+    assert pair.exit_code == 2
+    assert "--select is for one camera" in pair.stderr
+
+
 def test_where_to_hold_the_board_next_is_said_and_drawn(run):
     """Boards in the middle of the frame: the advice leads out of it."""
     found = save("few.json", random_boards(CAMERAS["brown"], 7, 6, whole=True, spread=0.1)[0])

@@ -10,7 +10,7 @@ from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
 from rcdn.geometry import cross_matrix, project_with_slopes, unproject
-from rcdn.types import Array, Calibration
+from rcdn.types import Array, Calibration, Camera
 
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
@@ -171,19 +171,25 @@ def projection_deviation(calibration: Calibration, pixels: Array) -> Array:
     What a rotation of the camera does to all pixels is no error: the one that takes most away, by least squares over `pixels`, is taken out.
     With it the difference of two calibrations after the best rotation can be compared. NaN where the lens model has no ray.
     """
+    J, _ = unrotated_slopes(calibration.camera, pixels)
+    many = J.shape[2]
+    return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
+
+
+def unrotated_slopes(camera: Camera, pixels: Array) -> tuple[Array, Array]:
+    """Derivatives (N, 2, P), in the camera's parameters, of where it sees the directions that it sees at `pixels` (N, 2), without what a
+    rotation of all directions makes up for; NaN where it has no ray, and (N,) bool where it has one."""
     pixels = np.atleast_2d(np.asarray(pixels, float))
-    rays = unproject(calibration.camera, pixels)
+    rays = unproject(camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_slopes(calibration.camera, rays[seen])
+    _, by_point, by_camera = project_with_slopes(camera, rays[seen])
     turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
     flat = by_camera.reshape(len(turn), -1)
     flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]
-    J = flat.reshape(by_camera.shape)
-    many = J.shape[2]
-    out = np.full((len(pixels), 2, 2), np.nan)
-    out[seen] = np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True)
-    return out
+    out = np.full((len(pixels), *by_camera.shape[1:]), np.nan)
+    out[seen] = flat.reshape(by_camera.shape)
+    return out, np.asarray(seen)
 
 
 def coverage(calibration: Calibration, cells: tuple[int, int] = (12, 9)) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -66,18 +67,19 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, and what to `fix`."""
+    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, what to `fix`,
+    and how many pictures to `select`."""
 
     spacing: Length | Lengths
     model: str
     flat: bool = False
     leave_out: tuple[str, ...] = ()
     fix: frozenset[str] = frozenset()
+    select: int | None = None
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the camera of `inputs`, say what came out, and write it."""
-    from rcdn.calibration import calibrate
     from rcdn.calibration.next_view import advised
     from rcdn.cli import _camera_files, _camera_text
     from rcdn.io import write_calibration
@@ -85,11 +87,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
 
     got = run.gather(inputs)
     run.check(got, problem.spacing)
-    boards, names = flat(got.images)
-    done = calibrate(
-        boards, metres(problem.spacing), names=names, model=problem.model, size=run.size, flat=problem.flat,
-        leave_out=problem.leave_out, fix=problem.fix,
-    )  # fmt: skip
+    done = _solved(run, problem, *flat(got.images))
     done = advised(done)
     views = _camera_text.cut_lines(done) + _camera_text.left_out_lines(done)
     _say(done, _camera_text.camera_lines(done), views)
@@ -100,6 +98,24 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
         lambda path: write_report(path, done, _pictures(done, got, outputs)),
     )
     return done.verdict
+
+
+def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
+    """The camera; of the pictures that tell most about it, if they are to be selected."""
+    from rcdn.calibration import calibrate
+    from rcdn.calibration.selection import most_telling
+
+    solve = partial(calibrate, model=problem.model, size=run.size, flat=problem.flat, fix=problem.fix)
+    spacing = metres(problem.spacing)
+    done = solve(boards, spacing, names=names, leave_out=problem.leave_out)
+    if problem.select is None:
+        return done
+    some = set(most_telling(done, problem.select))
+    kept = [k for k, name in enumerate(names) if name in some]
+    _talk.note(
+        f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera"
+    )
+    return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept])
 
 
 def two_cameras(

@@ -52,3 +52,12 @@ FixPrincipalPoint = Annotated[
     bool,
     typer.Option("--fix-principal-point", help="Hold the principal point in the middle of the picture."),
 ]
+Select = Annotated[
+    int | None,
+    typer.Option(
+        "--select",
+        min=3,
+        metavar="N",
+        help="Calibrate from the N pictures, or frames of videos, that together tell most about the camera.",
+    ),
+]

@@ -31,7 +31,7 @@ from rcdn.cli._options import (
 )
 from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._rig_runs import many_cameras
-from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model
+from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model, Select
 from rcdn.cli._spacing import SpacingOrFile, check_spacing
 from rcdn.cli._talk import Quiet
 from rcdn.cli._target import DEFAULT, Target
@@ -55,6 +55,7 @@ def calibrate(
     fix_aspect: FixAspect = False,
     fix_principal_point: FixPrincipalPoint = False,
     leave_out: LeaveOut = None,
+    select: Select = None,
     stereo: Annotated[
         bool,
         typer.Option("--stereo", help="Calibrate two cameras: INPUTS are LEFT and RIGHT, paired by name or order."),
@@ -95,6 +96,7 @@ def calibrate(
     Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of --fail-on, 2 for wrong
     use, 130 after Ctrl-C.
     """
+    from rcdn.calibration.frames import LOOKS
     from rcdn.calibration.verdict import fails
 
     _talk.begin(quiet, [json, *(output or ())])
@@ -109,11 +111,20 @@ def calibrate(
                 "--report": report,
                 "--flat": flat,
                 "--leave-out": leave_out,
+                "--select": select,
                 "--fix-aspect and --fix-principal-point": fix,
             }
         )
     if stereo:
-        _check_two(inputs, {"--flat": flat, "--leave-out": leave_out, "--fix-aspect and --fix-principal-point": fix})
+        _check_two(
+            inputs,
+            {
+                "--flat": flat,
+                "--leave-out": leave_out,
+                "--select": select,
+                "--fix-aspect and --fix-principal-point": fix,
+            },
+        )
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
@@ -126,8 +137,9 @@ def calibrate(
         outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
-    run = Run(config, open_cache(config, cache, off=no_cache), jobs, frames, board)
-    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix)
+    kept = frames if select is None else max(frames, LOOKS)
+    run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
+    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select)
     if rig:
         found = many_cameras(run, inputs, problem, outputs)
     elif stereo:

@@ -15,7 +15,9 @@ from rcdn.cli.evaluate import (
     deltille,
     detection,
     figures,
+    guided,
     rigs,
+    selected,
     sieve,
     sweep,
     table4,
@@ -34,7 +36,9 @@ app.command("recovery")(detection.recovery)
 app.command("sweep")(sweep.sweep)
 app.command("coded")(coded.coded)
 app.command("coded-cameras")(coded_cameras.coded_cameras)
+app.command("guided")(guided.guided)
 app.command("rigs")(rigs.rigs)
+app.command("selected")(selected.selected)
 app.command("sieve")(sieve.sieve)
 app.command("worst-case")(worst_case.worst_case)
 app.command("calibration")(calibration.calibration)
