@@ -177,3 +177,17 @@ def test_ci_runs_what_the_readme_says():
 def test_extras_of_the_command_exist():
     wanted = re.search(r"\[([\w,]+)\]", INSTALL_AND_TEST)[1].split(",")
     assert set(wanted) <= set(PROJECT["project"]["optional-dependencies"])
+
+
+PLAIN_PAGES = {"CHANGELOG.md", "CONTRIBUTING.md", "docs/log.md", "docs/how-to.md"}
+"""lists, in which a picture would say nothing"""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_pages_have_a_small_picture_that_says_what_it_shows(page):
+    name = page.relative_to(ROOT).as_posix()
+    pictures = re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text())
+    assert pictures or name in PLAIN_PAGES or name.startswith("docs/decisions/")
+    for words, path in pictures:
+        assert len(words) > 10, path
+        assert (page.parent / path).stat().st_size < 300_000, path
