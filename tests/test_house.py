@@ -16,7 +16,9 @@ import rcdn
 ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "onnx", "matplotlib", "lightning_fabric", "lightning", "tensorboard")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-INSTALL_AND_TEST = 'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest'
+INSTALL_AND_TEST = (
+    'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest -n auto --dist loadgroup'
+)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
