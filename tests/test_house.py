@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote, urlsplit
 
 import pytest
 
@@ -193,3 +193,15 @@ def test_pages_have_a_small_picture_that_says_what_it_shows(page):
     for words, path in pictures:
         assert len(words) > 10, path
         assert (page.parent / path).stat().st_size < 300_000, path
+
+
+def test_links_to_elsewhere_are_whole_addresses():
+    """Whether they answer, `sphinx-build -b linkcheck` says, where there is a network (CONTRIBUTING.md)."""
+    found = {link for page in PAGES for link in re.findall(r"(?:\]\(|<|\")(https?:[^)>\"\s]*)", page.read_text())}
+    assert found
+    for link in found:
+        parts = urlsplit(link)
+        assert parts.scheme == "https", link
+        assert re.fullmatch(r"([a-z0-9-]+\.)+[a-z]{2,}", parts.hostname or ""), link
+        assert parts.username is None, link
+        assert not link.endswith((".", ",", ";", ":")), link
