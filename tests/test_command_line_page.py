@@ -17,6 +17,7 @@ from rcdn.cli import app
 from rcdn.io import read_camera, read_detections, read_pixels
 from rcdn.synthetic import camera_view
 
+pytestmark = pytest.mark.xdist_group("command line page")  # one folder
 PAGE = Path(__file__).parents[1] / "docs" / "command-line.md"
 BLOCKS = re.findall(r"^```sh( hours)?\n(.*?)^```", PAGE.read_text("utf-8"), re.S | re.M)
 SEED = 1  # of `rcdn render`

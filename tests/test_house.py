@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote, urlsplit
 
 import pytest
 
@@ -16,7 +16,9 @@ import rcdn
 ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "onnx", "matplotlib", "lightning_fabric", "lightning", "tensorboard")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-INSTALL_AND_TEST = 'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest'
+INSTALL_AND_TEST = (
+    'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest -n auto --dist loadgroup'
+)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
@@ -177,3 +179,29 @@ def test_ci_runs_what_the_readme_says():
 def test_extras_of_the_command_exist():
     wanted = re.search(r"\[([\w,]+)\]", INSTALL_AND_TEST)[1].split(",")
     assert set(wanted) <= set(PROJECT["project"]["optional-dependencies"])
+
+
+PLAIN_PAGES = {"CHANGELOG.md", "CONTRIBUTING.md", "docs/log.md", "docs/how-to.md"}
+"""lists, in which a picture would say nothing"""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_pages_have_a_small_picture_that_says_what_it_shows(page):
+    name = page.relative_to(ROOT).as_posix()
+    pictures = re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text())
+    assert pictures or name in PLAIN_PAGES or name.startswith("docs/decisions/")
+    for words, path in pictures:
+        assert len(words) > 10, path
+        assert (page.parent / path).stat().st_size < 300_000, path
+
+
+def test_links_to_elsewhere_are_whole_addresses():
+    """Whether they answer, `sphinx-build -b linkcheck` says, where there is a network (CONTRIBUTING.md)."""
+    found = {link for page in PAGES for link in re.findall(r"(?:\]\(|<|\")(https?:[^)>\"\s]*)", page.read_text())}
+    assert found
+    for link in found:
+        parts = urlsplit(link)
+        assert parts.scheme == "https", link
+        assert re.fullmatch(r"([a-z0-9-]+\.)+[a-z]{2,}", parts.hostname or ""), link
+        assert parts.username is None, link
+        assert not link.endswith((".", ",", ";", ":")), link

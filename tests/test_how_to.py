@@ -13,7 +13,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from tests.doc_blocks import ROOT
+from tests.doc_blocks import ROOT, run
 from tests.test_python_page import same
 
 import rcdn
@@ -30,7 +30,8 @@ def blocks_of(page):
 
 
 def run_block(language, text, folder, cache):
-    """What a block prints."""
+    """What a block prints. Pictures with which many pages begin are rendered once, and copied."""
+    text = re.sub(r"^rcdn render ([\w-]+) --one-camera --count 12$", rf"cp -r '{cache}/photos' \1", text, flags=re.M)
     variables = {**os.environ, "XDG_CACHE_HOME": str(cache), "OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
     variables["PYTHONPATH"] = os.pathsep.join([str(ROOT / "src"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
     script = f'set -eo pipefail\nrcdn() {{ "{sys.executable}" -m rcdn "$@"; }}\n{text}'
@@ -42,8 +43,10 @@ def run_block(language, text, folder, cache):
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """Detections of pictures that several pages begin with are kept there."""
-    return tmp_path_factory.mktemp("kept")
+    """The pictures with which several pages begin, and what is found in them, are kept there."""
+    folder = tmp_path_factory.mktemp("kept")
+    run(folder, "-m", "rcdn", "render", "photos", "--one-camera", "--count", "12")
+    return folder
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.doc_blocks import ROOT, run
 
+pytestmark = pytest.mark.xdist_group("python page")  # one run of the page
 PAGE = (ROOT / "docs/python.md").read_text()
 PAIRS = re.findall(r"^```python\n(.*?)^```\n^```text\n(.*?)^```$", PAGE, flags=re.M | re.S)
 BREAK = "==== next ===="

@@ -13,6 +13,7 @@ from rcdn.io import read_calibration, read_camera, read_detections, read_rig, wr
 from rcdn.io.cameras import read_stereo
 from rcdn.synthetic import camera_view, render
 
+pytestmark = pytest.mark.xdist_group("readme")  # one folder
 README = "README.md"
 SQUARE = 0.025
 BASELINE = 2  # squares

@@ -10,6 +10,7 @@ import pytest
 
 import rcdn
 
+pytestmark = pytest.mark.xdist_group("site")  # one build
 ROOT = Path(__file__).parents[1]
 pytest.importorskip("sphinx", reason="the extra docs isn't installed: pip install -e '.[docs]'")
 pytest.importorskip("furo")

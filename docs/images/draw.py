@@ -257,10 +257,10 @@ def training() -> np.ndarray:
     return np.vstack([rows[0], np.full((10, rows[0].shape[1], 3), 255, np.uint8), rows[1]])
 
 
-def main(names: list[str], out: Path = OUT) -> None:
+def main(names: list[str], out: Path = OUT, pictures: dict[str, Callable[[], object]] = PICTURES) -> None:
     """Draw the pictures of these names, or all."""
-    for name in names or PICTURES:
-        drawn = PICTURES[name]()
+    for name in names or pictures:
+        drawn = pictures[name]()
         if isinstance(drawn, str):
             write_text(out / name, drawn)
         elif name.endswith(".jpg"):

@@ -8,6 +8,7 @@ from tests.doc_blocks import blocks, commands, run
 
 from rcdn.io import read_rig
 
+pytestmark = pytest.mark.xdist_group("rigs page")  # one folder
 PAGE = "docs/rigs.md"
 
 

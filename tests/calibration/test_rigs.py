@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from rcdn.geometry import rotation
 from rcdn.io import read_rig, write_rig_calibration
 from rcdn.types import Reason
 
+pytestmark = pytest.mark.xdist_group("rigs")  # one rig that many of them look at
 SCENE = row([0.3, 0.3], ("pinhole", "fisheye"))
 MODELS = {"c0": "pinhole", "c1": "fisheye", "c2": "pinhole"}
 
@@ -199,6 +201,7 @@ def test_cameras_of_one_make_get_one_lens_model_and_others_keep_theirs():
     boards, moments = scene.views(np.random.default_rng(2), chain(4, 4))
     chosen = ("rational", "brown", "fisheye", "rational")  # c0, c1 and c3 are alike
 
+    @functools.cache
     def as_model(camera, lens):
         return calibrate(boards[f"c{camera}"], spacing=SPACING, model=lens)
 

@@ -23,6 +23,12 @@ def auto():
     return load_model("auto")
 
 
+@pytest.fixture(scope="module")
+def trained():
+    """The network before its weights had 8 bits: in the source distribution only."""
+    return load_model("auto", stored=False)
+
+
 def crop(seed, size=(149, 131), ranges="training"):
     return np.ascontiguousarray(random_crop(seed, max(size), PRESETS[ranges])[0][: size[0], : size[1]])
 
@@ -98,10 +104,10 @@ def test_each_level_computes_marked_cells_alike(auto, level):
     assert not sparse[~seen].any()
 
 
-def test_whole_numbers_answer_as_the_network_does(model):
+def test_whole_numbers_answer_as_the_network_does(model, trained):
     gaps = []
     for grey in own_crops(model, 6):
-        ours, known = model(grey, 1), model.by_onnx_runtime(grey, 1)
+        ours, known = model(grey, 1), trained.by_onnx_runtime(grey, 1)
         assert np.abs(ours - known).max() < 0.05
         gaps.append(np.abs(ours - known)[known > 0.3])
     gaps = np.concatenate(gaps)
@@ -154,7 +160,7 @@ def test_cells_of_another_shape_are_refused(auto):
 
 
 def without(model, **facts):
-    return ResponseModel(model.data, model.normalisation, model.margins, model.cell, model.facts | facts)
+    return ResponseModel(model.onnx, model.normalisation, model.margins, model.cell, model.facts | facts)
 
 
 def test_a_network_without_stored_weights_is_left_to_onnx_runtime(auto):
@@ -175,7 +181,7 @@ def test_a_network_of_another_shape_is_left_to_onnx_runtime():
 
 
 def test_shapes_are_those_of_the_shipped_networks(model):
-    graph = read_graph(model.data)
+    graph = read_graph(model.onnx)
     assert CellNetwork.fits(graph)
     weights = [
         graph.tensors[names[1]].shape for name, names in zip(graph.nodes, graph.inputs, strict=True) if name == "Conv"
@@ -185,7 +191,7 @@ def test_shapes_are_those_of_the_shipped_networks(model):
 
 def test_wider_ranges_are_coarser(auto):
     """The ranges are used: with tenfold ones whole numbers are ten times as coarse, and yet it is the same network."""
-    wide = CellNetwork.of(read_graph(auto.data), [[10 * v for v in values] for values in auto.facts["ranges"]])
+    wide = CellNetwork.of(read_graph(auto.onnx), [[10 * v for v in values] for values in auto.facts["ranges"]])
     grey = crop(11)
     known, cells = auto.by_onnx_runtime(grey, 1), every_cell(grey)
     near, far = (np.abs(network(grey, cells, 1) - known)[known > 0.3].mean() for network in (auto.cells, wide))

@@ -68,7 +68,7 @@ def test_each_bound_counts(monkeypatch, name, value):
 
 
 def test_networks_that_the_kernel_does_not_know_have_none():
-    auto = load_model("auto")
+    auto = load_model("auto", stored=False)
     assert quantised(load_model("paper")) is None
     assert quantised(replace(auto, facts=auto.facts | {"ranges": None})) is None
 

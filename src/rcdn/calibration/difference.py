@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
@@ -147,8 +147,8 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Array |
     judged = inside[known]
     freedom = _freedom((white @ root[known])[judged].reshape(-1, root.shape[2]))
     square = float((ratio[known][judged] ** 2).mean())
-    limit = float(np.sqrt(chi2.isf(CHANCE, freedom) / freedom))
-    return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chi2.sf(freedom * square, freedom)))
+    limit = float(np.sqrt(chdtri(freedom, CHANCE) / freedom))
+    return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chdtrc(freedom, freedom * square)))
 
 
 def _freedom(rows: Array) -> float:

@@ -46,7 +46,7 @@ def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
         return usual
     raise CalibrationError(
         f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
-        "calibrate the pictures of each size by themselves"
+        "calibrate the pictures of each size by themselves. Crops and resized copies belong to no camera: take pictures as they were stored"
     )
 
 

@@ -65,7 +65,7 @@ def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
     parts = [FORM, replace(config, threads=0).to_json(), platform.machine()]
     parts += _versions()
     digest = hashlib.sha256("\n".join(parts).encode())
-    for piece in (model.data, json.dumps(model.facts, sort_keys=True).encode()):
+    for piece in (model.data or b"", json.dumps(model.facts, sort_keys=True).encode()):
         digest.update(hashlib.sha256(piece).digest())
     for source in sorted(package.rglob("*")):
         inside = source.relative_to(package)

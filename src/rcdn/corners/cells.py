@@ -19,6 +19,8 @@ from rcdn.types import Array
 SHAPES = ((16, 1, 5, 5), (32, 16, 3, 3), *[(32, 32, 3, 3)] * 5, (16, 32, 1, 1))
 """of the weights of its convolutions: outputs, inputs, height, width"""
 NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")
+STRIDES = (2, 2, 1, 1, 1, 1, 1, 1)
+"""of its convolutions"""
 BAND = 16
 """rows of cells that a thread takes at least"""
 
@@ -60,11 +62,9 @@ class CellNetwork:
         if ranges is None or not CellNetwork.fits(graph):
             return None
         tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
-        if [len(values) for values in ranges] != [shape[0] for shape in SHAPES[:-1]]:
-            raise RcdnError("model: 'ranges' must hold a number for each output of each hidden layer")
+        unit = units(ranges)
         if not all((np.abs(tensor) <= LARGEST).all() for pair in tensors for tensor in pair):
             raise RcdnError(f"model: its weights must be finite and within ±{LARGEST:g}")
-        unit = [np.array(values) / LEVELS for values in ranges]
         weight, bias = tensors[0]
         reals, whole = [weight.transpose(2, 3, 1, 0) / unit[0], bias / unit[0]], []
         for k, (weight, bias) in enumerate(tensors[1:]):
@@ -99,6 +99,13 @@ class CellNetwork:
 
         self.pool(run, pairwise(edges), count)
         return out
+
+
+def units(ranges: Sequence[Sequence[float]]) -> list[Array]:
+    """What one whole number stands for in each channel of each hidden layer. Raises RcdnError if there are more or fewer of them."""
+    if [len(values) for values in ranges] != [shape[0] for shape in SHAPES[:-1]]:
+        raise RcdnError("model: 'ranges' must hold a number for each output of each hidden layer")
+    return [np.array(values) / LEVELS for values in ranges]
 
 
 def _convolutions(graph: Graph) -> list[tuple[str, ...]]:

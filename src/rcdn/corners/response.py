@@ -18,6 +18,7 @@ import numpy as np
 from rcdn.corners.cells import CellNetwork
 from rcdn.corners.model_facts import read_facts
 from rcdn.corners.normalise import normaliser
+from rcdn.corners.onnx_written import to_onnx
 from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
@@ -38,12 +39,12 @@ NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
 class ResponseModel:
     """A network ready to run.
 
-    `data`: the ONNX file; `normalisation`: see `normalise`; `margins`: px of context before and after a tile;
-    `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights, if it has
-    any; `pool`: the threads that it runs on; `name`: what errors call it.
+    `data`: the ONNX file, None: made of `quantised` if it's needed; `normalisation`: see `normalise`; `margins`: px of context
+    before and after a tile; `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights,
+    if it has any; `pool`: the threads that it runs on; `name`: what errors call it.
     """
 
-    data: bytes
+    data: bytes | None
     normalisation: str
     margins: tuple[int, int]
     cell: int
@@ -57,6 +58,15 @@ class ResponseModel:
         """Without what is made at its first use: ONNX Runtime's session can't be copied, and is made again."""
         return {key: value for key, value in self.__dict__.items() if key not in ("session", "cells")}
 
+    @property
+    def onnx(self) -> bytes:
+        """The ONNX file that ONNX Runtime runs. Raises RcdnError if there is none, and the .json lacks what it would be made with."""
+        if self.data is not None:
+            return self.data
+        if self.quantised is None or self.facts.get("ranges") is None:
+            raise self._bad("its .json holds no 'ranges', with which it runs in ONNX Runtime")
+        return to_onnx(self.quantised, self.facts["ranges"])
+
     @cached_property
     def session(self) -> Any:
         """The ONNX Runtime session: one thread each, since tiles run side by side and must not depend on the thread count."""
@@ -66,7 +76,7 @@ class ResponseModel:
         options.log_severity_level = 3
         again = self.device != "cpu"  # on the CPU after a GPU that fails; after the CPU ONNX Runtime only prints
         try:
-            return ort.InferenceSession(self.data, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
+            return ort.InferenceSession(self.onnx, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
         except Exception as error:  # of a dozen kinds that ONNX Runtime names nowhere
             raise self._bad(f"ONNX Runtime can't load it ({_shortened(error)})") from error
 
@@ -95,7 +105,7 @@ class ResponseModel:
         return self.by_onnx_runtime(grey, threads, tile)
 
     def by_onnx_runtime(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
-        """As a call, but without the compiled kernel: the network as it was trained. On a GPU, tiles of one shape go together."""
+        """As a call, but without the compiled kernel: in floating point. On a GPU, tiles of one shape go together."""
         if tile < 1 or tile % self.cell:
             raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
         height, width = grey.shape
@@ -227,22 +237,24 @@ def _stored(name: str, facts: object) -> CellNetwork:
 def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseModel:
     """Weights by name (`auto`, `paper`, or a file in rcdn/weights without its ending) or by the path of an .onnx file.
 
-    A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it; any other, and all with `stored` False, in ONNX Runtime.
-    `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX Runtime has one. Raises RcdnError if there are none, or if the file isn't the one its .json
-    speaks of; ConfigError for a device that isn't there; DependencyError if ONNX Runtime is needed and isn't installed.
+    A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it, on every device: it needs no .onnx file. Any
+    other, and all with `stored` False, run in ONNX Runtime as their .onnx file says. `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX
+    Runtime has one. Raises RcdnError if there are none, or if a file isn't the one its .json speaks of; ConfigError for a device that
+    isn't there; DependencyError if ONNX Runtime is needed and isn't installed.
     """
     target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:
-        data, text = target.read_bytes(), facts_at.read_text(encoding="utf-8-sig", errors="replace")
+        text = facts_at.read_text(encoding="utf-8-sig", errors="replace")
+        facts = read_facts(text, f"model: {facts_at}")
+        whole = stored and "quantised" in facts
+        data = None if whole else target.read_bytes()
     except (OSError, ValueError) as error:
         raise RcdnError(
             f"model: no weights {shown(name)}: {error}; give 'auto', 'paper' or an .onnx file with its .json beside it"
         ) from error
-    facts = read_facts(text, f"model: {facts_at}")
-    if hashlib.sha256(data).hexdigest() != facts.get("sha256"):
+    if data is not None and hashlib.sha256(data).hexdigest() != facts.get("sha256"):
         raise RcdnError(f"model: {target} is not the file that its .json describes (sha256 differs); export it again")
     before, after = facts["margins"]
-    quantised = _stored(name, facts["quantised"]) if stored and "quantised" in facts else None
     model = ResponseModel(
         data,
         facts["normalisation"],
@@ -250,7 +262,7 @@ def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseM
         facts["cell"],
         facts,
         device_of(device),
-        quantised,
+        _stored(name, facts["quantised"]) if whole else None,
         name=str(target),
     )
     if model.cells is None and not _has_onnxruntime():

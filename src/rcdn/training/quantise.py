@@ -32,7 +32,7 @@ def quantised(model: ResponseModel) -> tuple[bytes, dict[str, Any]] | None:
 
     Raises RcdnError where its responses differ too much from those in floating point, by ONNX Runtime, over pictures of the validation set.
     """
-    network = CellNetwork.of(read_graph(model.data), model.facts.get("ranges"))
+    network = CellNetwork.of(read_graph(model.onnx), model.facts.get("ranges"))
     if network is None:
         return None
     content = to_npz(network)

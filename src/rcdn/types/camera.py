@@ -122,13 +122,13 @@ class Camera(Value):
         """Where each pixel of `undistorted(balance)` comes from: map_x, map_y (H, W) float32, px, as `cv2.remap` takes them."""
         return _work().undistortion_maps(self, balance)
 
-    def save(self, path: str | Path, format: str | None = None) -> str:
+    def save(self, path: str | Path, format: str | None = None) -> str | None:
         """Write a file that other programs read: `opencv`, `ros`, `kalibr`, `colmap`, `mrcal` or `json`, else as the name ends (docs/formats.md).
 
-        Returns what the file holds only nearly, of a camera with a `correction`, else "". Raises FormatError for a name that tells no format, and
+        Returns what the file holds only nearly, of a camera with a `correction`, else None. Raises FormatError for a name that tells no format, and
         where the format can't hold the lens; OutputError where the file can't be written.
         """
-        return _work().save(self, path, format)
+        return _work().save(self, path, format) or None
 
     @staticmethod
     def load(path: str | Path, name: str | None = None, format: str | None = None) -> Camera:

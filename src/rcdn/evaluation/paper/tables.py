@@ -117,7 +117,7 @@ def checksum(row: str) -> str:
         return "".join(digest(Path(module.__file__ or "")) for module in (chess, maxima))
     model = load_model(NETWORKS[row].model)
     how = json.dumps([model.normalisation, model.margins, model.cell]).encode()
-    return hashlib.sha256(model.data + how).hexdigest()
+    return hashlib.sha256(model.onnx + how).hexdigest()
 
 
 # ---- pictures
