@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import os
+import sys
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 
 import cv2
@@ -15,8 +19,10 @@ from rcdn.types import Array, Board
 
 SMALL = 640
 """px of the longer side of pictures in which boards are looked for and followed"""
-REST = 0.6
+REST = 1.0
 """× the time of a detection, to rest after it while a board is followed"""
+NICENESS = 5
+"""of threads that nobody waits for within a frame"""
 WINDOW, LEVELS = 15, 3
 BACK = 0.7
 """px that a corner may be off after following it there and back, in the small picture"""
@@ -34,7 +40,7 @@ class Follower:
 
     def __init__(self, detect: Detect) -> None:
         self._detect = detect
-        self._worker = ThreadPoolExecutor(1, "detection")
+        self._worker = ThreadPoolExecutor(1, "detection", initializer=yielding)
         self._running: Future[tuple[Board | None, float]] | None = None
         self._since: list[Array] = []
         self._board: Board | None = None
@@ -92,6 +98,13 @@ class Follower:
         for before, after in itertools.pairwise(pictures):
             board = None if board is None else followed(before, after, board)
         self._board = board
+
+
+def yielding() -> None:
+    """Have this thread leave the processor to others that want it (where threads have priorities of their own: Linux)."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
 
 
 def followed(before: Array, after: Array, board: Board) -> Board | None:

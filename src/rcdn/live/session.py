@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.live.facts import look_facts, progress_facts
 from rcdn.live.folder import Folder, Settings
-from rcdn.live.follow import Detect, Follower
+from rcdn.live.follow import Detect, Follower, yielding
 from rcdn.live.frames import check_sides
 from rcdn.live.guide import Guide, MakeGuide
 from rcdn.types import Array, Board
@@ -60,7 +60,7 @@ class Session:
         self.folder, self.settings, self.changed = folder, settings, changed
         self._tools = tools
         self._follower = Follower(tools.follow)
-        self._slow = ThreadPoolExecutor(1, "calibration")
+        self._slow = ThreadPoolExecutor(1, "calibration", initializer=yielding)
         self._lock = threading.RLock()
         self._guide: Guide | None = None
         self._image_size: tuple[int, int] | None = None

@@ -1,12 +1,14 @@
 // The browser's camera: every frame that there is room for becomes a JPEG and goes to the server.
 
-const QUALITY = 0.92;
+const policy = self.trustedTypes?.createPolicy("rcdn", { createScriptURL: () => "encode.js" });
+const ENCODER = policy?.createScriptURL("") ?? "encode.js";
 
 export class Camera {
   constructor(video, link) {
     this.video = video;
     this.link = link;
-    this.canvas = document.createElement("canvas");
+    this.encoder = new Worker(ENCODER);
+    this.encoder.onmessage = ({ data }) => link.frame(data.number, data.time, data.jpeg);
     this.stream = null;
   }
 
@@ -36,17 +38,16 @@ export class Camera {
     else requestAnimationFrame(again);
   }
 
-  grab() {
-    const { videoWidth: width, videoHeight: height } = this.video;
-    if (!width) return;
+  async grab() {
+    if (!this.video.videoWidth) return;
     const time = performance.now(), number = this.link.reserve(time);
     if (!number) return;
-    if (this.canvas.width !== width || this.canvas.height !== height) Object.assign(this.canvas, { width, height });
-    this.canvas.getContext("2d", { alpha: false }).drawImage(this.video, 0, 0);
-    this.canvas.toBlob((blob) => {
-      if (blob) this.link.frame(number, time, blob);
-      else this.link.giveUp(number);
-    }, "image/jpeg", QUALITY);
+    try {
+      const picture = self.VideoFrame ? new VideoFrame(this.video) : await createImageBitmap(this.video);
+      this.encoder.postMessage({ picture, number, time }, [picture]);
+    } catch {
+      this.link.giveUp(number); // the camera has no picture just now
+    }
   }
 
   // The cameras that there are, as [identity, name]; names only once one was allowed.

@@ -63,8 +63,7 @@ export class Link {
     return this.number;
   }
 
-  async frame(number, time, blob) {
-    const data = await blob.arrayBuffer();
+  frame(number, time, data) {
     if (!this.up || !this.sent.has(number)) return;
     const message = new Uint8Array(HEADER + data.byteLength), head = new DataView(message.buffer);
     head.setUint32(0, number, true);
