@@ -13,7 +13,9 @@ from rcdn.types import Camera
 SIZE, SPACING = (9, 6), 0.025
 """inner corners; m"""
 IMAGE = (1280, 720)
-CAMERA = Camera(np.array([[980.0, 0, 652.0], [0, 980, 347.0], [0, 0, 1]]), np.array([-0.24, 0.08, 0.0006, -0.0008]), IMAGE)
+CAMERA = Camera(
+    np.array([[980.0, 0, 652.0], [0, 980, 347.0], [0, 0, 1]]), np.array([-0.24, 0.08, 0.0006, -0.0008]), IMAGE
+)
 FINE = 48
 """px of a square of the drawing that is looked up"""
 
@@ -72,7 +74,7 @@ class Renderer:
 
 
 def pose(x, y, z, across=0.0, along=0.0, turn=0.0):
-    """T_cam_board with the board's middle at (x, y, z) m; tilted by `across` about the columns' and `along` about the rows' axis, turned by `turn`, °."""
+    """T_cam_board with the board's middle at (x, y, z) m; tilted `across` and `along` the picture, and turned in it by `turn`, °."""
     R = rotation(np.radians([along, 0, 0])) @ rotation(np.radians([0, across, 0])) @ rotation(np.radians([0, 0, turn]))
     T = np.eye(4)
     T[:3, :3] = R
@@ -100,3 +102,22 @@ def journey(poses, rate=15, hold=1.1, move=0.7):
         for k in range(round(move * rate)):
             share = (k + 1) / (round(move * rate) + 1)
             yield between(here, there, share * share * (3 - 2 * share))
+
+
+def towards(outline):
+    """T_cam_board at which the board's outermost corners are nearest to an `outline` (4, 2) px, in order around."""
+    cols, rows = (np.array(SIZE) - 1) * SPACING
+    corners = np.array([[0.0, 0, 0], [cols, 0, 0], [cols, rows, 0], [0, rows, 0]])
+    flat = cv2.undistortPoints(np.asarray(outline, float)[:, None], CAMERA.K, CAMERA.distortion)[:, 0]
+    best = None
+    for shift in range(4):
+        for order in (1, -1):
+            ring = np.roll(flat[::order], shift, axis=0)
+            found = cv2.solvePnPGeneric(corners, ring, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+            for rvec, tvec, error in zip(found[1], found[2], found[3].ravel(), strict=True):
+                T = np.eye(4)
+                T[:3, :3], T[:3, 3] = rotation(rvec.ravel()), tvec.ravel()
+                facing = T[2, 2] > 0 and T[2, 3] > 0 and T[0, 0] > -0.3
+                if facing and (best is None or error < best[0] - 1e-9):
+                    best = (float(error), T)
+    return best[1]

@@ -77,4 +77,4 @@ def tools(found=None, **other):
 
         detector = Detector(DetectorConfig(threads=1))
         parts = {"follow": lambda g, close: max(detector.boards(g), key=len, default=None), "detect": detector.boards}
-    return Tools(make_guide=Guide, write=write, **{**parts, **other})
+    return Tools(**{"make_guide": Guide, "write": write, **parts, **other})

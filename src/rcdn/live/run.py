@@ -6,6 +6,7 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rcdn.errors import ConfigError, OutputError
 from rcdn.live.folder import Folder
@@ -13,6 +14,11 @@ from rcdn.live.security import check_host, names_of
 from rcdn.live.server import MOST_MESSAGE, Server
 from rcdn.live.session import Session
 from rcdn.live.sources import Source
+
+if TYPE_CHECKING:
+    import uvicorn
+
+    from rcdn.live.security import Gate
 
 BACKLOG = 32
 """requests at a time"""
@@ -51,7 +57,20 @@ def serve(folder: Folder, session: Session, source: Source | None, place: Place,
     folder.keep_port(port)
     token = folder.token()
     app = Server(session, source).app(token, names_of(place.host, port), place.secure)
-    config = uvicorn.Config(
+    shown = f"[{place.host}]" if ":" in place.host else place.host
+    say(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
+    try:
+        uvicorn.Server(config_of(app, place)).run(sockets=[listening])
+    finally:
+        listening.close()
+        session.close()
+
+
+def config_of(app: Gate, place: Place) -> uvicorn.Config:
+    """How uvicorn serves `app`: nothing in its log, since that would show the token, and no message larger than a frame."""
+    import uvicorn
+
+    return uvicorn.Config(
         app,
         ws="websockets-sansio",
         ws_max_size=MOST_MESSAGE,
@@ -59,7 +78,7 @@ def serve(folder: Folder, session: Session, source: Source | None, place: Place,
         ws_per_message_deflate=False,
         limit_concurrency=BACKLOG,
         timeout_graceful_shutdown=1,
-        access_log=False,  # it would show the token
+        access_log=False,
         log_level="error",
         server_header=False,
         date_header=False,
@@ -67,13 +86,6 @@ def serve(folder: Folder, session: Session, source: Source | None, place: Place,
         ssl_certfile=None if place.certificate is None else str(place.certificate),
         ssl_keyfile=None if place.key is None else str(place.key),
     )
-    shown = f"[{place.host}]" if ":" in place.host else place.host
-    say(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
-    try:
-        uvicorn.Server(config).run(sockets=[listening])
-    finally:
-        listening.close()
-        session.close()
 
 
 def _listen(place: Place, before: int) -> socket.socket:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -21,6 +22,8 @@ from rcdn.types import Array, Board
 
 NEAR = 6.0
 """px that the board found at full size may lie off the one that was followed, median"""
+AGAIN = 1.0
+"""s after a picture that was given up, until the next one is taken"""
 SPACINGS = (0.0005, 2.0)
 """m that the side of a square may be, as the page takes it"""
 
@@ -68,6 +71,7 @@ class Session:
         self._views: list[str] = folder.names()
         self._worst: list[float | None] = []
         self._by_hand = self._done = False
+        self._again = 0.0
         self.notice = ""
         """what the page has to say besides: of a source, for example"""
         if self._views:
@@ -135,17 +139,19 @@ class Session:
 
     # ---- frames
 
-    def see(self, grey: Array, time: float) -> dict[str, Any]:
-        """What the guide says of a frame (H, W) uint8 at `time` s, as JSON takes it; it is kept if it is accepted. Raises ImageError for its size."""
+    def see(self, grey: Array, at: float) -> dict[str, Any]:
+        """What the guide says of a frame (H, W) uint8 of the time `at`, s, as JSON takes it; it is kept if it is accepted.
+
+        Raises ImageError for its size."""
         check_sides(grey.shape[1], grey.shape[0])
         size = (grey.shape[1], grey.shape[0])
         guide, refused = self._ready(size)
         if guide is None:
             return look_facts(None, None, refused)
         board = self._follower.see(grey)
-        look = guide.look(board, time, grey)
+        look = guide.look(board, at, grey)
         with self._lock:
-            free = not self._busy
+            free = not self._busy and time.monotonic() >= self._again
             wanted = look.take or (self._by_hand and board is not None and not look.refused)
             if free and wanted and board is not None:
                 self._by_hand = False
@@ -173,7 +179,7 @@ class Session:
 
     def _run(self, busy: str, work: Callable[[], None]) -> None:
         with self._lock:
-            self._busy, self._trouble = busy, ""
+            self._busy = busy
             self._slow.submit(self._guarded, busy, work)
         self.changed()
 
@@ -187,8 +193,8 @@ class Session:
         except Exception as error:  # one bad picture must not end the session
             trouble = f"{busy}: {type(error).__name__}: {error}"
         with self._lock:
-            self._busy = ""
-            self._trouble = trouble or self._trouble
+            self._busy, self._trouble = "", trouble
+            self._again = time.monotonic() + AGAIN * bool(trouble)
         self.changed()
         self._write_once_enough()
 
@@ -212,16 +218,15 @@ class Session:
                 lost.append(f"{name}: {error}")
                 with self._lock:
                     self._views.remove(name)
-        with self._lock:
-            self._trouble = "; ".join(lost)
+        if lost:
+            raise RcdnError("; ".join(lost))
 
     def _accept(self, grey: Array, followed: Board) -> None:
         """Find the board at full size, keep it and its picture, and add it."""
         boards = self._tools.detect(grey)
         board = max(boards, key=len, default=None)
         if board is None or not _same(board, followed):
-            self._trouble = "That picture wasn't sharp enough; hold the board a little longer"
-            return
+            raise RcdnError("That picture wasn't sharp enough; hold the board a little longer")
         name = self.folder.add(grey, board)
         with self._lock:
             self._views.append(name)

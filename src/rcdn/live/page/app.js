@@ -7,7 +7,7 @@ import { showProgress, showResult, showViews } from "./panel.js";
 import { allowSound, announce, tone } from "./voice.js";
 
 const get = (id) => document.getElementById(id);
-const BEGUN = "begun", SHOWN_FOR = 5000, KEPT = 400;
+const BEGUN = "begun", SHOWN_FOR = 5000, STEADY = 250, KEPT = 400; // ms, and how many are kept
 const overlay = new Overlay(get("overlay"));
 let state = null, look = null, running = false, begun = false, trouble = "", troubleUntil = 0, size = null, sought = false;
 
@@ -78,12 +78,25 @@ function down(replaced) {
 function say() {
   if (!state) return;
   const busy = state.busy, wrong = performance.now() < troubleUntil ? trouble : state.trouble;
-  const refused = look?.refused ?? "", words = busy || refused || look?.hint || "One moment";
+  const refused = look?.refused ?? "";
+  const kind = !busy && refused ? "refused" : state.done || look?.fit > 0.8 ? "good" : "";
+  const words = steady(busy || refused || look?.hint || "One moment", kind);
   get("hint").textContent = turned(words);
   get("sentence").textContent = turned(wrong || state.sentence);
-  get("say").className = `say ${!busy && refused ? "refused" : state.done || look?.fit > 0.8 ? "good" : ""}`;
   get("fit-bar").style.transform = `scaleX(${look?.fit ?? 0})`;
   announce(turned(wrong ? `${wrong}. ${words}` : words));
+}
+
+// Words that last too short to be read aren't shown.
+let coming = "", since = 0;
+function steady(words, kind) {
+  const now = performance.now();
+  if (words !== coming) [coming, since] = [words, now];
+  if (now - since >= STEADY || !get("hint").textContent) {
+    get("say").className = `say ${kind}`;
+    get("say").dataset.words = words;
+  }
+  return get("say").dataset.words ?? words;
 }
 
 // In a mirrored picture left is right.
