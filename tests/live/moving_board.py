@@ -54,19 +54,23 @@ class Renderer:
         self._sheet, self._room = drawing(), room()
         self._rng = np.random.default_rng(1)
 
-    def frame(self, T=None, motion=0.0):
-        """The board at T_cam_board (4, 4), m, or none; `motion`: px of blur along the rows."""
+    def frame(self, T=None, motion=0.0, coarse=False):
+        """The board at T_cam_board (4, 4), m, or none; `motion`: px of blur along the rows; `coarse`: one sample a pixel, for frames between."""
         picture = self._room.copy()
         if T is not None:
             inverse = np.linalg.inv(T)
-            away = self._rays @ inverse[:3, :3].T.astype(np.float32)
+            rays = self._rays[::2, ::2] if coarse else self._rays
+            away = rays @ inverse[:3, :3].T.astype(np.float32)
             depth = -inverse[2, 3] / away[..., 2]
             plane = (away[..., :2] * depth[..., None] + inverse[:2, 3].astype(np.float32)) / SPACING
             at = ((plane + 1.5) * FINE + 2 - 0.5).astype(np.float32)
             fine = cv2.remap(self._sheet, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=-1)
             fine[depth <= 0] = -1
-            sheet = np.where(fine < 0, np.repeat(np.repeat(picture, 2, 0), 2, 1), fine)
-            picture = cv2.resize(sheet.astype(np.float32), IMAGE, interpolation=cv2.INTER_AREA)
+            behind = picture if coarse else np.repeat(np.repeat(picture, 2, 0), 2, 1)
+            sheet = np.where(fine < 0, behind, fine)
+            picture = sheet.astype(np.float32)
+            if not coarse:
+                picture = cv2.resize(picture, IMAGE, interpolation=cv2.INTER_AREA)
         if motion:
             picture = cv2.blur(picture, (round(motion), 1))
         picture = picture + self._rng.normal(0, self.noise, picture.shape).astype(np.float32)
@@ -96,12 +100,12 @@ def between(first, second, share):
 
 
 def journey(poses, rate=15, hold=1.1, move=0.7):
-    """Poses frame by frame: each of `poses` held for `hold` s, `move` s from one to the next."""
+    """(pose, whether it moves), frame by frame: each of `poses` held for `hold` s, `move` s from one to the next."""
     for here, there in zip(poses, [*poses[1:], poses[0]], strict=True):
-        yield from [here] * round(hold * rate)
+        yield from [(here, False)] * round(hold * rate)
         for k in range(round(move * rate)):
             share = (k + 1) / (round(move * rate) + 1)
-            yield between(here, there, share * share * (3 - 2 * share))
+            yield between(here, there, share * share * (3 - 2 * share)), True
 
 
 def towards(outline):
@@ -121,3 +125,17 @@ def towards(outline):
                 if facing and (best is None or error < best[0] - 1e-9):
                     best = (float(error), T)
     return best[1]
+
+
+def write_video(path, poses, renderer=None, motion=0.0, **timing):
+    """A video as Chromium's fake camera plays it (JPEGs, one after the other), in a loop."""
+    renderer = renderer or Renderer(noise=4)
+    last, data = None, b""
+    with open(path, "wb") as file:
+        for T, moves in journey(poses, **timing):
+            if moves or last is None or T is not last:
+                picture = renderer.frame(T, motion, coarse=moves)
+                data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 93])[1].tobytes()
+            last = T
+            file.write(data)
+    return path

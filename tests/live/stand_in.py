@@ -35,6 +35,10 @@ class Guide:
         self.boards[name] = board
         return self.progress
 
+    def add_all(self, boards):
+        self.boards.update(boards)
+        return self.progress
+
     def remove(self, name):
         del self.boards[name]
         return self.progress

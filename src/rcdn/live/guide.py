@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from rcdn.types import Array, Board
@@ -56,6 +56,7 @@ class Guide(Protocol):
 
     def look(self, board: Board | None, time: float, grey: Array | None = None) -> Look: ...
     def add(self, board: Board, name: str) -> Progress: ...
+    def add_all(self, boards: Mapping[str, Board]) -> Progress: ...
     def remove(self, name: str) -> Progress: ...
     @property
     def progress(self) -> Progress: ...

@@ -130,7 +130,7 @@ class Session:
             del self._worst[at:]
             self._written = None
         self.folder.remove(name)
-        self._run("Calculating without that picture", lambda: self._forget(name))
+        self._run("Calculating", lambda: self._forget(name))
 
     def write(self) -> None:
         """Solve once more, as `rcdn calibrate` does, and write the camera's files."""
@@ -205,19 +205,22 @@ class Session:
 
     def _resume(self) -> None:
         """Give the guide what was accepted before; what can't be read is left out and told."""
-        spacing, lost = self.settings.spacing, []
+        boards: dict[str, Board] = {}
+        lost = []
         for name in list(self._views):
             try:
-                board = self.folder.board(name)
-                with self._lock:
-                    if self._guide is None:
-                        self._image_size = board.image_size
-                        self._guide = self._tools.make_guide(board.image_size, spacing or 1.0)
-                self._add(board, name)
+                boards[name] = self.folder.board(name)
             except RcdnError as error:
                 lost.append(f"{name}: {error}")
-                with self._lock:
-                    self._views.remove(name)
+        size = next((b.image_size for b in boards.values()), None)
+        guide = None if size is None else self._tools.make_guide(size, self.settings.spacing or 1.0)
+        with self._lock:
+            self._views, self._image_size, self._guide = list(boards), size, guide
+        if guide is not None:
+            progress = guide.add_all(boards)
+            with self._lock:
+                self._worst = [*[None] * (len(boards) - 1), _finite(progress.worst)]
+                self._done = progress.done
         if lost:
             raise RcdnError("; ".join(lost))
 
@@ -245,7 +248,7 @@ class Session:
             return
         progress = self._guide.add(board, name)
         with self._lock:
-            self._worst.append(float(progress.worst) if np.isfinite(progress.worst) else None)
+            self._worst.append(_finite(progress.worst))
         self.changed()
 
     def _forget(self, name: str) -> None:
@@ -254,7 +257,7 @@ class Session:
         progress = self._guide.remove(name)
         with self._lock:
             missing = len(self._views) - len(self._worst)
-            self._worst += [float(progress.worst) if np.isfinite(progress.worst) else None] * max(missing, 0)
+            self._worst += [_finite(progress.worst)] * max(missing, 0)
             self._done = self._done and progress.done
 
     def _write_once_enough(self) -> None:
@@ -274,6 +277,10 @@ class Session:
         written = self._tools.write(self.folder.path, names, boards, self.settings)
         with self._lock:
             self._written = written
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _same(board: Board, followed: Board) -> bool:

@@ -8,6 +8,7 @@ import { allowSound, announce, tone } from "./voice.js";
 
 const get = (id) => document.getElementById(id);
 const BEGUN = "begun", SHOWN_FOR = 5000, STEADY = 250, KEPT = 400; // ms, and how many are kept
+const STILL = "Hold still.", WAIT = "You may lower the board for a moment.";
 const overlay = new Overlay(get("overlay"));
 let state = null, look = null, running = false, begun = false, trouble = "", troubleUntil = 0, size = null, sought = false;
 
@@ -42,7 +43,7 @@ function showLook(next, time) {
   if (next.refused) stats.refused++;
   if (state?.source === "browser") size = [get("video").videoWidth, get("video").videoHeight];
   requestAnimationFrame((now) => {
-    overlay.draw(size, look, state?.wanted);
+    overlay.draw(size, look, state?.busy ? null : state?.wanted);
     if (time !== undefined) keep(stats.latencies, performance.now() - time);
     keep(stats.shown, now);
     rate();
@@ -78,12 +79,14 @@ function down(replaced) {
 function say() {
   if (!state) return;
   const busy = state.busy, wrong = performance.now() < troubleUntil ? trouble : state.trouble;
-  const refused = look?.refused ?? "";
-  const kind = !busy && refused ? "refused" : state.done || look?.fit > 0.8 ? "good" : "";
-  const words = steady(busy || refused || look?.hint || "One moment", kind);
+  const { refused = "", hint = "", fit = 0, board = null } = look ?? {};
+  const move = board && hint && hint !== STILL; // where to hold it matters more than that it moves
+  const kind = !busy && refused && !move ? "refused" : state.done || fit > 0.8 ? "good" : "";
+  const words = steady(busy || (move ? hint : refused || hint) || "One moment", kind);
+  const more = busy ? WAIT : move ? (/still/.test(refused) ? "" : refused) : refused ? hint : "";
   get("hint").textContent = turned(words);
-  get("sentence").textContent = turned(wrong || state.sentence);
-  get("fit-bar").style.transform = `scaleX(${look?.fit ?? 0})`;
+  get("sentence").textContent = turned(wrong || (more !== words && more) || state.sentence);
+  get("fit-bar").style.transform = `scaleX(${fit})`;
   announce(turned(wrong ? `${wrong}. ${words}` : words));
 }
 

@@ -22,7 +22,7 @@ export class Overlay {
     const unit = dense * Math.max(1, Math.min(canvas.clientWidth / 640, 2));
     if (wanted) ghost(pen, wanted.map(place), unit);
     if (look?.board) board(pen, look.board.map(place), look.grid, colour(look), unit);
-    if (look?.arrow) arrow(pen, ...look.arrow.map(place), unit);
+    if (wanted && look?.arrow) arrow(pen, ...look.arrow.map(place), unit);
   }
 }
 
