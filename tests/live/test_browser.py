@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 
+import cv2
 import numpy as np
 import pytest
 from tests.live.browser import STATS, Live, begin, complaints, open_browser, until, views
-from tests.live.moving_board import CAMERA, pose, write_video
+from tests.live.following import Hand, served
+from tests.live.moving_board import CAMERA, Renderer, pose, write_video
 
 from rcdn.geometry import rotation
 from rcdn.io import read_camera
@@ -48,38 +51,56 @@ def opened():
         end()
 
 
-def test_the_whole_way_from_the_first_frame_to_the_camera(moving, tmp_path, opened):
+def test_the_whole_way_from_the_first_frame_to_the_camera(tmp_path, opened):
+    """With rcdn's guide, and somebody who does what the page says."""
+    hand = Hand()
+    browser = open_browser(tmp_path / "none.mjpeg")
+    opened.append(browser.quit)
+    place = tmp_path / "camera"
+    with served(place, hand) as address:
+        begin(browser, address, "")
+        until(browser, lambda b: b.find_element("id", "verdict").is_displayed(), 400)
+        print(
+            "\npictures:",
+            views(browser),
+            "|",
+            browser.find_element("id", "worst").text,
+            browser.find_element("id", "goal").text,
+        )
+        print(browser.find_element("id", "verdict").text, "|", browser.find_element("id", "lines").text)
+        assert complaints(browser) == []
+        camera = read_camera(place / "camera.yaml")
+        print(
+            "f, c px:",
+            np.round([camera.K[0, 0], camera.K[1, 1], *camera.K[:2, 2]], 2),
+            "true:",
+            CAMERA.K[0, 0],
+            CAMERA.K[:2, 2],
+        )
+        assert pytest.approx(CAMERA.K, abs=4) == camera.K
+        for name in ("camera_info.yaml", "camera.json", "calibration.json", "report.html"):
+            assert (place / name).stat().st_size > 200
+        assert len(list((place / "pictures").glob("*.png"))) == views(browser)
+        browser.find_element("link text", "Open the report").click()
+        until(browser, lambda b: len(b.window_handles) == 2, 10)
+        browser.switch_to.window(browser.window_handles[1])
+        until(browser, lambda b: "Camera calibration" in b.page_source, 10)
+
+
+def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened):
+    """Frames with guidance while pictures are taken and calculated with. The bounds are those of a machine that others use, too."""
     live = Live(tmp_path / "camera")
     opened.append(lambda: live.process.poll() is None and live.process.kill())
     browser = open_browser(moving)
     opened.append(browser.quit)
     begin(browser, live.address)
-    until(browser, lambda b: b.find_element("id", "verdict").is_displayed(), 400)
-    print("\nframes/s and latency, ms:", json.dumps(browser.execute_script(STATS)))
-    print(
-        "pictures:",
-        views(browser),
-        "|",
-        browser.find_element("id", "worst").text,
-        browser.find_element("id", "goal").text,
-    )
-    print(browser.find_element("id", "verdict").text, browser.find_element("id", "lines").text)
+    until(browser, lambda b: views(b) >= 2, 90)
+    until(browser, lambda b: b.execute_script("return window.live.looks") > 150, 60)
+    stats = browser.execute_script(STATS)
+    print("\nframes a second, latency in ms:", json.dumps(stats), "| load:", os.getloadavg()[0])
+    assert stats["rate"] > 4
+    assert stats["median"] < 500
     assert complaints(browser) == []
-    camera = read_camera(tmp_path / "camera" / "camera.yaml")
-    print(
-        "f, c px:",
-        np.round([camera.K[0, 0], camera.K[1, 1], *camera.K[:2, 2]], 2),
-        "true:",
-        CAMERA.K[0, 0],
-        CAMERA.K[:2, 2],
-    )
-    assert pytest.approx(CAMERA.K, abs=4) == camera.K
-    for name in ("camera_info.yaml", "camera.json", "calibration.json", "report.html"):
-        assert (tmp_path / "camera" / name).stat().st_size > 500
-    browser.find_element("link text", "Open the report").click()
-    until(browser, lambda b: len(b.window_handles) == 2, 10)
-    browser.switch_to.window(browser.window_handles[1])
-    until(browser, lambda b: "Camera calibration" in b.page_source, 10)
     code, said = live.end()
     assert code == 130
     assert "goes on" in said
@@ -102,13 +123,9 @@ def test_blurred_frames_are_refused_every_one(tmp_path, opened):
 
 
 def test_a_video_without_a_board_never_holds_the_page_up(tmp_path, opened):
-    from tests.live.moving_board import Renderer
-
     renderer = Renderer(noise=6)
     video = tmp_path / "empty.mjpeg"
     frames = [renderer.frame() for _ in range(10)]
-    import cv2
-
     video.write_bytes(b"".join(cv2.imencode(".jpg", f)[1].tobytes() for f in frames))
     live = Live(tmp_path / "camera", "--spacing", "25mm")
     opened.append(lambda: live.process.kill())
