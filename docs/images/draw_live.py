@@ -1,4 +1,7 @@
-"""Draw docs/images/live*.png: the page of `rcdn live` in Chromium, before a rendered camera. In the repository's root: python docs/images/draw_live.py"""
+"""Draw docs/images/live*.png: the page of `rcdn live` in Chromium, before a rendered camera.
+
+In the repository's root: python docs/images/draw_live.py
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,22 @@ sys.path.insert(0, str(ROOT))
 from tests.live.browser import begin, open_browser, until, views  # noqa: E402
 from tests.live.following import Hand, served  # noqa: E402
 
-COLOURS = 64
+HINT = "return document.getElementById('hint').textContent"
+COLOURS = 40
 """that a picture keeps, so that its file stays small"""
 PAGES = (
-    ("live", (1280, 860), False, 4, 940),
+    ("live", (1280, 860), False, 4, 800),
     ("live-phone", (390, 844), True, 3, 390),
     ("wide", (1920, 1080), True, 4, 1920),
-    ("light-phone", (390, 844), False, 2, 390),
 )
-"""name, size of the window, dark, pictures taken before it is drawn, and px that the drawing is wide; the last two are only looked at"""
+"""name, size of the window, dark, pictures taken before it is drawn, and px that the drawing is wide; the last one is only looked at"""
 
 
 def main(others: Path | None = None) -> None:
     """Draw the pages of the docs, and into a folder `others` the rest, with the first page and the last."""
     for name, size, dark, count, width in PAGES if others else PAGES[:2]:
         place = Path(__file__).parent if name.startswith("live") else others or Path()
-        with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "my-camera", Hand()) as address:
+        with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "my-camera", Hand(noise=1.0)) as address:
             browser = open_browser("none.mjpeg", size, dark)
             try:
                 if others:
@@ -39,8 +42,7 @@ def main(others: Path | None = None) -> None:
                     browser.save_screenshot(str(others / f"{name}-begin.png"))
                 begin(browser, address, "")
                 until(browser, lambda b, n=count: views(b) >= n, 120)
-                script = "return document.getElementById('hint').textContent"
-                until(browser, lambda b: b.execute_script(script).startswith(("Hold", "Move", "Come", "Tilt")), 60)
+                until(browser, lambda b: b.execute_script(HINT).startswith(("Hold", "Move", "Come", "Tilt")), 60)
                 drawn = str(others / f"{name}-whole.png") if others else f"{folder}/x.png"
                 browser.save_screenshot(drawn)
                 write(place / f"{name}.png", cv2.imread(drawn), width)

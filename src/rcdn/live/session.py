@@ -274,7 +274,11 @@ class Session:
         if not names:
             raise RcdnError("there is no picture yet")
         boards = [self.folder.board(name) for name in names]
-        written = self._tools.write(self.folder.path, names, boards, self.settings)
+        wanted = None if self._guide is None else self._guide.progress.wanted
+        size = self.settings.size or getattr(
+            wanted, "size", None
+        )  # the guide knows it from a frame that showed the whole board
+        written = self._tools.write(self.folder.path, names, boards, replace(self.settings, size=size))
         with self._lock:
             self._written = written
 

@@ -1,7 +1,7 @@
 // What lies over the picture: the board as it was found, a pale board where it is wanted, an arrow from one to the other.
 
 const DARK = "rgb(0 0 0 / .75)", GHOST = "rgb(255 255 255 / .95)", PALE = "rgb(255 255 255 / .28)", SHADE = "rgb(20 40 70 / .28)";
-const FOUND = "#ffb020", NEAR = "#3ddc84", STOP = "#ff6b5e", POINTER = "#ffe14d";
+const FOUND = "#ffb020", NEAR = "#3ddc84", POINTER = "#ffe14d";
 const CELLS = [8, 5]; // of the pale board, the longer way first
 
 export class Overlay {
@@ -27,8 +27,7 @@ export class Overlay {
 }
 
 function colour(look) {
-  if (look.refused) return look.fit > 0.8 ? FOUND : STOP;
-  return look.take || look.fit > 0.8 ? NEAR : FOUND;
+  return !look.refused && (look.take || look.fit > 0.8) ? NEAR : FOUND;
 }
 
 function board(pen, xy, grid, ink, unit) {

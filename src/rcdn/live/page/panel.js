@@ -2,8 +2,8 @@
 
 const get = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
-const SURE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]]; // from the target up
-const SPAN = 8; // × the target, from which on all is equally unsure
+const SURE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]]; // from sure to unsure, the target in the middle
+const SPAN = 4; // × the target, beyond which all is equally unsure; a part of it, below which all is equally sure
 const LEVELS = { good: "The camera is good", fair: "The camera is usable, with care", unsure: "The camera may be wrong", bad: "Don't use this camera" };
 
 export function showProgress(state) {
@@ -50,7 +50,7 @@ function drawMap(map, target, size) {
   const pen = canvas.getContext("2d"), image = pen.createImageData(canvas.width, canvas.height);
   let most = [-1, 0, 0];
   map.forEach((row, j) => row.forEach((value, i) => {
-    const unsure = value === null ? 1 : Math.max(0, Math.min(1, Math.log(value / target) / Math.log(SPAN)));
+    const unsure = value === null ? 1 : Math.max(0, Math.min(1, 0.5 + 0.5 * Math.log(value / target) / Math.log(SPAN)));
     image.data.set([...mixed(unsure), 255], 4 * (j * canvas.width + i));
     if (value !== null && value > most[0]) most = [value, (i + 0.5) / canvas.width, (j + 0.5) / canvas.height];
   }));
