@@ -19,10 +19,10 @@ from tests.live.browser import begin, open_browser, until, views  # noqa: E402
 from tests.live.following import Hand, served  # noqa: E402
 
 HINT = "return document.getElementById('hint').textContent"
-COLOURS = 40
+COLOURS = 96
 """that a picture keeps, so that its file stays small"""
 PAGES = (
-    ("live", (1280, 860), False, 4, 800),
+    ("live", (1280, 860), False, 3, 800),
     ("live-phone", (390, 844), True, 3, 390),
     ("wide", (1920, 1080), True, 4, 1920),
 )
@@ -42,7 +42,7 @@ def main(others: Path | None = None) -> None:
                     browser.save_screenshot(str(others / f"{name}-begin.png"))
                 begin(browser, address, "")
                 until(browser, lambda b, n=count: views(b) >= n, 120)
-                until(browser, lambda b: b.execute_script(HINT).startswith(("Hold", "Move", "Come", "Tilt")), 60)
+                until(browser, lambda b: b.execute_script(HINT).startswith("Move"), 60)
                 drawn = str(others / f"{name}-whole.png") if others else f"{folder}/x.png"
                 browser.save_screenshot(drawn)
                 write(place / f"{name}.png", cv2.imread(drawn), width)
@@ -59,7 +59,7 @@ def write(path: Path, picture: object, width: int) -> None:
 
     image = Image.fromarray(picture[:, :, ::-1])
     image = image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ function say() {
   const { refused = "", hint = "", fit = 0, board = null } = look ?? {};
   const move = board && hint && hint !== STILL; // where to hold it matters more than that it moves
   const kind = !busy && refused && !move ? "refused" : state.done || fit > 0.8 ? "good" : "";
-  const words = steady(busy || (move ? hint : refused || hint) || "One moment", kind);
+  const words = steady(busy || (move ? hint : refused || hint) || "One moment", kind, !!busy);
   const more = busy ? WAIT : move ? (/still/.test(refused) ? "" : refused) : refused ? hint : "";
   get("hint").textContent = turned(words);
   get("sentence").textContent = turned(wrong || (more !== words && more) || state.sentence);
@@ -92,10 +92,10 @@ function say() {
 
 // Words that last too short to be read aren't shown.
 let coming = "", since = 0;
-function steady(words, kind) {
+function steady(words, kind, atOnce) {
   const now = performance.now();
   if (words !== coming) [coming, since] = [words, now];
-  if (now - since >= STEADY || !get("hint").textContent) {
+  if (atOnce || now - since >= STEADY || !get("hint").textContent) {
     get("say").className = `say ${kind}`;
     get("say").dataset.words = words;
   }
