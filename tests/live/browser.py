@@ -69,6 +69,11 @@ class Live:
         out, err = self.process.communicate(timeout=60)
         return self.process.returncode, out + err
 
+    def close(self):
+        """End it, if it hasn't."""
+        if self.process.returncode is None:
+            self.end(kill=True)
+
 
 def until(browser, met, seconds):
     """Wait until `met(browser)` is true; its value."""

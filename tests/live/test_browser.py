@@ -90,7 +90,7 @@ def test_the_whole_way_from_the_first_frame_to_the_camera(tmp_path, opened):
 def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened):
     """Frames with guidance while pictures are taken and calculated with. The bounds are those of a machine that others use, too."""
     live = Live(tmp_path / "camera")
-    opened.append(lambda: live.process.poll() is None and live.process.kill())
+    opened.append(live.close)
     browser = open_browser(moving)
     opened.append(browser.quit)
     begin(browser, live.address)
@@ -110,7 +110,7 @@ def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened)
 def test_blurred_frames_are_refused_every_one(tmp_path, opened):
     video = write_video(tmp_path / "blurred.mjpeg", [placed(p) for p in ASKED[:3]], motion=22, hold=1.2, move=0.4)
     live = Live(tmp_path / "camera", "--spacing", "25mm")
-    opened.append(lambda: live.process.kill())
+    opened.append(live.close)
     browser = open_browser(video)
     opened.append(browser.quit)
     begin(browser, live.address, "")
@@ -128,7 +128,7 @@ def test_a_video_without_a_board_never_holds_the_page_up(tmp_path, opened):
     frames = [renderer.frame() for _ in range(10)]
     video.write_bytes(b"".join(cv2.imencode(".jpg", f)[1].tobytes() for f in frames))
     live = Live(tmp_path / "camera", "--spacing", "25mm")
-    opened.append(lambda: live.process.kill())
+    opened.append(live.close)
     browser = open_browser(video)
     opened.append(browser.quit)
     begin(browser, live.address, "")
@@ -142,7 +142,7 @@ def test_a_video_without_a_board_never_holds_the_page_up(tmp_path, opened):
 
 def test_a_reload_and_a_killed_server_lose_nothing(moving, tmp_path, opened):
     live = Live(tmp_path / "camera")
-    opened.append(lambda: live.process.poll() is None and live.process.kill())
+    opened.append(live.close)
     browser = open_browser(moving)
     opened.append(browser.quit)
     begin(browser, live.address)
@@ -157,7 +157,7 @@ def test_a_reload_and_a_killed_server_lose_nothing(moving, tmp_path, opened):
     folder.close()
     assert len(kept) >= 1
     again = Live(tmp_path / "camera")
-    opened.append(lambda: again.process.poll() is None and again.process.kill())
+    opened.append(again.close)
     assert again.address == live.address
     until(browser, lambda b: not b.find_element("id", "banner").is_displayed(), 20)
     until(browser, lambda b: views(b) > len(kept), 120)
