@@ -108,7 +108,13 @@ def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened)
 
 
 def test_blurred_frames_are_refused_every_one(tmp_path, opened):
-    video = write_video(tmp_path / "blurred.mjpeg", [placed(p) for p in ASKED[:3]], motion=22, hold=1.2, move=0.4)
+    video = write_video(
+        tmp_path / "blurred.mjpeg",
+        [pose(x, 0, 0.47, across) for x, across in ((-0.05, 15), (0.06, -10))],
+        motion=30,
+        hold=1.2,
+        move=0.4,
+    )
     live = Live(tmp_path / "camera", "--spacing", "25mm")
     opened.append(live.close)
     browser = open_browser(video)
