@@ -62,6 +62,7 @@ docs/features
 docs/python
 docs/command-line
 docs/calibration
+docs/live
 docs/rigs
 docs/coded-boards
 docs/adapters

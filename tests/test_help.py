@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from rcdn.cli import app
 
-USERS = ["detect", "calibrate", "pose", "board", "undistort"]
+USERS = ["detect", "calibrate", "live", "pose", "board", "undistort"]
 
 
 def groups(text):

@@ -24,6 +24,7 @@ from rcdn.cli import (
     detect,
     evaluate,
     export,
+    live,
     pose,
     render,
     report,
@@ -68,6 +69,7 @@ FILES, BUILDERS = "About cameras and files", "To build and measure rcdn"
 
 app.command("detect", short_help="Find corners and boards in pictures.")(detect.detect)
 app.command("calibrate", short_help="Calibrate a camera, or a pair, from pictures of boards.")(calibrate.calibrate)
+app.command("live", short_help="Calibrate a camera with a page that says what to do.")(live.live)
 app.command("pose", short_help="Find where boards stand before a known camera.")(pose.pose)
 app.command("board", short_help="Write a board to print, at true scale.")(board.board)
 app.command("undistort", short_help="Turn pictures into those of a pinhole camera.")(undistort.undistort)

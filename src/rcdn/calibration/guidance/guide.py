@@ -93,13 +93,22 @@ class Guide:
 
     def add(self, board: Board, name: str) -> Progress:
         """Take `board` of the picture `name`, and calibrate again; a name that is there already is replaced. Takes up to seconds."""
-        check_board(board)
-        if board.image_size != self._wish.image_size:
-            (w, h), (width, height) = board.image_size, self._wish.image_size
-            raise ConfigError(f"board must be of a picture of {width}×{height} px, not {w}×{h}")
+        return self.add_all({name: board})
+
+    def add_all(self, boards: Mapping[str, Board]) -> Progress:
+        """`add` of several pictures by name, those of an earlier session, say, at the price of one calibration."""
+        for board in boards.values():
+            check_board(board)
+            if board.image_size != self._wish.image_size:
+                (w, h), (width, height) = board.image_size, self._wish.image_size
+                raise ConfigError(f"board must be of a picture of {width}×{height} px, not {w}×{h}")
         with self._writing:
-            self._boards = {**self._boards, name: board}
-            return self._replanned(*self._printed(board))
+            self._boards = {**self._boards, **boards}
+            printed = [self._printed(board) for board in boards.values()]
+            known = (
+                [p for p in printed if p[0] is not None] or printed or [(self._plan.known.size, self._plan.known.plane)]
+            )
+            return self._replanned(*known[0])
 
     def remove(self, name: str) -> Progress:
         """Give up the picture `name`. Raises ConfigError if it isn't there."""

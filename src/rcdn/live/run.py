@@ -1,0 +1,108 @@
+"""The server's process: the address, TLS, and the end by Ctrl-C."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rcdn.errors import ConfigError, OutputError
+from rcdn.live.folder import Folder
+from rcdn.live.security import check_host, names_of
+from rcdn.live.server import MOST_MESSAGE, Server
+from rcdn.live.session import Session
+from rcdn.live.sources import Source
+
+if TYPE_CHECKING:
+    import uvicorn
+
+    from rcdn.live.security import Gate
+
+BACKLOG = 32
+"""requests at a time"""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the page is: `host` and `port` (0: that of the last time, or any free one); with TLS its `certificate` and `key`."""
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    certificate: Path | None = None
+    key: Path | None = None
+
+    @property
+    def secure(self) -> bool:
+        """Whether by TLS."""
+        return self.certificate is not None
+
+    def check(self) -> None:
+        """Raise ConfigError for what would be open to others, or can't work."""
+        check_host(self.host, self.secure)
+        if (self.certificate is None) != (self.key is None):
+            raise ConfigError("--certificate and --key belong together; give both")
+        for name, path in (("--certificate", self.certificate), ("--key", self.key)):
+            if path is not None and not path.is_file():
+                raise ConfigError(f"{name} {path}: no such file; check the path")
+
+
+def serve(folder: Folder, session: Session, source: Source | None, place: Place, say: Callable[[str], None]) -> None:
+    """Serve the page until Ctrl-C; `say` is called with its address once it can be opened."""
+    import uvicorn
+
+    listening = _listen(place, folder.port())
+    port = listening.getsockname()[1]
+    folder.keep_port(port)
+    token = folder.token()
+    app = Server(session, source).app(token, names_of(place.host, port), place.secure)
+    shown = f"[{place.host}]" if ":" in place.host else place.host
+    say(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
+    try:
+        uvicorn.Server(config_of(app, place)).run(sockets=[listening])
+    finally:
+        listening.close()
+        session.close()
+
+
+def config_of(app: Gate, place: Place) -> uvicorn.Config:
+    """How uvicorn serves `app`: nothing in its log, since that would show the token, and no message larger than a frame."""
+    import uvicorn
+
+    return uvicorn.Config(
+        app,
+        ws="websockets-sansio",
+        ws_max_size=MOST_MESSAGE,
+        ws_max_queue=4,
+        ws_per_message_deflate=False,
+        limit_concurrency=BACKLOG,
+        timeout_graceful_shutdown=1,
+        access_log=False,
+        log_level="error",
+        server_header=False,
+        date_header=False,
+        proxy_headers=False,
+        ssl_certfile=None if place.certificate is None else str(place.certificate),
+        ssl_keyfile=None if place.key is None else str(place.key),
+    )
+
+
+def _listen(place: Place, before: int) -> socket.socket:
+    """A socket that listens; at the port of the last time, if that is free and none is asked for."""
+    try:
+        family, _, _, _, address = socket.getaddrinfo(place.host, place.port, type=socket.SOCK_STREAM)[0]
+    except OSError as error:
+        raise ConfigError(f"--host {place.host}: is no address ({error.strerror or error}); check it") from error
+    reason: OSError | None = None
+    for port in dict.fromkeys([place.port] if place.port else [before, 0]):
+        listening = socket.socket(family, socket.SOCK_STREAM)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((address[0], port))
+            listening.listen(BACKLOG)
+            return listening
+        except OSError as error:
+            listening.close()
+            reason = error
+    raise OutputError(f"--host {place.host} --port {place.port}: can't be opened ({reason}); choose another port")

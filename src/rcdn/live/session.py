@@ -1,0 +1,295 @@
+"""One calibration session: frames in, what the guide says of them, what was accepted on disk, and at the end the camera's files."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rcdn.errors import RcdnError
+from rcdn.live.facts import look_facts, progress_facts
+from rcdn.live.folder import Folder, Settings
+from rcdn.live.follow import Detect, Follower, yielding
+from rcdn.live.frames import check_sides
+from rcdn.live.guide import Guide, MakeGuide
+from rcdn.types import Array, Board
+
+NEAR = 6.0
+"""px that the board found at full size may lie off the one that was followed, median"""
+AGAIN = 1.0
+"""s after a picture that was given up, until the next one is taken"""
+SPACINGS = (0.0005, 2.0)
+"""m that the side of a square may be, as the page takes it"""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written at the end: `files`, and the verdict's `level` and `lines`."""
+
+    files: tuple[Path, ...]
+    level: str
+    lines: tuple[str, ...]
+
+
+Write = Callable[[Path, Sequence[str], Sequence[Board], Settings], Written]
+"""writes the camera's files into a folder, from names of pictures and their boards"""
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What a session works with: `make_guide`; `follow`, a quick search in small pictures; `detect`, a careful one in whole pictures; `write`."""
+
+    make_guide: MakeGuide
+    follow: Detect
+    detect: Callable[[Array], Sequence[Board]]
+    write: Write
+
+
+class Session:
+    """The state of a session. `see` is called by one thread, in the order of frames; everything else by any.
+
+    `changed()` is called, by any thread, when `state()` has become another.
+    """
+
+    def __init__(
+        self, folder: Folder, settings: Settings, tools: Tools, changed: Callable[[], None] = lambda: None
+    ) -> None:
+        self.folder, self.settings, self.changed = folder, settings, changed
+        self._tools = tools
+        self._follower = Follower(tools.follow)
+        self._slow = ThreadPoolExecutor(1, "calibration", initializer=yielding)
+        self._lock = threading.RLock()
+        self._guide: Guide | None = None
+        self._image_size: tuple[int, int] | None = None
+        self._busy, self._trouble, self._written = "", "", None  # type: tuple[str, str, Written | None]
+        self._views: list[str] = folder.names()
+        self._worst: list[float | None] = []
+        self._by_hand = self._done = False
+        self._again = 0.0
+        self.notice = ""
+        """what the page has to say besides: of a source, for example"""
+        if self._views:
+            self._run("Taking up the session", self._resume)
+
+    def close(self) -> None:
+        """End all threads, and let others use the folder."""
+        self._follower.close()
+        self._slow.shutdown(wait=True, cancel_futures=True)
+        self.folder.close()
+
+    # ---- what the page sees
+
+    def state(self) -> dict[str, Any]:
+        """Everything but the frames, as JSON takes it."""
+        with self._lock:
+            guide, views, done = self._guide, list(self._views), self._written
+            record = {
+                "type": "state",
+                "spacing": self.settings.spacing,
+                "folder": str(self.folder.path),
+                "size": self._image_size,
+                "views": views,
+                "busy": self._busy,
+                "trouble": self._trouble or self.notice,
+                "history": list(self._worst),
+                "written": None
+                if done is None
+                else {"level": done.level, "lines": done.lines, "files": [p.name for p in done.files]},
+            }
+        return {**record, **progress_facts(None if guide is None else guide.progress)}
+
+    # ---- what the page asks for
+
+    def begin(self, spacing: float) -> None:
+        """Set the side of a square, m, if no picture rests on another. Raises RcdnError if it can't be one."""
+        if not SPACINGS[0] <= spacing <= SPACINGS[1]:
+            raise RcdnError(f"the side of a square must be {SPACINGS[0] * 1000:g} to {SPACINGS[1] * 1000:g} mm")
+        with self._lock:
+            if spacing != self.settings.spacing:
+                self.settings = self.folder.agree(replace(self.settings, spacing=spacing))
+                self._guide = None
+        self.changed()
+
+    def take(self) -> None:
+        """Accept the next frame that the guide doesn't refuse."""
+        self._by_hand = True
+
+    def remove(self, name: str) -> None:
+        """Remove an accepted picture. Raises RcdnError if there is none of that name."""
+        with self._lock:
+            if name not in self._views:
+                raise RcdnError("there is no such picture")
+            at = self._views.index(name)
+            self._views.remove(name)
+            del self._worst[at:]
+            self._written = None
+        self.folder.remove(name)
+        self._run("Calculating", lambda: self._forget(name))
+
+    def write(self) -> None:
+        """Solve once more, as `rcdn calibrate` does, and write the camera's files."""
+        if not self._busy:
+            self._run("Writing the camera", self._write)
+
+    # ---- frames
+
+    def see(self, grey: Array, at: float) -> dict[str, Any]:
+        """What the guide says of a frame (H, W) uint8 of the time `at`, s, as JSON takes it; it is kept if it is accepted.
+
+        Raises ImageError for its size."""
+        check_sides(grey.shape[1], grey.shape[0])
+        size = (grey.shape[1], grey.shape[0])
+        guide, refused = self._ready(size)
+        if guide is None:
+            return look_facts(None, None, refused)
+        board = self._follower.see(grey)
+        look = guide.look(board, at, grey)
+        with self._lock:
+            free = not self._busy and time.monotonic() >= self._again
+            wanted = look.take or (self._by_hand and board is not None and not look.refused)
+            if free and wanted and board is not None:
+                self._by_hand = False
+                self._run("Taking the picture", lambda: self._accept(grey.copy(), board))
+        return look_facts(board, look, "")
+
+    def _ready(self, size: tuple[int, int]) -> tuple[Guide | None, str]:
+        """The guide for pictures of a `size` (width, height), or why there is none."""
+        with self._lock:
+            if self.settings.spacing is None:
+                return None, "Say how long the side of a square is"
+            if self._guide is not None and self._image_size == size:
+                return self._guide, ""
+            if self._views:
+                if self._image_size is None or self._guide is None:
+                    return None, "Taking up the session"
+                there = f"{self._image_size[0]} × {self._image_size[1]}"
+                return None, f"The camera gives {size[0]} × {size[1]} px now, the pictures so far have {there}"
+            self._image_size = size
+            self._guide = self._tools.make_guide(size, self.settings.spacing)
+        self.changed()
+        return self._guide, ""
+
+    # ---- slow work, one piece after the other in a thread
+
+    def _run(self, busy: str, work: Callable[[], None]) -> None:
+        with self._lock:
+            self._busy = busy
+            self._slow.submit(self._guarded, busy, work)
+        self.changed()
+
+    def _guarded(self, busy: str, work: Callable[[], None]) -> None:
+        trouble = ""
+        try:
+            self._say_busy(busy)
+            work()
+        except RcdnError as error:
+            trouble = str(error)
+        except Exception as error:  # one bad picture must not end the session
+            trouble = f"{busy}: {type(error).__name__}: {error}"
+        with self._lock:
+            self._busy, self._trouble = "", trouble
+            self._again = time.monotonic() + AGAIN * bool(trouble)
+        self.changed()
+        self._write_once_enough()
+
+    def _say_busy(self, text: str) -> None:
+        with self._lock:
+            self._busy = text
+        self.changed()
+
+    def _resume(self) -> None:
+        """Give the guide what was accepted before; what can't be read is left out and told."""
+        boards: dict[str, Board] = {}
+        lost = []
+        for name in list(self._views):
+            try:
+                boards[name] = self.folder.board(name)
+            except RcdnError as error:
+                lost.append(f"{name}: {error}")
+        size = next((b.image_size for b in boards.values()), None)
+        guide = None if size is None else self._tools.make_guide(size, self.settings.spacing or 1.0)
+        with self._lock:
+            self._views, self._image_size, self._guide = list(boards), size, guide
+        if guide is not None:
+            progress = guide.add_all(boards)
+            with self._lock:
+                self._worst = [*[None] * (len(boards) - 1), _finite(progress.worst)]
+                self._done = progress.done
+        if lost:
+            raise RcdnError("; ".join(lost))
+
+    def _accept(self, grey: Array, followed: Board) -> None:
+        """Find the board at full size, keep it and its picture, and add it."""
+        boards = self._tools.detect(grey)
+        board = max(boards, key=len, default=None)
+        if board is None or not _same(board, followed):
+            raise RcdnError("That picture wasn't sharp enough; hold the board a little longer")
+        name = self.folder.add(grey, board)
+        with self._lock:
+            self._views.append(name)
+            self._written = None
+        self._say_busy("Calculating")
+        try:
+            self._add(board, name)
+        except RcdnError:
+            with self._lock:
+                self._views.remove(name)
+            self.folder.remove(name)
+            raise
+
+    def _add(self, board: Board, name: str) -> None:
+        if self._guide is None:
+            return
+        progress = self._guide.add(board, name)
+        with self._lock:
+            self._worst.append(_finite(progress.worst))
+        self.changed()
+
+    def _forget(self, name: str) -> None:
+        if self._guide is None:
+            return
+        progress = self._guide.remove(name)
+        with self._lock:
+            missing = len(self._views) - len(self._worst)
+            self._worst += [_finite(progress.worst)] * max(missing, 0)
+            self._done = self._done and progress.done
+
+    def _write_once_enough(self) -> None:
+        """Write by itself the first time that it is enough."""
+        with self._lock:
+            guide = self._guide
+            enough = guide is not None and guide.progress.done and not self._done and bool(self._views)
+            self._done = self._done or enough
+        if enough:
+            self._run("Writing the camera", self._write)
+
+    def _write(self) -> None:
+        names = list(self._views)
+        if not names:
+            raise RcdnError("there is no picture yet")
+        boards = [self.folder.board(name) for name in names]
+        wanted = None if self._guide is None else self._guide.progress.wanted
+        size = self.settings.size or getattr(
+            wanted, "size", None
+        )  # the guide knows it from a frame that showed the whole board
+        written = self._tools.write(self.folder.path, names, boards, replace(self.settings, size=size))
+        with self._lock:
+            self._written = written
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _same(board: Board, followed: Board) -> bool:
+    """Whether a board found at full size is the one that was followed: as many corners, at the same places."""
+    if len(board) < 0.8 * len(followed):
+        return False
+    apart = np.linalg.norm(board.xy[:, None] - followed.xy[None], axis=2).min(axis=0)
+    return bool(np.median(apart) < NEAR)
