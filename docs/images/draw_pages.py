@@ -24,7 +24,7 @@ OUT = Path(__file__).parent / "pages"
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 SIZE = (9, 6)
 GREY, OURS, GREEN = "#eeeeee", "#cde6f7", "#d7efdc"
-INSTALLED = {"scipy": 143, "opencv": 153, "numpy": 73, "pip, setuptools": 24, "rcdn": 10, "all others": 35}
+INSTALLED = {"scipy": 143, "opencv": 153, "numpy": 73, "pip, setuptools": 24, "rcdn": 10, "all others": 21}
 """MB below site-packages after `pip install` of the wheel, Python 3.11, Linux x86-64: `du`, libraries with their package"""
 PICTURES: dict[str, Callable[[], object]] = {}
 

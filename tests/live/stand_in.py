@@ -32,15 +32,15 @@ class Guide:
         return answer("", "Hold still." if new else "Move the board to the left.", new, 0.9 if new else 0.4, arrow)
 
     def add(self, board, name):
-        self.boards[name] = board
+        self.boards = {**self.boards, name: board}  # another thread may be looking
         return self.progress
 
     def add_all(self, boards):
-        self.boards.update(boards)
+        self.boards = {**self.boards, **boards}
         return self.progress
 
     def remove(self, name):
-        del self.boards[name]
+        self.boards = {k: b for k, b in self.boards.items() if k != name}
         return self.progress
 
     @property
@@ -51,7 +51,7 @@ class Guide:
         values = None if worst == np.inf else np.linspace(0.05, worst, 48).reshape(6, 8)
         done = len(self.boards) >= self.enough
         return SimpleNamespace(
-            views=tuple(self.boards), wanted=SimpleNamespace(outline=box), sentence="Hold the board as shown.", worst=worst,
+            views=tuple(self.boards), wanted=SimpleNamespace(outline=box, size=(4, 3)), sentence="Hold the board as shown.", worst=worst,
             target=0.1, map=values, done=done,
         )  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.live.guide import Look, Progress
+from rcdn.calibration.guidance import Look, Progress
 from rcdn.types import Array, Board
 
 DECIMALS = 1

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.calibration.guidance import Guide
 from rcdn.errors import RcdnError
 from rcdn.live.facts import look_facts, progress_facts
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.follow import Detect, Follower, yielding
 from rcdn.live.frames import check_sides
-from rcdn.live.guide import Guide, MakeGuide
 from rcdn.types import Array, Board
 
 NEAR = 6.0
@@ -37,6 +37,8 @@ class Written:
     lines: tuple[str, ...]
 
 
+MakeGuide = Callable[[tuple[int, int], float], Guide]
+"""a guide for pictures of a size (width, height) px and squares of a side, m"""
 Write = Callable[[Path, Sequence[str], Sequence[Board], Settings], Written]
 """writes the camera's files into a folder, from names of pictures and their boards"""
 
@@ -275,9 +277,8 @@ class Session:
             raise RcdnError("there is no picture yet")
         boards = [self.folder.board(name) for name in names]
         wanted = None if self._guide is None else self._guide.progress.wanted
-        size = self.settings.size or getattr(
-            wanted, "size", None
-        )  # the guide knows it from a frame that showed the whole board
+        # the guide knows the board's size from a frame that showed all of it
+        size = self.settings.size or (None if wanted is None else wanted.size)
         written = self._tools.write(self.folder.path, names, boards, replace(self.settings, size=size))
         with self._lock:
             self._written = written
