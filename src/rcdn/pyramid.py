@@ -24,9 +24,25 @@ SMALL_PICTURE = 330 * 250
 """px; a picture up to this size is looked at enlarged, too, unless its boards are plainly seen"""
 PLAIN = 10.0
 """px; squares from this on, of a settled board that the frame doesn't cut, show all that there is as they are"""
+NEXT = (0.8, 1.5)
+"""squares beyond a board's rim: from where to where its next corner and what shows it would be"""
 LEAST_REDUCED = 140 * 100
 """px; a picture is halved, and halved again, as long as this is left of it"""
 MOST_HALVINGS = 3
+PLAIN_REDUCED = 6.0
+"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
+SURE, SURE_REACH = 0.3, 24
+"""response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
+FAINT, FAINT_SIDE, FAINT_SHARE = 0.1, 15, 0.15
+"""likewise for squares that are too small to be sure of: at least this share of a window of so many px answers by `FAINT`"""
+LEAST_REDUCED = 140 * 100
+"""px; a picture is halved, and halved again, as long as this is left of it"""
+MOST_HALVINGS = 3
+PLAIN_REDUCED = 6.0
+"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
+SHOWN, SHOWN_REACH = 0.1, 4
+"""response of a coarser view, and px of it around, where the next finer view can have any corner: squares of 8 px still answer by .3 when they
+are halved, three quarters of those of 6 px by .1"""
 TINY = 8.5
 """px; squares under this deserve a closer look"""
 LEAST_TINY = 12
@@ -134,18 +150,47 @@ def settled(boards: list[Board]) -> bool:
     return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
 
 
-def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...]) -> bool:
-    """Are there boards, all settled, of squares that need no enlarging, and does each end where it seems to?
+def halved_first(views: list[View]) -> View | None:
+    """The view that is looked at before the whole picture: half of it; None for a small picture."""
+    x0, y0, x1, y1 = views[0].box
+    halved = [view for view in views if view.scale == 0.5]
+    return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
-    It does if its next corners, had it more, would lie half a square or more within the picture (H, W), and no `strong` corner (N, 2) px
-    lies near where they would be.
+
+def shown_nearby(response: Array, shape: tuple[int, ...], dense: bool = False) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a view of `shape` (H, W) in which there may be corners, as the `response` (h, w) of a coarser view tells.
+
+    `dense`: only corners of squares that the coarser view is too small for.
     """
-    if not settled(boards) or any(_pitch(board) < PLAIN for board in boards):
+    faint = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
+    mask = faint >= round(255 * FAINT_SHARE)
+    if not dense:
+        side = 2 * SURE_REACH + 1
+        mask |= cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)) > 0
+    at = []
+    for fine, coarse in zip(shape, response.shape, strict=True):
+        middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
+        at.append(np.minimum((middle * (coarse / fine)).astype(int), coarse - 1))
+    return np.asarray(mask[np.ix_(*at)])
+
+
+def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:
+    """Are there boards, all settled, of squares that need no larger view than that of `scale`, and does each end where it seems to?
+
+    It does if its next corners, had it more, would lie half a square or more within the picture (H, W), or outside of it, and no `strong` corner
+    (N, 2) px lies near where they would be.
+    """
+    least = PLAIN if scale == 1 else PLAIN_REDUCED / scale
+    if not settled(boards) or any(_pitch(board) < least for board in boards):
         return False
     rim, second = (np.concatenate(rows) for rows in zip(*_sides(boards), strict=True))
-    beyond = rim + 1.5 * (rim - second)
-    inside = ((beyond >= 0) & (beyond <= np.array(shape[1::-1]) - 1)).all()
-    return bool(inside) and not _answered(strong, rim, second, 1.0).any()
+    seen = _in_frame(rim + NEXT[1] * (rim - second), shape) | ~_in_frame(rim + NEXT[0] * (rim - second), shape)
+    return bool(seen.all()) and not _answered(strong, rim, second, scale).any()
+
+
+def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:
+    """(N,) bool: which positions (N, 2) px lie in a picture (H, W)."""
+    return np.asarray(((xy >= 0) & (xy <= np.array(shape[1::-1]) - 1)).all(axis=1))
 
 
 def _answered(xy: Array, rim: Array, second: Array, scale: float) -> Array:
@@ -175,24 +220,26 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
     return out
 
 
-def unexplained(view: View, xy: Array, boards: list[Board]) -> Array | None:
-    """Which strong peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool; None if the boards say too little.
+def may_go_on(view: View, xy: Array, boards: list[Board]) -> bool:
+    """May one of the complete boards of the picture be fuller in a view with strong peaks `xy` (N, 2) px of it?
 
-    Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
-    rim alone has none. A board may be fuller in the view if that shows strong peaks at more than half of the places where the next
-    corners beyond a side would be: the boards say too little.
+    It may if there are peaks at more than half of the places where the next corners beyond a side would be.
     """
-    at = view.to_picture(xy)
-    left = np.ones(len(at), bool)
-    if not len(at) or not boards:
-        return left
     sides = _sides(boards)
     rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
-    close = _answered(at, rim, second, view.scale)
+    close = _answered(view.to_picture(xy), rim, second, view.scale)
     first = np.cumsum([0, *(len(side) for side, _ in sides[:-1])])
-    if (np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any():
-        return None
-    places = PointCells(at)
+    return bool((np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any())
+
+
+def unexplained(view: View, xy: Array, boards: list[Board]) -> Array:
+    """Which peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool.
+
+    Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
+    rim alone has none.
+    """
+    left = np.ones(len(xy), bool)
+    places = PointCells(view.to_picture(xy))
     for board in boards:
         _clear(left, places, board.grid())
     return left

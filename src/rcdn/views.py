@@ -1,0 +1,203 @@
+"""What the views of one picture show: a large picture halved first, and every other view only where those before it leave something open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from rcdn.boards import find_boards, find_pieces, has_cells
+from rcdn.boards.deltille import find_deltilles
+from rcdn.boards.paper import find_boards_paper
+from rcdn.config import DetectorConfig
+from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
+from rcdn.corners.adaptive import nearest_pitch
+from rcdn.corners.refine import saddle_position
+from rcdn.corners.response import ResponseModel
+from rcdn.corners.six_sector import six_candidates
+from rcdn.geometry.rows import joint, rows_among
+from rcdn.pyramid import (
+    View,
+    boards_in_picture,
+    closer_view,
+    corners_in_picture,
+    distinct_boards,
+    distinct_corners,
+    halved_first,
+    may_go_on,
+    outside,
+    pictures_of,
+    plainly_seen,
+    settled,
+    shown_nearby,
+    unexplained,
+    whole_views,
+)
+from rcdn.types import AprilGrid, Array, Board, Corners, Warnings
+
+
+MOVED = 1.0
+"""px by which a corner of a halved view may move in the picture itself; what moves further stays where it was"""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewResult:
+    """What one view shows, in pixels of the picture: its corners and boards, and the positions `strong` (N, 2) of the surest corners.
+
+    `response`: its map, in pixels of the view; `detailed`: are its corners where the picture itself shows them? `pieces`: what may be pieces of boards among its other corners, which only readers of codes ask for.
+    """
+
+    view: View
+    corners: Corners
+    boards: list[Board]
+    strong: Array
+    response: Array
+    detailed: bool
+    pieces: Callable[[], list[Board]] = list
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Detection in the views of one picture `grey` (H, W)."""
+
+    grey: Array
+    model: ResponseModel
+    config: DetectorConfig
+    warnings: Warnings
+
+    def results(self) -> list[ViewResult]:
+        """What all views show that had to be looked at; the picture as it is comes first."""
+        views = whole_views(self.grey.shape) if self.config.pyramid else whole_views(self.grey.shape)[:1]
+        whole, *others = zip(views, pictures_of(self.grey, views), strict=True)
+        out = []
+        if self._from_coarse and (half := halved_first(views)) is not None:
+            others.remove(first := next(pair for pair in others if pair[0] is half))
+            seen = self._look(*first)
+            plain = self._plain(seen, half.scale)
+            out = [self._look(*whole, known=seen.boards if plain else [], coarser=seen.response)]
+            out.append(self._in_detail(seen) if plain else seen)
+        else:
+            out = [self._look(*whole)]
+            plain = self._plain(out[0])
+        known = distinct_boards([result.boards for result in out])
+        enlarged = [(view, part) for view, part in others if view.scale > 1 and not plain]
+        reduced = [(view, part) for view, part in others if view.scale < 1]
+        strong = joint([result.strong for result in out], (0, 2))
+        out += [self._look(*each, coarser=out[0].response) for each in enlarged]
+        out += [self._look(*each, known=known if settled(known) else []) for each in reduced]
+        if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
+            out.append(self._look(closer, closer.of(self.grey)))
+        return out
+
+    @property
+    def _from_coarse(self) -> bool:
+        """Whether a coarse view may come first: corners that it shows are refined in the picture by their saddles."""
+        config = self.config
+        return config.pattern == "checker" and config.recovery == "graph" and config.refine.method == "saddle"
+
+    def _plain(self, seen: ViewResult, scale: float = 1.0) -> bool:
+        return plainly_seen(seen.boards, seen.strong, self.grey.shape, scale)
+
+    def _look(
+        self, view: View, part: Array, known: list[Board] | None = None, coarser: Array | None = None
+    ) -> ViewResult:
+        """What one view, the picture `part` (h, w), shows; beside complete boards that are `known`, if it shows more than these.
+
+        `coarser` (h', w'): the response of a coarser view of the same, near which there is something to see.
+        """
+        if self.config.pattern == "deltille":
+            return self._triangles(view, part)
+        cells = self.model.cells_of(part)
+        if cells is not None and coarser is not None:
+            cells &= shown_nearby(coarser, part.shape, dense=bool(known))
+        if known:
+            result = self._beside(known, view, part, cells)
+            if result is not None:
+                return result
+        response, peaks = self._peaks(part, cells)
+        return self._recovered(view, part, response, peaks)
+
+    def _beside(self, known: list[Board], view: View, part: Array, cells: Array | None) -> ViewResult | None:
+        """What a view shows beside boards that are known; None if these may go on in it."""
+        if cells is not None:
+            cells = outside(view, cells, known)
+        response, peaks = self._peaks(part, cells)
+        strong = peaks.strong(self.config)
+        if strong.sum() < 2:  # a board needs two more to go on by a square
+            return self._nothing(view, response, peaks.xy[strong])
+        if may_go_on(view, peaks.xy[strong], known):
+            return None
+        left = unexplained(view, peaks.xy, known)
+        peaks, strong = peaks.take(left), strong[left]
+        if not has_cells(part, candidates_at(part, response, peaks.take(strong), self.config)):
+            return self._nothing(view, response, peaks.xy[strong])
+        return self._recovered(view, part, response, peaks)
+
+    def _peaks(self, part: Array, cells: Array | None) -> tuple[Array, Maxima]:
+        response = self.model(part, self.config.threads, cells=cells)
+        return response, find_maxima(response, self.config, cells, self.warnings)
+
+    def _recovered(self, view: View, part: Array, response: Array, peaks: Maxima) -> ViewResult:
+        """Corners at the peaks of a view, and the boards among them."""
+        found = candidates_at(part, response, peaks, self.config)
+        if self.config.recovery == "growth":
+            boards = find_boards_paper(part, found, self.config.min_corners)
+        else:
+            boards = find_boards(
+                part, found, self.config.min_corners, max(view.scale, 1.0), self.warnings, self._has_tags
+            )
+        result = _result(view, found, boards, self.grey.shape, response)
+        return replace(result, pieces=partial(_pieces, view, part, found, boards, self.grey.shape))
+
+    def _nothing(self, view: View, response: Array, strong: Array) -> ViewResult:
+        none = Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+        return ViewResult(view, none, [], view.to_picture(strong), response, detailed=True)
+
+    @property
+    def _has_tags(self) -> bool:
+        """Whether lattices of tags are boards, too."""
+        return self.config.target == "auto" or isinstance(self.config.target, AprilGrid)
+
+    def _triangles(self, view: View, part: Array) -> ViewResult:
+        response = self.model(part, self.config.threads)
+        peaks = find_maxima(response, self.config, warnings=self.warnings)
+        found = six_candidates(part, response, peaks, self.config)
+        boards = find_deltilles(part, found, self.config.min_corners, max(view.scale, 1.0))
+        return _result(view, found, boards, self.grey.shape, response)
+
+    def _in_detail(self, seen: ViewResult) -> ViewResult:
+        """The corners of a reduced view where the picture itself shows them."""
+        before = seen.corners.xy
+        if not len(before):
+            return seen
+        at = np.clip(np.rint(before), 0, np.array(self.grey.shape[::-1]) - 1).astype(np.int64)
+        after = saddle_position(self.grey, at, self.config.refine.half, nearest_pitch(before))
+        still = ~(np.linalg.norm(after - before, axis=1) < MOVED)
+        after[still] = before[still]
+        boards = [replace(board, xy=after[rows_among(board.xy, before)]) for board in seen.boards]
+        return replace(seen, corners=replace(seen.corners, xy=after).sort(), boards=boards, detailed=True)
+
+
+def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
+    """Pieces of boards in a view, in pixels of the picture."""
+    return boards_in_picture(view, find_pieces(part, found, boards), shape)
+
+
+def _result(view: View, found: Candidates, boards: list[Board], shape: tuple[int, ...], response: Array) -> ViewResult:
+    """What a view of a picture (H, W) shows, in pixels of the picture."""
+    corners = corners_in_picture(view, _with_members(found, boards))
+    strong = view.to_picture(found.corners.xy)
+    return ViewResult(view, corners, boards_in_picture(view, boards, shape), strong, response, view.scale >= 1)
+
+
+def _with_members(found: Candidates, boards: list[Board]) -> Corners:
+    """The corners above the threshold, and those below it or without a response that are in a board."""
+    xy, status = joint([board.xy for board in boards], (0, 2)), joint([board.status for board in boards], 0)
+    row = rows_among(found.all.xy, xy)
+    own = np.append(status, np.uint8(0))[row]
+    known = replace(found.all, status=np.where(row >= 0, own, found.all.status)).take(found.sure | (row >= 0))
+    new = rows_among(xy, found.all.xy) < 0  # no candidates before: the boards alone found them
+    response = joint([board.response for board in boards], 0)
+    return distinct_corners([known, Corners(xy[new], response[new], status[new])], reach=0)
