@@ -26,12 +26,14 @@ PLAIN = 10.0
 """px; squares from this on, of a settled board that the frame doesn't cut, show all that there is as they are"""
 NEXT = (0.8, 1.5)
 """squares beyond a board's rim: from where to where its next corner and what shows it would be"""
+AROUND = 1.5
+"""squares around a board of a coarser view in which the next finer one may show more of it"""
 LEAST_REDUCED = 140 * 100
 """px; a picture is halved, and halved again, as long as this is left of it"""
 MOST_HALVINGS = 3
 PLAIN_REDUCED = 6.0
 """px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
-SURE, SURE_REACH = 0.3, 24
+SURE, SURE_REACH = 0.4, 48
 """response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
 FAINT, FAINT_SIDE, FAINT_SHARE = 0.1, 15, 0.15
 """likewise for squares that are too small to be sure of: at least this share of a window of so many px answers by `FAINT`"""
@@ -157,8 +159,8 @@ def halved_first(views: list[View]) -> View | None:
     return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
 
-def shown_nearby(response: Array, shape: tuple[int, ...], dense: bool = False) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a view of `shape` (H, W) in which there may be corners, as the `response` (h, w) of a coarser view tells.
+def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...], dense: bool = False) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) in which there may be corners, as the `response` (h, w) and the `boards` of a coarser view tell.
 
     `dense`: only corners of squares that the coarser view is too small for.
     """
@@ -171,7 +173,13 @@ def shown_nearby(response: Array, shape: tuple[int, ...], dense: bool = False) -
     for fine, coarse in zip(shape, response.shape, strict=True):
         middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
         at.append(np.minimum((middle * (coarse / fine)).astype(int), coarse - 1))
-    return np.asarray(mask[np.ix_(*at)])
+    cells = np.asarray(mask[np.ix_(*at)])
+    for board in [] if dense else boards:
+        more = AROUND * _pitch(board)
+        low, high = board.xy.min(axis=0) - more, board.xy.max(axis=0) + more
+        (x0, y0), (x1, y1) = np.maximum(low // CELL, 0).astype(int), np.maximum(high // CELL + 1, 0).astype(int)
+        cells[y0:y1, x0:x1] = True
+    return cells
 
 
 def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:
@@ -202,7 +210,8 @@ def _answered(xy: Array, rim: Array, second: Array, scale: float) -> Array:
 
 def _sides(boards: list[Board]) -> list[tuple[Array, Array]]:
     """The outermost and the second line of corners of all sides of complete boards, each (n, 2) px."""
-    return [(side[0], side[1]) for board in boards for side in (np.rot90(board.grid(), k) for k in range(4))]
+    grids = [g for board in boards for g in (board.grid(), board.grid().swapaxes(0, 1))]
+    return [side for g in grids for side in ((g[0], g[1]), (g[-1], g[-2]))]
 
 
 def outside(view: View, cells: Array, boards: list[Board]) -> Array:

@@ -37,9 +37,9 @@ from rcdn.pyramid import (
 )
 from rcdn.types import AprilGrid, Array, Board, Corners, Warnings
 
-
-MOVED = 1.0
-"""px by which a corner of a halved view may move in the picture itself; what moves further stays where it was"""
+STRAY = (0.5, 0.005)
+"""px, + squares: by how much a corner of a halved view may move in the picture itself. One that moves further lies on something else in one of them,
+as where the edge of a shadow runs close by"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,9 @@ class Views:
         if self._from_coarse and (half := halved_first(views)) is not None:
             others.remove(first := next(pair for pair in others if pair[0] is half))
             seen = self._look(*first)
-            plain = self._plain(seen, half.scale)
-            out = [self._look(*whole, known=seen.boards if plain else [], coarser=seen.response)]
-            out.append(self._in_detail(seen) if plain else seen)
+            detailed = self._in_detail(seen) if self._plain(seen, half.scale) else None
+            plain = detailed is not None
+            out = [self._look(*whole, known=seen.boards if plain else [], coarser=seen), detailed or seen]
         else:
             out = [self._look(*whole)]
             plain = self._plain(out[0])
@@ -85,7 +85,7 @@ class Views:
         enlarged = [(view, part) for view, part in others if view.scale > 1 and not plain]
         reduced = [(view, part) for view, part in others if view.scale < 1]
         strong = joint([result.strong for result in out], (0, 2))
-        out += [self._look(*each, coarser=out[0].response) for each in enlarged]
+        out += [self._look(*each) for each in enlarged]
         out += [self._look(*each, known=known if settled(known) else []) for each in reduced]
         if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
             out.append(self._look(closer, closer.of(self.grey)))
@@ -101,17 +101,17 @@ class Views:
         return plainly_seen(seen.boards, seen.strong, self.grey.shape, scale)
 
     def _look(
-        self, view: View, part: Array, known: list[Board] | None = None, coarser: Array | None = None
+        self, view: View, part: Array, known: list[Board] | None = None, coarser: ViewResult | None = None
     ) -> ViewResult:
         """What one view, the picture `part` (h, w), shows; beside complete boards that are `known`, if it shows more than these.
 
-        `coarser` (h', w'): the response of a coarser view of the same, near which there is something to see.
+        `coarser`: what half of it shows, near which there is something to see.
         """
         if self.config.pattern == "deltille":
             return self._triangles(view, part)
         cells = self.model.cells_of(part)
         if cells is not None and coarser is not None:
-            cells &= shown_nearby(coarser, part.shape, dense=bool(known))
+            cells &= shown_nearby(coarser.response, coarser.boards, part.shape, dense=bool(known))
         if known:
             result = self._beside(known, view, part, cells)
             if result is not None:
@@ -167,16 +167,17 @@ class Views:
         boards = find_deltilles(part, found, self.config.min_corners, max(view.scale, 1.0))
         return _result(view, found, boards, self.grey.shape, response)
 
-    def _in_detail(self, seen: ViewResult) -> ViewResult:
-        """The corners of a reduced view where the picture itself shows them."""
-        before = seen.corners.xy
-        if not len(before):
-            return seen
+    def _in_detail(self, seen: ViewResult) -> ViewResult | None:
+        """What a reduced view shows, its corners where the picture itself has them; None if it has one of a board elsewhere."""
+        before, pitch = seen.corners.xy, nearest_pitch(seen.corners.xy)
         at = np.clip(np.rint(before), 0, np.array(self.grey.shape[::-1]) - 1).astype(np.int64)
-        after = saddle_position(self.grey, at, self.config.refine.half, nearest_pitch(before))
-        still = ~(np.linalg.norm(after - before, axis=1) < MOVED)
-        after[still] = before[still]
-        boards = [replace(board, xy=after[rows_among(board.xy, before)]) for board in seen.boards]
+        after = saddle_position(self.grey, at, self.config.refine.half, pitch)
+        stray = ~(np.linalg.norm(after - before, axis=1) <= STRAY[0] + STRAY[1] * pitch)
+        rows = [rows_among(board.xy, before) for board in seen.boards]
+        if any(stray[row].any() for row in rows):
+            return None
+        after[stray] = before[stray]
+        boards = [replace(board, xy=after[row]) for board, row in zip(seen.boards, rows, strict=True)]
         return replace(seen, corners=replace(seen.corners, xy=after).sort(), boards=boards, detailed=True)
 
 

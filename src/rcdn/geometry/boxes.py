@@ -2,50 +2,81 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 
 from rcdn.types import Array
 
 EACH = 16
 """points of a cell, about"""
+FEW = 8
+"""boxes"""
 AWAY = -1e5
 """px; points put away, far off any picture, are in no box"""
 
 
+class _Table(NamedTuple):
+    """Points sorted into `cells` (2,) cells of `size` px from `low` (2,) on: their rows in `order`, those of cell k from `first[k]` to
+    `first[k + 1]`."""
+
+    low: Array
+    size: float
+    cells: Array
+    order: Array
+    first: Array
+
+    def cell(self, at: Array) -> Array:
+        """Column and row of the cell of each of the positions `at` (..., 2), the nearest one for those outside."""
+        return np.clip((at - self.low) // self.size, 0, self.cells - 1).astype(np.int64).T
+
+
+def _sorted(points: Array) -> _Table:
+    rows = np.flatnonzero((points > AWAY).all(axis=1))
+    at = points[rows]
+    low = at.min(axis=0) if len(at) else np.zeros(2)
+    span = at.max(axis=0) - low if len(at) else np.zeros(2)
+    each = EACH / max(len(at), 1)
+    size = max(float(np.sqrt(span.prod() * each)), float(span.max()) * each, 1e-3)
+    table = _Table(low, size, (span / size).astype(np.int64) + 1, rows, rows)
+    column, row = table.cell(at)
+    cell = row * table.cells[0] + column
+    first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=int(table.cells.prod())))])
+    return table._replace(order=rows[np.argsort(cell, kind="stable")], first=first)
+
+
 class PointCells:
-    """`points` (N, 2) sorted into square cells of about `EACH` points."""
+    """`points` (N, 2), sorted into square cells of about `EACH` points once more than `FEW` boxes are asked for: for fewer it is quicker to look
+    at all points."""
 
     def __init__(self, points: Array) -> None:
         self.points = points
-        rows = np.flatnonzero((points > AWAY).all(axis=1))
-        at = points[rows]
-        self._low = at.min(axis=0) if len(at) else np.zeros(2)
-        span = at.max(axis=0) - self._low if len(at) else np.zeros(2)
-        each = EACH / max(len(at), 1)
-        self._size = max(float(np.sqrt(span.prod() * each)), float(span.max()) * each, 1e-3)
-        self._count = (span / self._size).astype(np.int64) + 1
-        column, row = self._cell(at)
-        cell = row * self._count[0] + column
-        order = np.argsort(cell, kind="stable")
-        self._order = rows[order]
-        self._first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=int(self._count.prod())))])
+        self._asked = 0
 
-    def _cell(self, at: Array) -> Array:
-        return np.clip((at - self._low) // self._size, 0, self._count - 1).astype(np.int64).T
+    @cached_property
+    def _table(self) -> _Table:
+        return _sorted(self.points)
 
     def share(self, low: Array, high: Array) -> float:
         """Which share of all cells a box touches."""
-        (left, top), (right, bottom) = self._cell(low).tolist(), self._cell(high).tolist()
-        return (right - left + 1) * (bottom - top + 1) / float(self._count.prod())
+        table = self._table
+        (left, top), (right, bottom) = table.cell(low).tolist(), table.cell(high).tolist()
+        return (right - left + 1) * (bottom - top + 1) / float(table.cells.prod())
 
     def inside(self, low: Array, high: Array) -> Array:
         """Rows, rising, of the points in a box, its `low` (2,) and `high` (2,) corner included."""
         if not (high >= low).all():
             return np.zeros(0, np.int64)
-        (left, top), (right, bottom) = self._cell(low).tolist(), self._cell(high).tolist()
-        columns = int(self._count[0])
+        self._asked += 1
+        if self._asked <= FEW:
+            inside = (self.points >= low) & (self.points <= high) & (self.points > AWAY)
+            return np.flatnonzero(inside[:, 0] & inside[:, 1])
+        table = self._table
+        (left, top), (right, bottom) = table.cell(low).tolist(), table.cell(high).tolist()
+        columns = int(table.cells[0])
         lines = range(top * columns, (bottom + 1) * columns, columns)
-        found = np.concatenate([self._order[self._first[k + left] : self._first[k + right + 1]] for k in lines])
+        found = np.concatenate([table.order[table.first[k + left] : table.first[k + right + 1]] for k in lines])
         at = self.points[found]
         return np.sort(found[((at >= low) & (at <= high)).all(axis=1)])
 
