@@ -6,9 +6,6 @@ import numpy as np
 
 from rcdn.types import Array
 
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
 def product(a: Array, b: Array) -> Array:
     """a · b of matrices (..., n, m) and (..., m, k)."""
     return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
@@ -18,17 +15,20 @@ def inverse(m: Array) -> Array:
     """Inverses of matrices (..., 2, 2) or (3, 3), by cofactors. Raises LinAlgError where a determinant is 0."""
     if m.shape[-1] == 2:
         a, b, c, d = m[..., 0, 0], m[..., 0, 1], m[..., 1, 0], m[..., 1, 1]
-        cofactors, det = np.stack([d, -b, -c, a], axis=-1).reshape(m.shape), a * d - b * c
+        cofactors, det = np.empty(m.shape), np.asarray(a * d - b * c)
+        cofactors[..., 0, 0], cofactors[..., 0, 1], cofactors[..., 1, 0], cofactors[..., 1, 1] = d, -b, -c, a
     else:
-        rows = [_cross(m[1], m[2]), _cross(m[2], m[0]), _cross(m[0], m[1])]
-        cofactors, det = np.stack(rows, axis=1), (m[0] * rows[0]).sum()
+        one, two, three = m.tolist()
+        first = _cross(two, three)
+        cofactors = np.array(list(zip(first, _cross(three, one), _cross(one, two), strict=True)))
+        det = np.asarray(one[0] * first[0] + one[1] * first[1] + one[2] * first[2])  # not `sum`, which newer Pythons compensate
     if (det == 0).any():
         raise np.linalg.LinAlgError("singular matrix")
-    return np.asarray(cofactors / np.asarray(det)[..., None, None])
+    return np.asarray(cofactors / det[..., None, None])
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT])
+def _cross(a: list[float], b: list[float]) -> list[float]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 def affine(src: Array, dst: Array) -> Array:

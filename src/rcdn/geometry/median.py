@@ -9,7 +9,9 @@ from rcdn.types import Array
 
 def median(values: Array) -> float:
     """Median of all values (…), at least one; NaN where one of them is."""
-    return float(medians(values.reshape(1, -1))[0])
+    row = np.sort(values, axis=None)
+    middle = 0.5 * (row[(row.size - 1) // 2] + row[row.size // 2])
+    return float("nan") if np.isnan(row[-1]) else float(middle)
 
 
 def medians(values: Array) -> Array:

@@ -14,9 +14,6 @@ def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
 
 def rows_among(xy: Array, among: Array) -> Array:
     """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
-    wanted, known = (np.ascontiguousarray(a, np.float64).view(np.complex128)[:, 0] for a in (xy, among))
-    if not len(known):
-        return np.full(len(wanted), -1)
-    order = np.argsort(known, kind="stable")
-    row = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
-    return np.where(known[row] == wanted, row, -1)
+    known = list(map(tuple, among.tolist()))
+    place = dict(zip(reversed(known), range(len(known) - 1, -1, -1), strict=True))  # of equal ones the first
+    return np.array([place.get(point, -1) for point in map(tuple, xy.tolist())], np.int64)

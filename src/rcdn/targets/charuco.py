@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,8 @@ FRAMED = 16.0
 """bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
 HOPEFUL = 100
 """layouts of one kind and turn that all squares are asked about"""
+UNLIKE = -30.0
+"""bits of evidence for a marker under which a square is taken to hide it, which is right to a ten-millionth of a bit"""
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
 
@@ -69,11 +72,11 @@ def read_charuco(
     aspect: float,
     told: Charuco | None = None,
     part: bool = False,
-    ended: Array | None = None,
+    ended: Callable[[], Array] | None = None,
 ) -> Reading | None:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
     `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
-    where the corners end says nothing of where the board does; `ended` (3, 3): see `ended_sides`, nowhere if None. None if no layout is certain.
+    where the corners end says nothing of where the board does; `ended` gives (3, 3), see `ended_sides`; nowhere if None. None if no layout is certain.
     """
     scored: list[_Scores] = []
     known = None if told is None else (family_of(told.dictionary),)
@@ -91,9 +94,11 @@ def read_charuco(
             ]
     if told is not None:
         return _place(scored, inner, told)
-    ended = np.zeros((3, 3), bool) if ended is None else ended
     hopeful = sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope)
-    return _best(hopeful, marked.shape, None if part else _ends(squares, inner), ended)
+    if not hopeful:
+        return None
+    sides = np.zeros((3, 3), bool) if ended is None else ended()
+    return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
 
 
 def _open_sides(marked: Array) -> Array:
@@ -223,10 +228,15 @@ class _Scores:
         height, width = marked.shape if turns % 2 == 0 else marked.shape[::-1]
         return cls(gain, row, column, (height, width), look, family, turns)
 
+    @cached_property
+    def most(self) -> Array:
+        """Evidence (K,) of the likeliest marker of each square."""
+        return np.asarray(self.gain.max(axis=1))
+
     @property
     def hope(self) -> float:
         """More evidence than this no layout has."""
-        return float(np.maximum(self.gain.max(axis=1), 0).sum()) if self.gain.size else 0.0
+        return float(np.maximum(self.most, 0).sum()) if self.gain.size else 0.0
 
     def layouts(self, any_first: bool) -> Iterator[_Layout]:
         """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as large as the squares seen."""
@@ -236,7 +246,7 @@ class _Scores:
         """Those of the layouts (M, 5) that suit the surest squares best, if they are many."""
         if len(found) <= HOPEFUL:
             return found
-        some = np.argsort(-self.gain.max(axis=1))[:ANCHORS]
+        some = np.argsort(-self.most)[:ANCHORS]
         marker, exists, _ = self._markers_of(found, some, None)
         bits = np.where(exists, self.gain[some, np.clip(marker, 0, len(self.family) - 1)], 0.0).sum(axis=1)
         return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
@@ -273,13 +283,14 @@ class _Scores:
 
         Else a few markers that happen to follow each other would outweigh all that the others say.
         """
-        certain = self.gain.max(axis=1) > CERTAIN + np.log2(len(self.family))
+        certain = self.most > CERTAIN + np.log2(len(self.family))
         return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
 
     def _anchors(self) -> tuple[Array, Array]:
         """Squares (A,) that are surest of their marker, and the likeliest markers of each, together (A · CANDIDATES,)."""
-        surest = np.argsort(-self.gain.max(axis=1))[:ANCHORS]
-        markers = np.argsort(-self.gain[surest], axis=1)[:, :CANDIDATES]
+        surest = np.argsort(-self.most)[:ANCHORS]
+        least = min(CANDIDATES, self.gain.shape[1]) - 1
+        markers = np.argpartition(-self.gain[surest], least, axis=1)[:, : least + 1]
         return np.repeat(surest, markers.shape[1]), markers.ravel()
 
     def _parts_of_boards(self) -> Array:
@@ -332,7 +343,11 @@ def gains(ratios: Array, bits: Array, border: int, covered: Array | float = COVE
     own, frame = ratios[:, inside], ratios[:, ~inside]
     black = _gain(-own).sum(axis=1) + np.minimum(_gain(-frame).sum(axis=1), 0)  # the frame is black, or it is no marker
     shown = black[:, None] + (own / np.log(2)) @ bits.reshape(len(bits), -1).T.astype(float)
-    return np.asarray(np.log2(covered + (1 - covered) * np.exp2(np.minimum(shown, 500))))
+    known = shown > UNLIKE  # most squares and markers are nothing to each other
+    covered = np.broadcast_to(covered, shown.shape)
+    out = np.log2(covered)
+    out[known] = np.log2(covered[known] + (1 - covered[known]) * np.exp2(np.minimum(shown[known], 500)))
+    return out
 
 
 def framed(ratios: Array, border: int) -> float:

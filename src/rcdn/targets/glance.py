@@ -12,7 +12,7 @@ from rcdn.types import Array, Board
 
 SAMPLES = 8
 """a square's side on the raster"""
-MOST = 64
+MOST = 32
 """corners around which squares are looked at"""
 PLAIN = 0.15
 """standard deviation inside of squares, share of the contrast, under which they hold no markers"""
@@ -73,24 +73,27 @@ def glance_at(grey: Array, board: Board) -> Glance | None:
     one, other = circle[..., 9], circle[..., 10]
     with np.errstate(divide="ignore", invalid="ignore"):
         edges = ((circle[..., :9].mean(axis=2) - (one + other) / 2) / (one - other)).T
-    return Glance(squares, (row + column) % 2 == 1, np.array([_unbent(edge, row, column) for edge in edges]))
+    return Glance(squares, (row + column) % 2 == 1, _unbent(edges, row, column))
 
 
 def _unbent(values: Array, row: Array, column: Array) -> Array:
-    """Values (K,) at places of the grid without what fits them best of a plane, which bent edges make, and a chequer, which spreading ink makes; NaN
-    where they are none."""
+    """Values (J, K) at places of the grid (K,) without what fits each of the J best of a plane, which bent edges make, and a chequer, which spreading
+    ink makes; NaN where they are none."""
     known = np.abs(values) < 1.5
-    if known.sum() < FEW:
-        return np.where(known, values, np.nan)
     causes = np.stack([np.ones(len(row)), row, column, (row + column) % 2], axis=1)
-    return np.where(known, values - causes @ np.linalg.lstsq(causes[known], values[known], rcond=None)[0], np.nan)
+    out = np.where(known, values, np.nan)
+    for edge, seen in zip(out, known, strict=True):
+        if seen.sum() >= FEW:
+            edge -= causes @ np.linalg.lstsq(causes[seen], edge[seen], rcond=None)[0]
+    return out
 
 
 def _sampled(grey: Array, xy: Array) -> Array | None:
     """Grey at `xy` (K, P, 2) px, (K, P) float32, the rim's beyond the picture; None if that takes too large a part of it."""
     limits = np.array(grey.shape[::-1]) - 1
-    low = np.clip(np.floor(xy.min(axis=(0, 1))) - 1, 0, limits).astype(int)
-    high = np.clip(np.ceil(xy.max(axis=(0, 1))) + 2, low + 1, limits + 1).astype(int)
+    x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
+    low = np.clip(np.floor((x.min(), y.min())) - 1, 0, limits).astype(int)
+    high = np.clip(np.ceil((x.max(), y.max())) + 2, low + 1, limits + 1).astype(int)
     if (high - low).max() > REACH:
         return None
     at = (xy - low).astype(np.float32)

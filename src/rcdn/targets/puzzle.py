@@ -37,6 +37,8 @@ CODE_2 = (
 def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners, and some
     were `seen`; None if it is none, or if that is not certain."""
+    if _edges(seen) < ACCEPT:  # a circle tells one bit at most
+        return None
     along_x, along_y = circles(grey, grid, seen)
     if not along_x.any() and not along_y.any():
         return None
@@ -56,6 +58,11 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     if bits < ACCEPT or margin < MARGIN:
         return None
     return Reading(PuzzleBoard(), turns, (best % PUZZLE, best // PUZZLE), bits, margin)
+
+
+def _edges(seen: Array) -> int:
+    """How many edges have both their ends `seen` (R, C)."""
+    return int((seen[1:] & seen[:-1]).sum() + (seen[:, 1:] & seen[:, :-1]).sum())
 
 
 def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part:
     wide = rectified(grey, wider(grid), SAMPLES)
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
-    ended = ended_sides(wide, marked) if told is None else None
+    ended = partial(ended_sides, wide, marked) if told is None else None
     return read_charuco(lifted, marked, inner, aspect_of(grid), told, part, ended)
 
 

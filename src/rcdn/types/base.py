@@ -37,7 +37,7 @@ def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ..
         array = array.reshape((0, *tail))
     if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
         raise RcdnError(f"{called} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}")
-    if array.size and within < np.inf and (array.max() > within or array.min() < -within or _beyond(array, within)):
+    if array.size and within < np.inf and _beyond(array, within):
         raise RcdnError(f"{called} must lie within ±{within:g}")
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
@@ -52,12 +52,17 @@ def shape_of(value: Any, called: str) -> tuple[int, ...]:
 
 
 def _beyond(array: Array, within: float) -> bool:
-    """As the largest and the smallest tell it where there is no NaN, which hides both."""
-    return bool(np.isnan(array.max()) and (np.abs(array) > within).any())
+    """Is any number beyond ±`within`?"""
+    high = array.max()
+    if np.isnan(high):  # NaN hides the largest and the smallest
+        return bool((np.abs(array) > within).any())
+    return bool(high > within or array.min() < -within)
 
 
 def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
     """A copy of `value` with every number unchanged, as a plain array of native byte order."""
+    if type(value) is np.ndarray and value.dtype == dtype and value.size <= MOST:
+        return value.copy()
     if np.ma.is_masked(value):
         raise RcdnError(
             f"{called} must not have masked values; leave them out, or fill them with NaN where it may be unknown"

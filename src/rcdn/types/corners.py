@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -33,10 +34,14 @@ class Status(IntEnum):
     """Refined, and found because its board predicted it."""
 
 
+LAST = int(max(Status))
+"""the largest of them"""
+
+
 def _freeze_status(owner: Any) -> None:
     freeze(owner, "status", owner.status, np.uint8, ())
-    if len(owner.status) and owner.status.max() > max(Status):
-        raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {max(Status):d}")
+    if len(owner.status) and owner.status.max() > LAST:
+        raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {LAST}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,13 +151,13 @@ class Board(Value):
     def _repr_html_(self) -> str:
         return drawing(self.image_size, [(self.xy, self.ij)]) + paragraph(repr(self)[1:-1])
 
-    @property
+    @cached_property
     def size(self) -> tuple[int, int]:
         """(columns, rows) of the bounding grid, in inner corners."""
         if not len(self.ij):
             return 0, 0
-        cols, rows = self.ij.max(axis=0) - self.ij.min(axis=0) + 1
-        return int(cols), int(rows)
+        i, j = self.ij.T
+        return int(i.max() - i.min()) + 1, int(j.max() - j.min()) + 1
 
     @property
     def complete(self) -> bool:
