@@ -16,9 +16,12 @@ from rcdn.pyramid import (
     closer_view,
     distinct_boards,
     distinct_corners,
+    halved_first,
+    may_go_on,
     outside,
     plainly_seen,
     settled,
+    shown_nearby,
     unexplained,
     whole_views,
 )
@@ -172,11 +175,11 @@ def test_peaks_inside_a_complete_board_are_known():
 
 
 @pytest.mark.parametrize("side", [[(9, j) for j in range(6)], [(-1, j) for j in range(6)], [(i, 6) for i in range(9)]])
-def test_a_board_that_goes_on_in_the_view_explains_nothing(side):
+def test_a_board_may_go_on_where_strong_peaks_stand_beyond_a_side(side):
     board = lattice(9, 6, 20.0)
     more = np.array(side) * 20.0 + (50, 40)
-    assert unexplained(HALF, in_view(np.concatenate([board.xy, more])), [board]) is None
-    assert unexplained(HALF, in_view(np.concatenate([board.xy, more[:2]])), [board]) is not None
+    assert may_go_on(HALF, in_view(np.concatenate([board.xy, more])), [board])
+    assert not may_go_on(HALF, in_view(np.concatenate([board.xy, more[:2]])), [board])
 
 
 def test_boards_with_holes_and_thin_ones_explain_nothing():
@@ -209,8 +212,37 @@ def test_a_board_is_plainly_seen_if_nothing_can_follow_it():
     assert not plainly_seen([board], np.array([[231.0, 61.0]]), frame)  # a corner of a tenth column
     assert not plainly_seen([board], none, (165, 260))  # a seventh row at 160 would lie at the frame
     assert not plainly_seen([board], none, (180, 235))
+    assert plainly_seen([board], none, (150, 260))  # there is no room for a seventh row
+    assert not plainly_seen([board], none, (158, 260))  # there may be
     assert not plainly_seen([board, lattice(4, 4, 9.0, at=(100, 80))], none, frame)  # squares too small
     assert not plainly_seen([], none, frame)
+
+
+def test_squares_that_a_reduced_view_is_too_small_for_are_not_plainly_seen():
+    none, frame = np.zeros((0, 2)), (480, 640)
+    for pitch, plain in ((12.5, True), (11.5, False)):
+        assert plainly_seen([lattice(9, 6, pitch)], none, frame, 0.5) == plain
+
+
+@pytest.mark.parametrize(("shape", "halved"), [((240, 320), False), ((480, 640), True), ((3000, 4000), True)])
+def test_a_large_picture_is_looked_at_halved_first(shape, halved):
+    view = halved_first(whole_views(shape))
+    assert (view is not None) == halved
+    assert view is None or view.scale == 0.5
+
+
+def test_where_a_coarser_view_shows_corners_the_finer_one_may_show_more():
+    response, shape = np.zeros((240, 320), np.float32), (479, 639)
+    assert not shown_nearby(response, [], shape).any()
+    response[100, 150] = 0.9
+    cells = shown_nearby(response, [], shape)
+    y, x = (4 * n + 1.5 for n in np.nonzero(cells))
+    assert cells.shape == (120, 160)
+    assert (x.min(), x.max(), y.min(), y.max()) == pytest.approx((301 - 96, 301 + 96, 201 - 96, 201 + 96), abs=4)
+    board = lattice(4, 3, 30.0, at=(400, 60))
+    cells = shown_nearby(np.zeros_like(response), [board], shape)
+    y, x = (4 * n + 1.5 for n in np.nonzero(cells))
+    assert (x.min(), x.max(), y.min(), y.max()) == pytest.approx((355, 535, 15, 165), abs=4)
 
 
 def small_picture(pitch, size=(7, 5), frame=(320, 240)):
@@ -224,7 +256,7 @@ def test_an_enlarged_view_of_a_board_that_is_plainly_seen_would_show_nothing_new
     monkeypatch.setattr(View, "to_picture", watched(View.to_picture, asked))
     quick = rcdn.Detector().boards(grey)
     assert not any(view.scale > 1 for view in asked)
-    monkeypatch.setattr("rcdn.detector.plainly_seen", lambda *_: False)
+    monkeypatch.setattr("rcdn.views.plainly_seen", lambda *_: False)
     slow = rcdn.Detector().boards(grey)
     assert any(view.scale > 1 for view in asked)
     assert [b.xy.tobytes() for b in quick] == [b.xy.tobytes() for b in slow]
@@ -265,7 +297,7 @@ def test_a_complete_board_does_not_hide_another_that_only_a_reduced_view_shows()
 def test_views_that_are_passed_over_would_have_shown_nothing_new(seed, monkeypatch):
     grey = render(random_scene(np.random.default_rng(seed), ORDINARY, (480, 360)))
     quick = rcdn.Detector().detect(grey)
-    monkeypatch.setattr("rcdn.detector.settled", lambda *_: False)
+    monkeypatch.setattr("rcdn.views.settled", lambda *_: False)
     slow = rcdn.Detector().detect(grey)
     assert [b.xy.tobytes() for b in quick.boards] == [b.xy.tobytes() for b in slow.boards]
     assert quick.corners.xy.tobytes() == slow.corners.xy.tobytes()

@@ -35,6 +35,17 @@ PLAIN_REDUCED = 6.0
 """px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
 SURE, SURE_REACH = 0.4, 48
 """response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
+NEXT = (0.8, 1.5)
+"""squares beyond a board's rim: from where to where its next corner and what shows it would be"""
+AROUND = 1.5
+"""squares around a board of a coarser view in which the next finer one may show more of it"""
+LEAST_REDUCED = 140 * 100
+"""px; a picture is halved, and halved again, as long as this is left of it"""
+MOST_HALVINGS = 3
+PLAIN_REDUCED = 6.0
+"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
+SURE, SURE_REACH = 0.4, 48
+"""response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
 FAINT, FAINT_SIDE, FAINT_SHARE = 0.1, 15, 0.15
 """likewise for squares that are too small to be sure of: at least this share of a window of so many px answers by `FAINT`"""
 LEAST_REDUCED = 140 * 100
@@ -159,22 +170,16 @@ def halved_first(views: list[View]) -> View | None:
     return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
 
-def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...], dense: bool = False) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) in which there may be corners, as the `response` (h, w) and the `boards` of a coarser view tell.
-
-    `dense`: only corners of squares that the coarser view is too small for.
-    """
-    faint = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
-    mask = faint >= round(255 * FAINT_SHARE)
-    if not dense:
-        side = 2 * SURE_REACH + 1
-        mask |= cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)) > 0
+def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) near what a coarser view shows by its `response` (h, w) and `boards`."""
+    side = 2 * SURE_REACH + 1
+    mask = cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8))
     at = []
     for fine, coarse in zip(shape, response.shape, strict=True):
         middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
         at.append(np.minimum((middle * (coarse / fine)).astype(int), coarse - 1))
-    cells = np.asarray(mask[np.ix_(*at)])
-    for board in [] if dense else boards:
+    cells = np.asarray(mask[np.ix_(*at)].view(bool))
+    for board in boards:
         more = AROUND * _pitch(board)
         low, high = board.xy.min(axis=0) - more, board.xy.max(axis=0) + more
         (x0, y0), (x1, y1) = np.maximum(low // CELL, 0).astype(int), np.maximum(high // CELL + 1, 0).astype(int)

@@ -16,6 +16,7 @@ from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.refine import saddle_position
 from rcdn.corners.response import ResponseModel
+from rcdn.corners.sieve import SMALL_SHARE
 from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
@@ -46,7 +47,8 @@ as where the edge of a shadow runs close by"""
 class ViewResult:
     """What one view shows, in pixels of the picture: its corners and boards, and the positions `strong` (N, 2) of the surest corners.
 
-    `response`: its map, in pixels of the view; `detailed`: are its corners where the picture itself shows them? `pieces`: what may be pieces of boards among its other corners, which only readers of codes ask for.
+    `response`: its map, in pixels of the view; `detailed`: are its corners where the picture itself shows them? `pieces`: what may be pieces of
+    boards among its other corners, which only readers of codes ask for.
     """
 
     view: View
@@ -109,15 +111,23 @@ class Views:
         """
         if self.config.pattern == "deltille":
             return self._triangles(view, part)
-        cells = self.model.cells_of(part)
-        if cells is not None and coarser is not None:
-            cells &= shown_nearby(coarser.response, coarser.boards, part.shape, dense=bool(known))
         if known:
-            result = self._beside(known, view, part, cells)
+            result = self._beside(known, view, part, self._cells(part, True, coarser))
             if result is not None:
                 return result
-        response, peaks = self._peaks(part, cells)
+        response, peaks = self._peaks(part, self._cells(part, False, coarser))
         return self._recovered(view, part, response, peaks)
+
+    def _cells(self, part: Array, known: bool, coarser: ViewResult | None) -> Array | None:
+        """The cells in which a view may show what the `coarser` view, of half its size, doesn't: where squares may be too small for it, and,
+        unless its boards are all `known` to be whole, where it may have more of the same."""
+        if coarser is None:
+            return self.model.cells_of(part)
+        small = self.model.cells_of(part, SMALL_SHARE)
+        if known or small is None:
+            return small
+        cells = self.model.cells_of(part)
+        return None if cells is None else cells & (small | shown_nearby(coarser.response, coarser.boards, part.shape))
 
     def _beside(self, known: list[Board], view: View, part: Array, cells: Array | None) -> ViewResult | None:
         """What a view shows beside boards that are known; None if these may go on in it."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from rcdn.types import Array
 
+
 def product(a: Array, b: Array) -> Array:
     """a · b of matrices (..., n, m) and (..., m, k)."""
     return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
@@ -21,7 +22,9 @@ def inverse(m: Array) -> Array:
         one, two, three = m.tolist()
         first = _cross(two, three)
         cofactors = np.array(list(zip(first, _cross(three, one), _cross(one, two), strict=True)))
-        det = np.asarray(one[0] * first[0] + one[1] * first[1] + one[2] * first[2])  # not `sum`, which newer Pythons compensate
+        det = np.asarray(
+            one[0] * first[0] + one[1] * first[1] + one[2] * first[2]
+        )  # not `sum`, which newer Pythons compensate
     if (det == 0).any():
         raise np.linalg.LinAlgError("singular matrix")
     return np.asarray(cofactors / det[..., None, None])

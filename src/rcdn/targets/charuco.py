@@ -76,7 +76,8 @@ def read_charuco(
 ) -> Reading | None:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
     `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
-    where the corners end says nothing of where the board does; `ended` gives (3, 3), see `ended_sides`; nowhere if None. None if no layout is certain.
+    where the corners end says nothing of where the board does; `ended` gives (3, 3), see `ended_sides`; nowhere if None. None if
+    no layout is certain.
     """
     scored: list[_Scores] = []
     known = None if told is None else (family_of(told.dictionary),)
