@@ -190,15 +190,35 @@ def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -
 def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:
     """Are there boards, all settled, of squares that need no larger view than that of `scale`, and does each end where it seems to?
 
-    It does if its next corners, had it more, would lie half a square or more within the picture (H, W), or outside of it, and no `strong` corner
-    (N, 2) px lies near where they would be.
+    It does if no `strong` corner (N, 2) px lies near where its next corners would be, had it more, and none of these is `at_the_frame` of the picture
+    (H, W), which only the picture itself can show.
     """
     least = PLAIN if scale == 1 else PLAIN_REDUCED / scale
     if not settled(boards) or any(_pitch(board) < least for board in boards):
         return False
-    rim, second = (np.concatenate(rows) for rows in zip(*_sides(boards), strict=True))
-    seen = _in_frame(rim + NEXT[1] * (rim - second), shape) | ~_in_frame(rim + NEXT[0] * (rim - second), shape)
-    return bool(seen.all()) and not _answered(strong, rim, second, scale).any()
+    rim, second, _ = _rims(boards)
+    return (
+        not (scale == 1 and _at_the_frame(rim, second, shape).any()) and not _answered(strong, rim, second, scale).any()
+    )
+
+
+def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) in which complete `boards` may have further corners so near the frame that a reduced view
+    wouldn't show them."""
+    cells = np.zeros([-(-n // CELL) for n in shape], bool)
+    rim, second, _ = _rims(boards)
+    some = _at_the_frame(rim, second, shape)
+    step = np.linalg.norm(rim - second, axis=1)[some, None]
+    middle, reach = (2 * rim - second)[some], BEYOND[0] * step + BEYOND[1]
+    for low, high in zip(((middle - reach) // CELL).tolist(), ((middle + reach) // CELL).tolist(), strict=True):
+        (x0, y0), (x1, y1) = (tuple(max(int(n), 0) for n in corner) for corner in (low, high))
+        cells[y0 : y1 + 1, x0 : x1 + 1] = True
+    return cells
+
+
+def _at_the_frame(rim: Array, second: Array, shape: tuple[int, ...]) -> Array:
+    """(n,) bool: which next corners beyond a `rim` (n, 2) px would lie neither half a square or more within a picture (H, W) nor outside of it."""
+    return ~_in_frame(rim + NEXT[1] * (rim - second), shape) & _in_frame(rim + NEXT[0] * (rim - second), shape)
 
 
 def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:
@@ -213,10 +233,11 @@ def _answered(xy: Array, rim: Array, second: Array, scale: float) -> Array:
     return np.asarray(nearest(xy, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + BEYOND[1] / scale)
 
 
-def _sides(boards: list[Board]) -> list[tuple[Array, Array]]:
-    """The outermost and the second line of corners of all sides of complete boards, each (n, 2) px."""
+def _rims(boards: list[Board]) -> tuple[Array, Array, Array]:
+    """The outermost and the second line of corners of all sides of complete boards, (n, 2) px each, and where each side begins in them."""
     grids = [g for board in boards for g in (board.grid(), board.grid().swapaxes(0, 1))]
-    return [side for g in grids for side in ((g[0], g[1]), (g[-1], g[-2]))]
+    rims, seconds = [g[k] for g in grids for k in (0, -1)], [g[k] for g in grids for k in (1, -2)]
+    return np.concatenate(rims), np.concatenate(seconds), np.cumsum([0, *(len(side) for side in rims[:-1])])
 
 
 def outside(view: View, cells: Array, boards: list[Board]) -> Array:
@@ -234,15 +255,16 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
     return out
 
 
-def may_go_on(view: View, xy: Array, boards: list[Board]) -> bool:
+def may_go_on(view: View, xy: Array, boards: list[Board], shape: tuple[int, ...] | None = None) -> bool:
     """May one of the complete boards of the picture be fuller in a view with strong peaks `xy` (N, 2) px of it?
 
-    It may if there are peaks at more than half of the places where the next corners beyond a side would be.
+    It may if there are peaks at more than half of the places where the next corners beyond a side would be; or at one that is `at_the_frame` of the
+    picture of `shape` (H, W), if that is given.
     """
-    sides = _sides(boards)
-    rim, second = (np.concatenate(rows) for rows in zip(*sides, strict=True))
+    rim, second, first = _rims(boards)
     close = _answered(view.to_picture(xy), rim, second, view.scale)
-    first = np.cumsum([0, *(len(side) for side, _ in sides[:-1])])
+    if shape is not None and (close & _at_the_frame(rim, second, shape)).any():
+        return True
     return bool((np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any())
 
 

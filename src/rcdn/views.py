@@ -16,11 +16,12 @@ from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.refine import saddle_position
 from rcdn.corners.response import ResponseModel
-from rcdn.corners.sieve import SMALL_SHARE
+from rcdn.corners.sieve import SMALL_SHARE, cells_with_saddles
 from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
     View,
+    at_the_frame,
     boards_in_picture,
     closer_view,
     corners_in_picture,
@@ -112,33 +113,34 @@ class Views:
         if self.config.pattern == "deltille":
             return self._triangles(view, part)
         if known:
-            result = self._beside(known, view, part, self._cells(part, True, coarser))
+            result = self._beside(known, view, part, coarser)
             if result is not None:
                 return result
-        response, peaks = self._peaks(part, self._cells(part, False, coarser))
+        cells = self.model.cells_of(part)
+        if cells is not None and coarser is not None:
+            near = shown_nearby(coarser.response, coarser.boards, part.shape)
+            cells &= near | cells_with_saddles(part, SMALL_SHARE)
+        response, peaks = self._peaks(part, cells)
         return self._recovered(view, part, response, peaks)
 
-    def _cells(self, part: Array, known: bool, coarser: ViewResult | None) -> Array | None:
-        """The cells in which a view may show what the `coarser` view, of half its size, doesn't: where squares may be too small for it, and,
-        unless its boards are all `known` to be whole, where it may have more of the same."""
-        if coarser is None:
-            return self.model.cells_of(part)
-        small = self.model.cells_of(part, SMALL_SHARE)
-        if known or small is None:
-            return small
-        cells = self.model.cells_of(part)
-        return None if cells is None else cells & (small | shown_nearby(coarser.response, coarser.boards, part.shape))
+    def _beside(self, known: list[Board], view: View, part: Array, coarser: ViewResult | None) -> ViewResult | None:
+        """What a view shows beside boards that are known; None if these may go on in it.
 
-    def _beside(self, known: list[Board], view: View, part: Array, cells: Array | None) -> ViewResult | None:
-        """What a view shows beside boards that are known; None if these may go on in it."""
+        After a `coarser` view these are squares that were too small for that, and corners at the frame.
+        """
+        if coarser is None:
+            cells = self.model.cells_of(part)
+        else:
+            cells, edge = cells_with_saddles(part, SMALL_SHARE), at_the_frame(known, part.shape)
+            cells |= edge & cells_with_saddles(part) if edge.any() else edge
         if cells is not None:
             cells = outside(view, cells, known)
         response, peaks = self._peaks(part, cells)
         strong = peaks.strong(self.config)
+        if may_go_on(view, peaks.xy[strong], known, None if coarser is None else part.shape):
+            return None
         if strong.sum() < 2:  # a board needs two more to go on by a square
             return self._nothing(view, response, peaks.xy[strong])
-        if may_go_on(view, peaks.xy[strong], known):
-            return None
         left = unexplained(view, peaks.xy, known)
         peaks, strong = peaks.take(left), strong[left]
         if not has_cells(part, candidates_at(part, response, peaks.take(strong), self.config)):

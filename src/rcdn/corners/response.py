@@ -20,7 +20,7 @@ from rcdn.corners.model_facts import read_facts
 from rcdn.corners.normalise import normaliser
 from rcdn.corners.onnx_written import to_onnx
 from rcdn.corners.quantised import read_npz
-from rcdn.corners.sieve import SHARE, cells_with_saddles, every_cell
+from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
 from rcdn.errors import ConfigError, DependencyError, RcdnError, shown
 from rcdn.types import Array
@@ -90,9 +90,9 @@ class ResponseModel:
             return None
         return replace(self.quantised, pool=self.pool)
 
-    def cells_of(self, grey: Array, share: float = SHARE) -> Array | None:
+    def cells_of(self, grey: Array) -> Array | None:
         """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
-        return None if self.cells is None else cells_with_saddles(grey, share)
+        return None if self.cells is None else cells_with_saddles(grey)
 
     def __call__(self, grey: Array, threads: int = 0, tile: int = TILE, cells: Array | None = None) -> Array:
         """Response (H, W) float32, ≥ 0, of `grey` (H, W) uint8 or float32 in 0..255.
