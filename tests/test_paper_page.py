@@ -1,0 +1,90 @@
+"""docs/paper-results.md and its pictures are what the files of benchmarks/results give, and these were measured with the weights that ship."""
+
+import importlib.util
+import json
+import re
+import sys
+
+import pytest
+from tests.doc_blocks import ROOT
+from tests.test_numbers import rows, states
+
+from rcdn.corners.response import load_model
+from rcdn.evaluation.paper import pixel_claims, refinement_claims, table4_published, table_text
+from rcdn.evaluation.paper.networks import NETWORKS
+
+PAGE, RESULTS = (ROOT / "docs/paper-results.md").read_text(), (ROOT / "docs/results.md").read_text()
+RECOVERY = (ROOT / "docs/recovery.md").read_text()
+FIGURES = {"fig4": pixel_claims, "fig5": pixel_claims, "fig6": refinement_claims}
+DETAILS = re.compile(r"<details>.*?</details>", re.S)
+
+
+def record(name):
+    return json.loads((ROOT / f"benchmarks/results/{name}.json").read_text())
+
+
+def figure(table, row, on):
+    """The row of a network on a set."""
+    return next(r for r in rows(table) if (r["row"], r["set"]) == (row, on))
+
+
+@pytest.mark.parametrize("name", ["table2", "table3"])
+def test_tables_of_networks(name):
+    found = record(name)
+    section = table_text.markdown(name, found["rows"], found["provenance"], found["settings"], f"rcdn evaluate {name}")
+    assert section.strip() in PAGE
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures(name):
+    found = record(name)
+    assert FIGURES[name].markdown(found["rows"]).strip() in PAGE
+    assert f"`rcdn evaluate {name}` at commit {found['provenance']['commit']}, {found['provenance']['date']}" in PAGE
+
+
+def test_table_of_cameras():
+    found = record("table4")
+    assert table4_published.markdown(found["rows"], table4_published.claims(found["rows"])).strip() in PAGE
+    assert f"`rcdn evaluate table4` at commit {found['provenance']['commit']}, {found['provenance']['date']}" in PAGE
+
+
+def test_what_people_see_first_has_no_long_table():
+    """Of the tables that aren't folded none has more than 16 lines."""
+    shown = DETAILS.sub("", PAGE)
+    assert PAGE.count("<details>") == PAGE.count("</details>") >= 6
+    assert max(len(block.splitlines()) for block in re.findall(r"(?:^\|.*\n)+", shown, re.M)) <= 18
+
+
+@pytest.mark.parametrize("name", ["table2", "table3", "table4"])
+def test_pictures_are_drawn_from_the_files(name, monkeypatch):
+    folder = ROOT / "docs/images"
+    monkeypatch.syspath_prepend(str(folder))
+    spec = importlib.util.spec_from_file_location("draw_paper", folder / "draw_paper.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    sys.modules.pop("draw", None)
+    assert module.PICTURES[f"{name}.svg"]() == (folder / "paper" / f"{name}.svg").read_text()
+    assert f"(images/paper/{name}.svg)" in PAGE
+
+
+def shipped(model):
+    return load_model(model).facts["sha256"]
+
+
+@pytest.mark.parametrize("name", ["table2", "table3"])
+def test_tables_were_measured_with_the_networks_that_ship(name):
+    known = record(name)["settings"]["networks"]
+    assert {row: facts["sha256"] for row, facts in known.items()} == {
+        row: shipped(NETWORKS[row].model) for row in known
+    }
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_were_measured_with_the_networks_that_ship(name):
+    for weights in record(name)["settings"]["weights"].values():
+        assert weights["sha256"] == shipped(weights["name"])
+
+
+@pytest.mark.parametrize("name", ["table4", "recovery", "hard", "sweep_paper", "calibration_paper", "scenes"])
+def test_the_preset_was_measured_with_the_network_that_ships(name):
+    assert record(name)["settings"]["weights"]["paper"] == shipped("paper")
