@@ -67,6 +67,33 @@ def test_pictures_are_drawn_from_the_files(name, monkeypatch):
     assert f"(images/paper/{name}.svg)" in PAGE
 
 
+@pytest.mark.parametrize("text", [PAGE, RESULTS], ids=["paper-results", "results"])
+def test_what_is_said_of_f(text):
+    for words, on in (
+        ("GoPro photographs", "gopro"),
+        ("uEye ones", "ueye"),
+        ("rendered ones like Mesa's", "mesa-like"),
+    ):
+        said = re.search(rf"(\S+) / (\S+) on (?:\d+ )?{words}", text)
+        row = figure("table3", "F", on)
+        assert states(said[1], row["precision"]), on
+        assert states(said[2], row["recall"]), on
+    assert "more precise than MATE on all five sets" in text
+    mine, other = ({r["set"]: r for r in rows("table3") if r["row"] == row} for row in ("F", "MATE"))
+    assert all(mine[s]["precision"] > other[s]["precision"] for s in mine)
+    assert sum(mine[s]["recall"] > other[s]["recall"] for s in mine) == 3
+
+
+@pytest.mark.parametrize("text", [PAGE, RESULTS], ids=["paper-results", "results"])
+def test_what_is_said_of_cells(text):
+    said = re.search(r"in (\d+) of (\d+) cells\s+of Fig. 4\s+and\s+(\d+) of (\d+) of Fig. 5", text)
+    found = []
+    for name in ("fig4", "fig5"):
+        how = [pixel_claims.standing(cell) for cell in pixel_claims.cells(rows(name))]
+        found += [how.count("beats") + how.count("level"), len(how)]
+    assert [int(n) for n in said.groups()] == found
+
+
 def shipped(model):
     return load_model(model).facts["sha256"]
 
