@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from tests.doc_blocks import ROOT
-from tests.test_numbers import rows, states
+from tests.test_numbers import cells, rows, states
 
 from rcdn.corners.response import load_model
 from rcdn.evaluation.paper import pixel_claims, refinement_claims, table4_published, table_text
@@ -92,6 +92,40 @@ def test_what_is_said_of_cells(text):
         how = [pixel_claims.standing(cell) for cell in pixel_claims.cells(rows(name))]
         found += [how.count("beats") + how.count("level"), len(how)]
     assert [int(n) for n in said.groups()] == found
+
+
+def test_what_is_said_of_cameras():
+    table4, four = rows("table4"), rows("calibration_paper")
+    mine = [r for r in table4 if (r["detector"], r["on"]) == ("paper", "all")]
+    said = f"finds {sum(r['whole'] for r in mine)} of {sum(r['pictures'] for r in mine)}"
+    assert said in PAGE
+    assert said in RESULTS
+    page = (ROOT / "docs/calibration-results.md").read_text()
+    every = [r for r in four if (r["detector"], r["on"], r["set"] != "ALL") == ("paper", "all", True)]
+    assert f"finds {sum(r['whole'] for r in every)} of {sum(r['pictures'] for r in every)} boards whole" in page
+    for name in {r["set"] for r in every}:
+        views, *texts = cells(page[page.index("preset `paper` |") :], name)[1:]
+        for detector, text in zip(("auto", "paper"), texts, strict=True):
+            row = next(
+                r for on in ("common", "with paper") for r in four
+                if (r["set"], r["on"], r["detector"]) == (name, on, detector) and _beside_paper(four, name, on)
+            )  # fmt: skip
+            assert int(views) == row["views"]
+            assert all(states(t, row[k]) for t, k in zip(text.split(" / "), ("fit", "folds"), strict=True))
+
+
+def _beside_paper(four, name, on):
+    return any((r["set"], r["on"], r["detector"]) == (name, on, "paper") for r in four)
+
+
+@pytest.mark.parametrize("kind", ["planar", "tilt 60", "ALL"])
+def test_what_is_said_of_recovery(kind):
+    title = {"planar": "planar", "tilt 60": "tilt 60°", "ALL": "all 84 boards"}[kind]
+    shown = cells(RECOVERY, title)[1:]
+    for detector, (whole, recall) in zip(("auto", "paper"), (shown[:2], shown[2:]), strict=True):
+        row = next(r for r in rows("recovery") if (r["kind"], r["corners of"]) == (kind, detector))
+        assert whole.split(" of ")[0] == f"{row['whole growth']} / {row['whole graph']}"
+        assert all(states(t, row[f"recall {k}"]) for t, k in zip(recall.split(" / "), ("growth", "graph"), strict=True))
 
 
 def shipped(model):
