@@ -7,7 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.cli import app
+from rcdn.corners.response import load_model
 from rcdn.evaluation import detections, hard, scenes
+from rcdn.evaluation.weights import weights_of
 from rcdn.io import ImageResult, write_detections
 from rcdn.metrics import counted
 from rcdn.types import Board, Corners
@@ -112,3 +114,9 @@ def test_truth_that_is_none_is_told(tmp_path):
     result = CliRunner().invoke(app, ["evaluate", "detections", str(tmp_path / "d.json"), str(tmp_path / "t.json")])
     assert result.exit_code == 1
     assert "t.json" in result.stderr
+
+
+def test_weights_are_named_by_preset():
+    """Peers have none; each preset's are those of the file that it loads."""
+    found = weights_of(["opencv", "paper", "auto"])
+    assert found == {name: load_model(name).facts["sha256"] for name in ("paper", "auto")}

@@ -75,6 +75,23 @@ def test_cells_are_compared_with_the_initial_cell_from_either_side():
     assert sum(map(len, grids)) == len({c for g in grids for c in g.values()})
 
 
+@pytest.mark.parametrize("first", [0, 1, 7, 8, 26, 36, 45, 53])
+def test_a_board_whose_best_corner_is_at_its_rim_comes_whole(first):
+    """Columns that come 10 % closer with every step. From the rim only cells grow, and end within the board; lines don't."""
+    x = np.concatenate([[0], np.cumsum(30 * 0.9 ** np.arange(8))])
+    xy = np.stack(np.meshgrid(x, np.arange(6) * 30.0), axis=-1).reshape(-1, 2) + 50
+    (grid,) = recovered(xy, first=first)
+    assert consistent(grid, points(9, 6)[1])
+    assert len(grid) == 54
+
+
+def test_cells_take_what_lines_leave():
+    """A strip of two rows, best response and all, comes after the block of 4 × 4 below it."""
+    block, strip = points(4, 4)[0] + [0, 200], points(6, 2)[0]
+    one, other = recovered(np.concatenate([block, strip]), first=18)
+    assert (sorted(one.values()), sorted(other.values())) == ([*range(16)], [*range(16, 28)])
+
+
 def test_an_l_of_cells_is_one_board():
     """No 3 × 3 fits into it: growth by cells goes around the bend."""
     xy, ij = points(5, 5)
@@ -115,12 +132,13 @@ def test_clutter_in_a_lattice_seldom_misleads():
 
 
 def test_two_false_corners_halfway_make_a_false_row():
-    """What misleads: (4, ½) and (5, ½) make cells of half the height, whose mean edge is 15/20 of a square's, but 1 of each other's."""
-    xy, ij = points(7, 5)
+    """What misleads where no 3 × 3 fits: (4, ½) and (5, ½) make cells of half the height, whose mean edge is 15/20 of a square's, but 1 of
+    each other's."""
+    xy, ij = points(7, 2)
     false = np.array([[380.0, 310], [400, 310]])
     first = recovered(np.concatenate([xy, false]), first=4)[0]
-    assert sorted(first.values()) == [4, 5, 11, 12, 35, 36]
-    assert not consistent({spot: c for spot, c in first.items() if c < 35}, ij)
+    assert sorted(first.values()) == [4, 5, 11, 12, 14, 15]
+    assert not consistent({spot: c for spot, c in first.items() if c < 14}, ij)
 
 
 @pytest.mark.parametrize("name", ["flat", "noisy", "small", "negative", "cylinder", "wave"])

@@ -56,36 +56,45 @@ def find_boards_paper(grey: Array, candidates: Candidates, least: int = CELL) ->
 def recover(xy: Array, angles: Array, count: Array) -> list[Labels]:
     """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of `edge_directions`.
 
-    Labels are right-handed, of any origin. Each corner starts a board at most once, and is in one board at most.
+    First all boards that grow by lines from 3 × 3 corners, then those that grow by cells among the corners that are left: a corner at
+    the rim has no 3 × 3 around it, and the cells that would grow from it end where perspective changes their size. Within each, seeds come by
+    falling response. Labels are right-handed, of any origin. Each corner is in one board at most.
     """
     grids: list[Labels] = []
     if len(xy) < CELL:
         return grids
     pool = Pool(xy, angles)
-    for seed in np.flatnonzero((count >= DIRECTIONS[0]) & (count <= DIRECTIONS[1])).tolist():
-        if pool.free.sum() < CELL:
-            break
-        if not pool.free[seed]:
-            continue
-        grid = _board_at(pool, seed)
-        if grid:
-            pool.free[list(grid.values())] = False
-            grids.append(grid)
+    seeds = np.flatnonzero((count >= DIRECTIONS[0]) & (count <= DIRECTIONS[1])).tolist()
+    for start in (_lines_at, _cells_at):
+        for seed in seeds:
+            if pool.free.sum() < CELL:
+                return grids
+            grid = start(pool, seed) if pool.free[seed] else None
+            if grid:
+                pool.free[list(grid.values())] = False
+                grids.append(grid)
     return grids
 
 
-def _board_at(pool: Pool, seed: int) -> Labels | None:
-    """The board that grows from `seed`: from a 3 × 3 matrix if one of its pairs of directions has one, else from a cell."""
+def _matrices_at(pool: Pool, seed: int) -> list[Labels]:
+    """The initial matrix of each pair of the seed's directions."""
     own = [float(a) for a in pool.angles[seed] if np.isfinite(a)]
     pairs = [(min(p), max(p)) for p in combinations(own, 2)]
-    matrices = [start_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
-    for at in matrices:
+    return [start_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
+
+
+def _lines_at(pool: Pool, seed: int) -> Labels | None:
+    """The board that grows by lines from the first matrix of 3 × 3 corners around `seed` that is fit for it; None if there is none."""
+    for at in _matrices_at(pool, seed):
         if len(at) == 9 and even(pool, index := np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])):
-            rows, cols = np.indices((grown := grow_lines(pool, index)).shape)
-            return dict(
-                zip(zip(cols.ravel().tolist(), rows.ravel().tolist(), strict=True), grown.ravel().tolist(), strict=True)
-            )
-    for at in matrices:
+            grown = grow_lines(pool, index)
+            return {(u, v): int(corner) for (v, u), corner in np.ndenumerate(grown)}
+    return None
+
+
+def _cells_at(pool: Pool, seed: int) -> Labels | None:
+    """The board that grows by cells from the first convex cell at `seed`; None if there is none."""
+    for at in _matrices_at(pool, seed):
         for u, v in QUADRANTS:
             ring = _ring((min(u, 0), min(v, 0)))
             if all(spot in at for spot in ring) and _convex(pool.xy[[at[spot] for spot in ring]]):

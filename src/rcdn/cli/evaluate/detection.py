@@ -17,10 +17,13 @@ def scenes(
 ) -> None:
     """Raw corners on rendered scenes: precision and recall at 4 px under each threshold of the paper's Table 2 (about 4 minutes)."""
     from rcdn.evaluation import scenes as suite
+    from rcdn.evaluation.weights import PRESETS, weights_of
 
     check_files(json)
     rows = suite.table(count, os.cpu_count() or 1)
-    show(rows, json, "scenes", {"count": count, "first seed": suite.FIRST, "radius": suite.RADIUS, "size": [640, 480]})
+    settings = {"count": count, "first seed": suite.FIRST, "radius": suite.RADIUS, "size": [640, 480]}
+    settings["weights"] = weights_of(PRESETS)
+    show(rows, json, "scenes", settings)
 
 
 def hard(
@@ -29,10 +32,11 @@ def hard(
 ) -> None:
     """F1 at 2 px on the fixed hard validation crops: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75° (a minute)."""
     from rcdn.evaluation import hard as suite
+    from rcdn.evaluation.weights import weights_of
 
     check_files(json)
     models = tuple(model or ("auto", "paper"))
-    show(suite.table(models), json, "hard", {"models": models})
+    show(suite.table(models), json, "hard", {"models": models, "weights": weights_of(models)})
 
 
 def detections(
@@ -64,6 +68,7 @@ def recovery(
     and right labels; `wrong`: corners of boards that are none; `labels`: boards with a wrong label; `false`: boards where none is.
     """
     from rcdn.evaluation import recovery as suite
+    from rcdn.evaluation.weights import weights_of
     from rcdn.report.recovery import Gallery
 
     check_files(json)
@@ -72,4 +77,5 @@ def recovery(
         rows = suite.table(count, least, step, gallery.add if pictures is not None else None)
     if pictures is not None:
         gallery.write(pictures)
-    show(rows, json, "recovery", {"count": count, "least": least, "first seed": suite.FIRST})
+    settings = {"count": count, "least": least, "first seed": suite.FIRST, "weights": weights_of(suite.PRESETS)}
+    show(rows, json, "recovery", settings)

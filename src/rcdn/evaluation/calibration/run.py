@@ -26,6 +26,7 @@ from rcdn.evaluation.calibration.protocol import (
     without_outliers,
 )
 from rcdn.evaluation.calibration.sets import CameraSet
+from rcdn.evaluation.weights import weights_of
 from rcdn.peers import Grid
 from rcdn.types import Array
 
@@ -76,7 +77,7 @@ def settings_of(sets: Sequence[CameraSet], detectors: Sequence[Contestant], shap
     """What to write beside the figures."""
     return {
         "sets": {s.name: f"{s.pattern}, {s.size[0]}x{s.size[1]}, {s.model}" for s in sets},
-        "detectors": {d.name: d.version for d in detectors},
+        "detectors": {d.name: d.version for d in detectors}, "weights": weights_of(d.name for d in detectors),
         "splits": SPLITS, "folds": FOLDS, "seed": SEED, "fewest pictures": FEWEST, "shape": shaped,
         "error": "root of the mean squared length of observed - projected, px",
     }  # fmt: skip

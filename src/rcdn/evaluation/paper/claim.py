@@ -36,6 +36,11 @@ def markdown_table(header: Iterable[str], body: Iterable[Iterable[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *body))
 
 
+def folded(title: str, *parts: str) -> str:
+    """Markdown that is shown only to those who open it."""
+    return "\n\n".join([f"<details>\n<summary>{title}</summary>", *parts, "</details>"])
+
+
 def markdown_claims(claims: Iterable[Claim]) -> str:
     """Markdown: claim, verdict, figures; a table of the paper's, and one of ours if there are any."""
     every = list(claims)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.evaluation.paper.claim import Claim, markdown_claims, markdown_table
+from rcdn.evaluation.paper.claim import Claim, folded, markdown_claims, markdown_table
 from rcdn.evaluation.paper.refinements import FACTORS, INTENSITY, METHODS, MIXED, OURS, RESPONSE
 
 Row = dict[str, Any]
@@ -254,7 +254,7 @@ def _cell(row: Row) -> str:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Short tables: a few levels of each factor, and the claims."""
+    """The claims and, folded, short tables: a few levels of each factor."""
     out = []
     for factor in dict.fromkeys(row["factor"] for row in rows):
         levels = [
@@ -267,4 +267,4 @@ def markdown(rows: Sequence[Row]) -> str:
         out.append(
             markdown_table([f"{factor}: mean px (failed)", *(f"{level:g}{UNITS[factor]}" for level in levels)], body)
         )
-    return "\n\n".join([*out, markdown_claims(claims(rows))]) + "\n"
+    return "\n\n".join([markdown_claims(claims(rows)), folded("Mean errors, a few levels of each factor", *out)]) + "\n"

@@ -23,6 +23,7 @@ from rcdn.evaluation.paper import stereo_pair
 from rcdn.evaluation.paper.table4_figures import Boards, Figures, Rig, Truth, figures, relabelled, rig_of
 from rcdn.evaluation.paper.table4_published import EYE_TRACKER, RATIOS, REFERENCE, WIDE_ANGLE, compared, published_rows
 from rcdn.evaluation.share_out import share_out
+from rcdn.evaluation.weights import weights_of
 from rcdn.peers import Grid
 from rcdn.synthetic import Scene
 
@@ -132,7 +133,7 @@ def settings_of(sets: Sequence[PaperSet], detectors: Sequence[Contestant], views
     cameras = [c for s in sets for c in s.cameras]
     return {
         "sets": {c.name: f"{c.pattern}, {c.size[0]}x{c.size[1]}, {c.model}" for c in cameras},
-        "detectors": {d.name: d.version for d in detectors},
+        "detectors": {d.name: d.version for d in detectors}, "weights": weights_of(d.name for d in detectors),
         "rendered views": views, "seed": seed, "first seed": stereo_pair.FIRST,
         "splits": SPLITS, "seed of splits": SEED, "fewest pictures of a camera": FEWEST,
         "error": "root of the mean squared length of observed - projected, px",

@@ -14,7 +14,7 @@ import numpy as np
 
 from rcdn.evaluation.calibration.detectors import OURS
 from rcdn.evaluation.calibration.run import ALL, COMMON
-from rcdn.evaluation.paper.claim import Claim, markdown_claims, markdown_table
+from rcdn.evaluation.paper.claim import Claim, folded, markdown_claims, markdown_table
 from rcdn.evaluation.paper.table4_figures import Figures
 
 EYE_TRACKER, WIDE_ANGLE = "eye tracker", "wide angle"
@@ -240,5 +240,18 @@ def _cell(column: str, row: Row) -> str:
 
 
 def markdown(rows: Sequence[Row], stated: Sequence[Claim]) -> str:
-    """A section of docs/paper-results.md."""
-    return "\n\n".join([*(t.markdown() for t in tables(rows)), FLATTERED, markdown_claims(stated)]) + "\n"
+    """A section of docs/paper-results.md: the claims in short; folded, all rows and the claims' figures."""
+    long = [folded(t.title.partition(":")[0], t.markdown()) for t in tables(rows)]
+    parts = [_verdicts(stated), FLATTERED, *long, folded("The figures behind the claims", markdown_claims(stated))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _verdicts(stated: Sequence[Claim]) -> str:
+    """What is claimed, a line each, and whether it holds, a column a set."""
+    sets = list(dict.fromkeys(c.text.rpartition(" on ")[2] for c in stated))
+    lines: dict[str, dict[str, str]] = {}
+    for c in stated:
+        text, _, one = c.text.rpartition(" on ")
+        verdict = {True: "yes", False: "**no**", None: "–"}[c.holds]
+        lines.setdefault(text + " (we ask)" * c.ours, {})[one] = verdict
+    return markdown_table(["", *sets], [[text, *(of.get(s, "") for s in sets)] for text, of in lines.items()])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rcdn.evaluation.paper.claim import folded
 from rcdn.evaluation.paper.table_claims import Comparison, claims, measured, published
 
 TITLES = {"table2": "Table 2: thresholds and losses", "table3": "Table 3: networks"}
@@ -45,15 +46,22 @@ def told(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def markdown(
     table: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any], settings: Mapping[str, Any], command: str
 ) -> str:
-    """A section of the docs: the table, what was skipped, the claims. `facts`: as `provenance` gives them."""
+    """A section of the docs: a picture, the claims and, folded, all rows and the claims' figures. `facts`: as `provenance` gives them."""
     made = (
         f"`{command}` at commit {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs; "
         f"rendered pictures from seed {settings['first seed']}."
     )
     clusters = "with clustering (but for ChESS)" if settings["cluster"] else "without clustering"
-    parts = [f"## {TITLES[table]}", made, f"{READING} Post-processing of the preset `paper`, {clusters}.", _grain(rows)]
-    parts += [_table(rows), _skipped(rows), _claims(table, rows)]
+    read = f"{READING} Post-processing of the preset `paper`, {clusters}."
+    parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
+    parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
+    parts += [folded("The figures behind the claims", _figures(table, rows))]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def picture(table: str) -> str:
+    """The picture of a table that `docs/images/draw_paper.py` draws."""
+    return f"![{TITLES[table]}, ours beside the paper's](images/paper/{table}.svg)"
 
 
 def _grain(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -95,9 +103,18 @@ def name_of(row: Mapping[str, Any]) -> str:
 
 
 def _claims(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    lines = ["| section 4.1 says | its own table | here | figures here |", "|---|---|---|---|"]
+    lines = ["| section 4.1 says | its own table | here |", "|---|---|---|"]
     lines += [
-        f"| {paper.text} | {paper.verdict} | {ours.verdict} | {ours.told or '–'} |"
-        for paper, ours in verdicts(table, rows)
+        f"| {paper.text} | {paper.verdict} | {_stressed(ours.verdict)} |" for paper, ours in verdicts(table, rows)
     ]
+    return "\n".join(lines)
+
+
+def _stressed(verdict: str) -> str:
+    return f"**{verdict}**" if verdict.startswith("doesn't") else verdict
+
+
+def _figures(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = ["| section 4.1 says | figures here |", "|---|---|"]
+    lines += [f"| {ours.text} | {ours.told or '–'} |" for _, ours in verdicts(table, rows)]
     return "\n".join(lines)

@@ -13,6 +13,7 @@ from rcdn.evaluation.sweep.bound import bounds
 from rcdn.evaluation.sweep.pictures import FIRST, Picture, picture, seed_of
 from rcdn.evaluation.sweep.score import MOST, SHARE, Answers, Score, broken, row, score
 from rcdn.evaluation.sweep.settings import FACTORS
+from rcdn.evaluation.weights import weights_of
 from rcdn.peers import PEERS, Find, Grid, quiet
 from rcdn.types import Array
 
@@ -43,7 +44,7 @@ def contestants(peers: Sequence[str] = ("auto",)) -> tuple[list[str], dict[str, 
 def settings_of(count: int, preset: str, peers: Sequence[str]) -> dict[str, Any]:
     """What to write beside the figures."""
     return {
-        "count": count, "preset": preset, "first seed": FIRST, "board": SIZE,
+        "count": count, "preset": preset, "weights": weights_of([preset]), "first seed": FIRST, "board": SIZE,
         "hit": f"within {SHARE} of the distance to the nearest neighbour, at most {MOST} px",
         "peers": {name: PEERS[name].version() for name in peers},
     }  # fmt: skip
