@@ -88,10 +88,11 @@ class Views:
         enlarged = [(view, part) for view, part in others if view.scale > 1 and not plain]
         reduced = [(view, part) for view, part in others if view.scale < 1]
         strong = joint([result.strong for result in out], (0, 2))
+        complete = known if settled(known) else []
         out += [self._look(*each) for each in enlarged]
-        out += [self._look(*each, known=known if settled(known) else []) for each in reduced]
+        out += [self._look(*each, known=complete) for each in reduced]
         if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
-            out.append(self._look(closer, closer.of(self.grey)))
+            out.append(self._look(closer, closer.of(self.grey), known=complete))
         return out
 
     @property
