@@ -5,13 +5,15 @@
 #define TAPS 3   /* reach of the longest filter */
 #define STEP 64  /* columns that are tested together */
 #define PAD 8    /* columns continued on either side of a row */
+#define SADDLE 1 /* what is marked in a cell */
+#define STEEP 2
 #define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
     index_t height, width; /* of the half-resolution picture */
     index_t stride;        /* of its rows, with PAD columns on either side */
     float *grey;           /* (height, stride) */
-    float *limit;          /* (blocks down, blocks across): least −det of the Hessian */
+    float *limit[2];       /* (blocks down, blocks across): least −det of the Hessian, of any saddle and of a steep one */
     float *rows[3];        /* −det of three rows */
     float *down[3];        /* a row filtered along y: smooth, slope, bend */
 } Half;
@@ -36,8 +38,13 @@ INLINE void halved(const Picture *p, Half *h) {
     }
 }
 
-/* The limits of all blocks: (share × (standard deviation over 3×3 blocks + floor))². `sums` (3, blocks down, blocks across) is room. */
-INLINE void limits(Half *h, float share, float floor_, double *sums) {
+/* How steep a saddle must be: share × (standard deviation around it + floor). */
+typedef struct {
+    float share, floor_;
+} Steepness;
+
+/* The limits of all blocks, squared, with standard deviations over 3×3 of them. `sums` (3, blocks down, blocks across) is room. */
+INLINE void limits(Half *h, const Steepness least[2], double *sums) {
     const index_t down = (h->height + BLOCK - 1) / BLOCK, across = (h->width + BLOCK - 1) / BLOCK;
     double *one = sums, *square = sums + down * across, *count = square + down * across;
     float *restrict column = h->down[0], *restrict columns = h->down[1]; /* sums over a block's rows */
@@ -68,8 +75,10 @@ INLINE void limits(Half *h, float share, float floor_, double *sums) {
                     n += count[y * across + x];
                 }
             const double variance = q / n - s / n * (s / n);
-            const float limit = share * ((float)sqrt(variance > 0 ? variance : 0) + floor_);
-            h->limit[j * across + i] = limit * limit;
+            for (int k = 0; k < 2; k++) {
+                const float limit = least[k].share * ((float)sqrt(variance > 0 ? variance : 0) + least[k].floor_);
+                h->limit[k][j * across + i] = limit * limit;
+            }
         }
 }
 
@@ -100,16 +109,20 @@ INLINE void saddle_row(Half *h, index_t y, float *out) {
     down_row(r[0], r[1], r[2], r[3], r[4], r[5], r[6], h->stride, h->down[0], h->down[1], h->down[2]);
     along_row(h->down[0] + PAD, h->down[1] + PAD, h->down[2] + PAD, h->width, out);
 }
-static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_t y) {
+
+/* Add `kind` to the cells around a saddle. */
+static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_t y, uint8_t kind) {
     const index_t left = 2 * x - REACH + 1, top = 2 * y - REACH + 1, right = 2 * x + REACH, low = 2 * y + REACH;
     const index_t i1 = right / CELL < across - 1 ? right / CELL : across - 1, j1 = low / CELL < down - 1 ? low / CELL : down - 1;
     for (index_t j = top > 0 ? top / CELL : 0; j <= j1; j++)
         for (index_t i = left > 0 ? left / CELL : 0; i <= i1; i++)
-            cells[j * across + i] = 1;
+            cells[j * across + i] |= kind;
 }
 
-/* Mark the cells around the peaks among the three rows, of which the middle one is `y`. Returns how many peaks there are. */
-INLINE index_t marked(const Half *h, index_t y, const float *limit, uint8_t *cells, index_t down, index_t across) {
+/* Mark the cells around the peaks among the three rows, of which the middle one is `y`, under the limits (2 rows) of its pixels. Returns how many peaks
+ * there are. */
+INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t *cells, index_t down, index_t across) {
+    const float *limit = limits[0];
     const float *a = h->rows[0], *b = h->rows[1], *c = h->rows[2];
     index_t count = 0;
     for (index_t i = 0; i < h->width; i += STEP) { /* most of a row is far below */
@@ -124,7 +137,7 @@ INLINE index_t marked(const Half *h, index_t y, const float *limit, uint8_t *cel
                 continue;
             const index_t w = x > 0 ? x - 1 : x, e = x + 1 < h->width ? x + 1 : x;
             if (b[x] >= b[w] && b[x] >= b[e] && b[x] >= a[w] && b[x] >= a[x] && b[x] >= a[e] && b[x] >= c[w] && b[x] >= c[x] && b[x] >= c[e]) {
-                mark(cells, down, across, x, y);
+                mark(cells, down, across, x, y, b[x] > limits[1][x] ? SADDLE | STEEP : SADDLE);
                 count++;
             }
         }
@@ -132,15 +145,16 @@ INLINE index_t marked(const Half *h, index_t y, const float *limit, uint8_t *cel
     return count;
 }
 
-/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak. Returns the number of saddles. */
+/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak: 1, and 3 where a saddle exceeds `steep` × (the contrast +
+ * `steep_floor`), too. Returns the number of saddles. */
 FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_),
-            (OUT, uint8_t, cells, down, across)) {
-    Half h = {p.height / 2, p.width / 2, 0, NULL, NULL, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
+            (REAL, steep), (REAL, steep_floor), (OUT, uint8_t, cells, down, across)) {
+    Half h = {p.height / 2, p.width / 2, 0, NULL, {NULL, NULL}, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
     if (h.height < 1 || h.width < 1)
         return 0;
     h.stride = h.width + 2 * PAD;
     const index_t across_blocks = (h.width + BLOCK - 1) / BLOCK, blocks = (h.height + BLOCK - 1) / BLOCK * across_blocks;
-    float *room = malloc(((size_t)((h.height + 7) * h.stride) + (size_t)blocks) * sizeof *room);
+    float *room = malloc(((size_t)((h.height + 8) * h.stride) + 2 * (size_t)blocks) * sizeof *room);
     double *sums = malloc(3 * (size_t)blocks * sizeof *sums);
     if (!room || !sums) {
         free(room);
@@ -152,10 +166,14 @@ FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
         h.rows[k] = room + (h.height + k) * h.stride;
         h.down[k] = room + (h.height + 3 + k) * h.stride;
     }
-    h.limit = room + (h.height + 7) * h.stride;
-    float *limit = room + (h.height + 6) * h.stride;
+    const Steepness least[2] = {{(float)share, (float)floor_}, {(float)steep, (float)steep_floor}};
+    float *limit[2];
+    for (int k = 0; k < 2; k++) {
+        h.limit[k] = room + (h.height + 8) * h.stride + k * blocks;
+        limit[k] = room + (h.height + 6 + k) * h.stride;
+    }
     halved(&p, &h);
-    limits(&h, (float)share, (float)floor_, sums);
+    limits(&h, least, sums);
     index_t count = 0;
     saddle_row(&h, 0, h.rows[1]);
     memcpy(h.rows[0], h.rows[1], (size_t)h.stride * sizeof(float));
@@ -165,8 +183,9 @@ FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
         else
             memcpy(h.rows[2], h.rows[1], (size_t)h.stride * sizeof(float));
         if (y % BLOCK == 0)
-            for (index_t x = 0; x < h.width; x++)
-                limit[x] = h.limit[y / BLOCK * across_blocks + x / BLOCK];
+            for (int k = 0; k < 2; k++)
+                for (index_t x = 0; x < h.width; x++)
+                    limit[k][x] = h.limit[k][y / BLOCK * across_blocks + x / BLOCK];
         count += marked(&h, y, limit, cells, down, across);
         float *first = h.rows[0];
         h.rows[0] = h.rows[1];

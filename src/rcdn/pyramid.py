@@ -35,27 +35,8 @@ PLAIN_REDUCED = 6.0
 """px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
 SURE, SURE_REACH = 0.4, 48
 """response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
-NEXT = (0.8, 1.5)
-"""squares beyond a board's rim: from where to where its next corner and what shows it would be"""
-AROUND = 1.5
-"""squares around a board of a coarser view in which the next finer one may show more of it"""
-LEAST_REDUCED = 140 * 100
-"""px; a picture is halved, and halved again, as long as this is left of it"""
-MOST_HALVINGS = 3
-PLAIN_REDUCED = 6.0
-"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
-SURE, SURE_REACH = 0.4, 48
-"""response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
-FAINT, FAINT_SIDE, FAINT_SHARE = 0.1, 15, 0.15
-"""likewise for squares that are too small to be sure of: at least this share of a window of so many px answers by `FAINT`"""
-LEAST_REDUCED = 140 * 100
-"""px; a picture is halved, and halved again, as long as this is left of it"""
-MOST_HALVINGS = 3
-PLAIN_REDUCED = 6.0
-"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
-SHOWN, SHOWN_REACH = 0.1, 4
-"""response of a coarser view, and px of it around, where the next finer view can have any corner: squares of 8 px still answer by .3 when they
-are halved, three quarters of those of 6 px by .1"""
+FAINT, FAINT_SIDE, FAINT_SHARE = 0.25, 15, 0.12
+"""likewise for squares that are nearly too small for that view: at least this share of a window of so many px answers by `FAINT`"""
 TINY = 8.5
 """px; squares under this deserve a closer look"""
 LEAST_TINY = 12
@@ -173,18 +154,29 @@ def halved_first(views: list[View]) -> View | None:
 def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) near what a coarser view shows by its `response` (h, w) and `boards`."""
     side = 2 * SURE_REACH + 1
-    mask = cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8))
-    at = []
-    for fine, coarse in zip(shape, response.shape, strict=True):
-        middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
-        at.append(np.minimum((middle * (coarse / fine)).astype(int), coarse - 1))
-    cells = np.asarray(mask[np.ix_(*at)].view(bool))
+    cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
     for board in boards:
         more = AROUND * _pitch(board)
         low, high = board.xy.min(axis=0) - more, board.xy.max(axis=0) + more
         (x0, y0), (x1, y1) = np.maximum(low // CELL, 0).astype(int), np.maximum(high // CELL + 1, 0).astype(int)
         cells[y0:y1, x0:x1] = True
     return cells
+
+
+def shown_faintly(response: Array, shape: tuple[int, ...]) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) where the `response` (h, w) of a coarser view is faint but dense, as in squares that are nearly
+    too small for it."""
+    share = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
+    return _cells_under((share >= round(255 * FAINT_SHARE)).view(np.uint8), shape)
+
+
+def _cells_under(mask: Array, shape: tuple[int, ...]) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) whose middles are marked in the `mask` (h, w) uint8 of a view of it."""
+    at = []
+    for fine, coarse in zip(shape, mask.shape, strict=True):
+        middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
+        at.append(np.minimum((middle * (coarse / fine)).astype(int), coarse - 1))
+    return np.asarray(mask[np.ix_(*at)] > 0)
 
 
 def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:

@@ -16,7 +16,7 @@ from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.refine import saddle_position
 from rcdn.corners.response import ResponseModel
-from rcdn.corners.sieve import SMALL_SHARE, cells_with_saddles
+from rcdn.corners.sieve import STEEP_FLOOR, STEEP_FLOOR_BESIDE, saddles_and_steep_ones
 from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
@@ -33,6 +33,7 @@ from rcdn.pyramid import (
     pictures_of,
     plainly_seen,
     settled,
+    shown_faintly,
     shown_nearby,
     unexplained,
     whole_views,
@@ -117,10 +118,10 @@ class Views:
             result = self._beside(known, view, part, coarser)
             if result is not None:
                 return result
-        cells = self.model.cells_of(part)
-        if cells is not None and coarser is not None:
-            near = shown_nearby(coarser.response, coarser.boards, part.shape)
-            cells &= near | cells_with_saddles(part, SMALL_SHARE)
+        if coarser is None or self.model.cells is None:
+            cells = self.model.cells_of(part)
+        else:
+            cells = _open_cells(part, coarser, shown_nearby(coarser.response, coarser.boards, part.shape), STEEP_FLOOR)
         response, peaks = self._peaks(part, cells)
         return self._recovered(view, part, response, peaks)
 
@@ -129,11 +130,8 @@ class Views:
 
         After a `coarser` view these are squares that were too small for that, and corners at the frame.
         """
-        if coarser is None:
-            cells = self.model.cells_of(part)
-        else:
-            cells, edge = cells_with_saddles(part, SMALL_SHARE), at_the_frame(known, part.shape)
-            cells |= edge & cells_with_saddles(part) if edge.any() else edge
+        edge = at_the_frame(known, self.grey.shape)
+        cells = self.model.cells_of(part) if coarser is None else _open_cells(part, coarser, edge, STEEP_FLOOR_BESIDE)
         if cells is not None:
             cells = outside(view, cells, known)
         response, peaks = self._peaks(part, cells)
@@ -192,6 +190,13 @@ class Views:
         after[stray] = before[stray]
         boards = [replace(board, xy=after[row]) for board, row in zip(seen.boards, rows, strict=True)]
         return replace(seen, corners=replace(seen.corners, xy=after).sort(), boards=boards, detailed=True)
+
+
+def _open_cells(part: Array, coarser: ViewResult, near: Array, floor: float) -> Array:
+    """The cells of the picture `part` in which it may show what its half, `coarser`, doesn't: those `near` what that shows, and where squares are
+    small for it (`floor`: see `saddles_and_steep_ones`)."""
+    saddles, steep = saddles_and_steep_ones(part, floor)
+    return (saddles & (near | shown_faintly(coarser.response, part.shape))) | steep
 
 
 def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
