@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.cli import _talk
+from rcdn.cli._behind import seen_from_behind
 from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._calibration_runs import Problem, Run, flat
 from rcdn.cli._camera_files import write_rig_files
@@ -15,7 +16,7 @@ from rcdn.cli._spacing import metres
 from rcdn.errors import ConfigError
 
 if TYPE_CHECKING:
-    from rcdn.cli._inputs import Gathered
+    from rcdn.cli._inputs import Gathered, Numbers
     from rcdn.types import Array, Reason, RigCalibration, Verdict
 
 
@@ -25,7 +26,8 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     from rcdn.cli._camera_text import verdict_line
     from rcdn.io import write_rig_calibration
 
-    found = _gathered(run, cameras_in(inputs), problem)
+    cameras = cameras_in(inputs)
+    found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
         _talk.note(f"note: pictures belong together by {way}")
@@ -59,14 +61,22 @@ def _no_page(path: Path) -> None:
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
-    """The boards of each camera; of videos the frames that were chosen of the first one's."""
-    found: dict[str, Gathered] = {}
-    numbers = None
+    """The boards of each camera; of videos the frames that were chosen of any of them."""
+    found = {name: run.gather(inputs, cameras=len(cameras)) for name, inputs in cameras.items()}
+    chosen = _together([got.frames for got in found.values()])
     for name, inputs in cameras.items():
-        found[name] = run.gather(inputs, numbers)
+        if chosen and found[name].frames != chosen:
+            found[name] = run.gather(inputs, chosen)
+        found[name] = seen_from_behind(run, name, inputs, found[name])
         run.check(found[name], problem.spacing)
-        numbers = numbers or found[name].frames or None
     return found
+
+
+def _together(frames: Sequence[Numbers]) -> Numbers:
+    """The numbers of the frames that were chosen in any camera's video; () if the cameras don't have as many videos each."""
+    if len({len(each) for each in frames}) > 1:
+        return ()
+    return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
 def rig_lines(done: RigCalibration) -> list[str]:
