@@ -80,7 +80,11 @@ class Stub:
     def detect(self, image):
         mirrored = image[0, 0] == 0
         boards = [self.found] if mirrored else [replace(self.found, target=None, ids=None)]
-        return Detection(Corners(np.zeros((0, 2)), np.zeros(0), None, np.zeros(0)), boards, () if mirrored else (self.warning, "another warning"))
+        return Detection(
+            Corners(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.uint8)),
+            boards,
+            () if mirrored else (self.warning, "another warning"),
+        )
 
 
 def test_the_second_look_gives_numbers_to_what_is_seen_from_behind():
