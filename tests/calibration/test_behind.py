@@ -59,7 +59,7 @@ def test_a_camera_behind_the_plate_finds_its_place():
 def test_a_plain_board_that_runs_the_wrong_way_round_is_still_refused():
     views, moments, _ = seen()
     plain = {name: [replace(b, target=None, ids=None) for b in each] for name, each in views.items()}
-    with pytest.raises(CalibrationError, match="camera back.*wrong way round"):
+    with pytest.raises(CalibrationError, match=r"camera back.*wrong way round"):
         calibrate_rig(plain, SPACING, moments=moments, model="brown")
 
 

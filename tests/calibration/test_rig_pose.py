@@ -90,7 +90,7 @@ def test_labels_that_are_turned_in_one_camera_follow_the_others():
 
 def test_a_camera_that_sees_the_board_elsewhere_is_left_out_and_named():
     boards, T = shown(np.random.default_rng(3))
-    boards["c2"] = replace(boards["c2"], xy=boards["c2"].xy + [60.0, 0.0])
+    boards["c2"] = replace(boards["c2"], xy=boards["c2"].xy + np.array([60.0, 0.0]))
     found = estimate_rig_pose(boards, rig(), SPACING)
     assert list(found.left_out) == ["c2"]
     assert "elsewhere" in found.left_out["c2"]

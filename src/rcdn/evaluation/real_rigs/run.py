@@ -48,7 +48,13 @@ def theirs(shots: Shots, spacing: float) -> Known:
     return opencvs(shots, spacing), None
 
 
-SOLVERS: dict[str, Callable[[Shots, float], Known]] = {"rcdn": ours, "opencv": theirs}
+def theirs_of_parts(shots: Shots, spacing: float) -> Known:
+    """OpenCV's rig, from boards that were seen in part, too."""
+    return opencvs(shots, spacing, parts=True), None
+
+
+PARTS = "opencv, parts too"
+SOLVERS: dict[str, Callable[[Shots, float], Known]] = {"rcdn": ours, "opencv": theirs, PARTS: theirs_of_parts}
 
 
 def folds(shots: Shots, count: int) -> list[list[str]]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.shape import KNOWN, on_shape
@@ -115,7 +114,7 @@ def _of_board(
     if known.sum() < 3 or np.linalg.matrix_rank(points[known] - points[known].mean(axis=0), 1e-9) < 2:
         return np.full(1, np.nan)
     parts = []
-    for c, (name, each) in enumerate(xy.items()):
+    for c, each in enumerate(xy.values()):
         there = np.flatnonzero(np.isfinite(each).all(axis=1))
         parts.append((np.zeros(len(there), int), np.full(len(there), c), flat[there], each[there], basis[there]))
     corners = Corners3(*(np.concatenate(p) for p in zip(*parts, strict=True)))
@@ -130,7 +129,8 @@ def _of_board(
 def _fitted(flat: Array, points: Array) -> Array:
     """T (4, 4) that brings `flat` (N, 2) nearest to `points` (N, 3) (Kabsch)."""
     board = np.column_stack([flat, np.zeros(len(flat))])
+    U, _, Vt = np.linalg.svd((points - points.mean(axis=0)).T @ (board - board.mean(axis=0)))
     T = np.eye(4)
-    T[:3, :3] = Rotation.align_vectors(points - points.mean(axis=0), board - board.mean(axis=0))[0].as_matrix()
+    T[:3, :3] = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     T[:3, 3] = points.mean(axis=0) - T[:3, :3] @ board.mean(axis=0)
     return T
