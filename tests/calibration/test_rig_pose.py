@@ -125,3 +125,14 @@ def test_wrong_arguments_are_named():
     line = replace(boards["c0"], xy=np.full_like(boards["c0"].xy, 100.0))
     with pytest.raises(CalibrationError, match="c0: "):
         estimate_rig_pose({"c0": line}, rig(), SPACING)
+
+
+def test_cameras_whose_place_is_unsure_weigh_less():
+    boards, _ = shown(np.random.default_rng(8))
+    vague = np.zeros((18, 18))
+    vague[6:, 6:] = np.diag(np.tile([1e-2**2] * 6, 2))
+    alone = estimate_rig_pose({"c0": boards["c0"]}, rig(vague), SPACING)
+    joint = estimate_rig_pose(boards, rig(vague), SPACING)
+    sure = estimate_rig_pose(boards, rig(np.zeros((18, 18))), SPACING)
+    assert (joint.std <= 1.01 * alone.std).all()
+    assert (sure.std[3:] < joint.std[3:]).all()

@@ -153,14 +153,14 @@ def _estimated(
     fit = robust.fit(state, robust.LEAST, corners, sigma, nothing)
     if fit.reasons[0]:
         raise CalibrationError(f"no pose fits what {', '.join(names)} saw: is it this rig, and one moment?")
-    T, target = fit.state.poses[0], boards[names[0]].target
-    cov = pose_covariance(fit.state, corners, fit.weight, fit.arrow, fit.scale) + _by_places(rig, at, fit, corners)
-    length = (fit.residuals[fit.used] ** 2).sum(axis=1)
+    step, cov = _weighed(rig, at, fit, corners)
+    state, target = fit.state.moved(step[None], np.zeros(len(fit.state.values))), boards[names[0]].target
+    T, gaps = state.poses[0], residuals(state, corners)
     return RigPoseEstimate(
         T,
         cov,
-        float(np.sqrt(length.mean())),
-        {n: fit.residuals[camera == c] for c, n in enumerate(names)},
+        float(np.sqrt((gaps[fit.used] ** 2).sum(axis=1).mean())),
+        {n: gaps[camera == c] for c, n in enumerate(names)},
         {n: why for n, why in reasons.items() if n not in names},
         None if target is None else T @ frame_of(target, spacing),
     )
@@ -178,16 +178,33 @@ def _together(parts: list[Corners3], camera: Array) -> Corners3:
     return Corners3(np.zeros(len(xy), int), camera, board, xy, basis)
 
 
-def _by_places(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> Array:
-    """(6, 6) what the cameras' places add to the pose's covariance; 0 if the rig doesn't know it.
+def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tuple[Array, Array]:
+    """The small motion (6,) of the pose to where cameras have it that weigh by how well their places are known, and its covariance (6, 6).
 
-    A camera that is off by a small motion would have the pose follow it; of that the cameras `at` have their share of the information, H⁻¹ Hₖ.
+    Generalised least squares of one pose a camera, linearised at the joint solution. What camera k sees errs by its corners, and by the
+    motion of its place δₖ, which its own pose follows: −Ad(Tₖ)⁻¹ δₖ.
     """
-    if rig.covariance is None:
-        return np.zeros((6, 6))
-    by_pose = Linear.of(fit.state, corners, fit.weight, np.zeros(len(fit.state.values), bool)).by_frame
-    infos = [np.einsum("nia,nib->ab", mine, mine) for mine in (by_pose[corners.camera == c] for c in range(len(at)))]
-    J = np.zeros((6, 6 * len(rig)))
-    for k, info in zip(at, infos, strict=True):
-        J[:, 6 * k : 6 * k + 6] = -np.linalg.solve(sum(infos), info @ np.linalg.inv(rig.motion_to(k)))
-    return np.asarray(J @ rig.covariance @ J.T)
+    state, many = fit.state, len(at)
+    apart, errors = np.zeros(6 * many), np.zeros((6 * many, 6 * many))
+    follow = np.zeros((6 * many, 6 * len(rig)))
+    for c, k in enumerate(at):
+        mine = slice(6 * c, 6 * c + 6)
+        apart[mine], errors[mine, mine] = _own(state, corners, np.where(corners.camera == c, fit.weight, 0.0))
+        follow[mine, 6 * k : 6 * k + 6] = -np.linalg.inv(rig.motion_to(k))
+    if rig.covariance is not None:
+        errors += follow @ rig.covariance @ follow.T
+    firm = np.linalg.solve(errors, np.tile(np.eye(6), (many, 1)))
+    cov = np.linalg.inv(np.tile(np.eye(6), (1, many)) @ firm)
+    return cov @ (firm.T @ apart), (cov + cov.T) / 2
+
+
+def _own(state: State, corners: Corners3, weight: Array) -> tuple[Array, Array]:
+    """The small motion (6,) of the pose to where one camera by itself has it, whose corners have a `weight`, and its covariance (6, 6)."""
+    nothing = np.zeros(len(state.values))
+    here = Linear.of(state, corners, weight, nothing.astype(bool))
+    arrow = here.arrow()
+    step = arrow.own[0] @ arrow.own[0].T @ here.gradient[0][0]
+    own = state.moved(step[None], nothing)
+    used = weight > 0
+    square = float(((residuals(own, corners)[used] * weight[used, None]) ** 2).sum())
+    return step, pose_covariance(own, corners, weight, arrow, square / max(2 * int(used.sum()) - 6, 1))

@@ -28,8 +28,9 @@ def real_rigs(
 
     Corners that two cameras or more saw are triangulated: step_permille is the RMS error of the lengths between neighbours, ÷ the
     spacing, span_permille that of rows and columns from end to end; rays_px is from corners to their triangulated points, board_px to the
-    board in the pose that fits all cameras, RMS. OpenCV is given whole boards, and once parts of coded ones, too. A part for which a solver gives no rig has failed. Rigs that other programs left are scored on all moments.
-    Then, of three cameras: how T_c_a by way of b differs from T_c_a, each pair calibrated apart, in stated deviations.
+    board in the pose that fits all cameras, RMS. OpenCV is given whole boards, and once parts of coded ones, too. A part for which a
+    solver gives no rig has failed. Rigs that other programs left are scored on all moments. Then, of three cameras: how T_c_a by way of
+    b differs from T_c_a, each pair calibrated apart, in stated deviations.
     """
     from rcdn.evaluation.real_rigs import run as suite
     from rcdn.evaluation.real_rigs.sets import SETS, shots_of
