@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.calibration import choose, robust
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.shape import FUNCTIONS
+from rcdn.calibration.uncertainty import UNBIASED
 from rcdn.types import Array
 
 COMPARED = 60
@@ -29,12 +30,12 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     predicts the boards of moments held out better. `spacing`: side of a square, m."""
     free = default_free(start, rig=True)
     state, noise = robust.rough_fit(start, joint.corners, joint.sigma, free)
-    flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster)
+    flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
     if not shaped:
         return flat
     state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
     free = default_free(state, shape=True, rig=True)
-    curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing)
+    curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
     return curved if _predicts_better(joint, curved, flat) else flat
 
 

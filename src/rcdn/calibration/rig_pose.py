@@ -16,7 +16,7 @@ from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.pose import estimate_pose, pose_corners
 from rcdn.calibration.rig import AGREE
 from rcdn.calibration.shape import KNOWN
-from rcdn.calibration.solver import BEHIND, Linear
+from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
@@ -201,7 +201,7 @@ def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tup
 def _own(state: State, corners: Corners3, weight: Array) -> tuple[Array, Array]:
     """The small motion (6,) of the pose to where one camera by itself has it, whose corners have a `weight`, and its covariance (6, 6)."""
     nothing = np.zeros(len(state.values))
-    here = Linear.of(state, corners, weight, nothing.astype(bool))
+    here = Normal.of(state, corners, weight, nothing.astype(bool))
     arrow = here.arrow()
     step = arrow.own[0] @ arrow.own[0].T @ here.gradient[0][0]
     own = state.moved(step[None], nothing)
