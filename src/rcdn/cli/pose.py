@@ -16,7 +16,7 @@ from rcdn.cli._spacing import SpacingOrFile, check_spacing, metres, side, sizes_
 from rcdn.cli._talk import Quiet
 from rcdn.cli._target import DEFAULT, Target
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, present
 
 
 def pose(
@@ -97,7 +97,7 @@ def pose(
 
         rig_poses(rig, inputs, length, Looks(config, open_cache(config, cache, off=no_cache), jobs, size), json)
         return
-    lens = chosen_camera(camera, camera_name, "--camera")
+    lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
     records: list[dict[str, Any]] = []
