@@ -56,6 +56,14 @@ def test_a_camera_behind_the_plate_finds_its_place():
     assert all(p.used == p.shared for p in found.pairs)
 
 
+def test_a_camera_whose_pictures_are_mirrored_stays_apart_and_is_told_to_flip_them():
+    views, moments, _ = seen()
+    views["beside"] = from_behind(views["beside"])
+    found = calibrate_rig(views, SPACING, moments=moments, model="brown")
+    assert found.components == (("front", "back"), ("beside",))
+    assert "If the pictures of beside are mirrored (selfie mode), flip them." in found.verdict.against[0].action
+
+
 def test_a_plain_board_that_runs_the_wrong_way_round_is_still_refused():
     views, moments, _ = seen()
     plain = {name: [replace(b, target=None, ids=None) for b in each] for name, each in views.items()}
