@@ -206,7 +206,7 @@ def _flips(found: RigCalibration) -> list[str]:
 
 def _from_behind(camera: Calibration) -> bool:
     """Whether most of the boards with codes show their backs: their z is towards the camera."""
-    sides = [v.pose.R[:, 2] @ v.pose.t > 0 for v in camera.views if v.target is not None and v.pose is not None]
+    sides = [float(v.pose.R[:, 2] @ v.pose.t) > 0 for v in camera.views if v.target is not None and v.pose is not None]
     return bool(sides) and 2 * sum(sides) < len(sides)
 
 

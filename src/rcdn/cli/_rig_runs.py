@@ -13,7 +13,7 @@ from rcdn.cli._calibration_runs import Problem, Run, flat
 from rcdn.cli._camera_files import write_rig_files
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, present
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered, Numbers
@@ -93,7 +93,21 @@ def rig_lines(done: RigCalibration) -> list[str]:
         lines.append(
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
-    return lines + _against(done.verdict.against if done.verdict else (), rig.names)
+    return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
+
+
+def _weakest(done: RigCalibration) -> list[str]:
+    """Which of three cameras or more is known least, and before which two to hold the board."""
+    import numpy as np
+
+    if done.rig.covariance is None or len(done.rig) < 3:
+        return []
+    deviations = {name: np.sqrt(np.trace(_place_covariance(done, k))) for k, name in enumerate(done.rig.names) if k}
+    name = max(deviations, key=lambda n: deviations[n])
+    shared = {p.second if p.first == name else p.first: p.used for p in done.pairs if name in (p.first, p.second)}
+    partner = max(shared, key=lambda n: shared[n], default="")
+    film = f"; hold the board where it and {partner} both see it, tilted, near and far" if partner else ""
+    return [f"  known least: {name}{film}"]
 
 
 def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
@@ -116,11 +130,18 @@ def _spread(done: RigCalibration, k: int) -> str:
     cov = done.rig.covariance
     if cov is None:
         return "unknown"
-    R, t = done.rig.poses[k].R, done.rig.poses[k].t
-    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
-    part = J @ cov[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T
+    far = np.sqrt(np.trace(_place_covariance(done, k)))
     turn = np.degrees(np.sqrt(np.trace(cov[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])))
-    return f"{1000 * np.sqrt(np.trace(part)):.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(t):.4g} m)"
+    return f"{1000 * far:.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(done.rig.poses[k].t):.4g} m)"
+
+
+def _place_covariance(done: RigCalibration, k: int) -> Array:
+    """(3, 3) of where the centre of camera number `k` is, m²."""
+    import numpy as np
+
+    R = done.rig.poses[k].R
+    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
+    return np.asarray(J @ present(done.rig.covariance, "covariance")[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T)
 
 
 def _triple(values: Array) -> str:
