@@ -1,5 +1,7 @@
 """docs/rigs.md, done by somebody who copies it, with pictures of two known cameras."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -30,8 +32,12 @@ def is_the_rig(found):
 
 
 def test_the_command_writes_one_rig_in_three_files(workplace):
-    (words,) = commands(PAGE)
-    run(workplace, "-m", *words)
+    calibrates, poses = commands(PAGE)
+    run(workplace, "-m", *calibrates)
+    run(workplace, "-m", *poses)
+    places = json.loads((workplace / "poses.json").read_text())["rig_poses"]
+    assert len(places) == 14
+    assert all(place["cameras"] == ["left", "right"] and not place["left_out"] for place in places)
     rigs = [read_rig(workplace / name) for name in ("rig.toml", "camera_array.toml", "rig.json")]
     for found in rigs:
         is_the_rig(found)
@@ -40,7 +46,7 @@ def test_the_command_writes_one_rig_in_three_files(workplace):
 
 
 def test_the_python_gives_the_rig(workplace):
-    (code,) = blocks(PAGE, "python")
+    code = "\n".join(blocks(PAGE, "python"))  # as one program, from top to bottom
     (workplace / "rig.toml").unlink(missing_ok=True)
     run(workplace, "-c", code)
     is_the_rig(read_rig(workplace / "rig.toml"))

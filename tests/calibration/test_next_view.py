@@ -11,7 +11,7 @@ from rcdn.calibration.added_view import Information, Prior, judged_points, share
 from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
-from rcdn.calibration.solver import Linear
+from rcdn.calibration.solver import Normal
 from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, see
 from rcdn.geometry import project, transform
@@ -28,7 +28,7 @@ def stated(camera, poses, extra=()):
     points = np.tile(labels() * SPACING, (len(poses), 1))
     corners = Corners3(frame, 0 * frame, points, np.zeros((len(frame), 2)), np.zeros((len(frame), 0)))
     state = State.mono(camera, poses)
-    arrow = Linear.of(state, corners, np.full(len(frame), 1 / NOISE), default_free(state)).arrow()
+    arrow = Normal.of(state, corners, np.full(len(frame), 1 / NOISE), default_free(state)).arrow()
     by_noise = Clustered(arrow.covariance, 1.0)
     return Calibration(camera, SPACING, (), covariance(arrow, np.arange(len(poses)), 1.0, by_noise), NOISE, ())
 

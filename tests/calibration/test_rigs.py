@@ -13,7 +13,7 @@ from rcdn.calibration import calibrate, calibrate_rig
 from rcdn.calibration.many_cameras import _of_one_make
 from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
 from rcdn.cli._moments import moments_of
-from rcdn.cli._rig_runs import _against
+from rcdn.cli._rig_runs import _against, rig_lines
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.evaluation.camera_scenes import SPACING
 from rcdn.evaluation.rig_scenes import chain, row
@@ -181,6 +181,14 @@ def test_the_calibrations_stay_frozen(found):
     assert replace(found, thin=("x",)).thin == ("x",)
     with pytest.raises(AttributeError):
         found.rms = 1.0
+
+
+def test_the_terminal_names_the_camera_that_is_known_least(found):
+    cov = np.zeros((18, 18))
+    cov[6:12, 6:12], cov[12:, 12:] = 1e-6 * np.eye(6), 1e-8 * np.eye(6)
+    unsure = replace(found, rig=replace(found.rig, covariance=cov))
+    (line,) = [text for text in rig_lines(unsure) if "known least" in text]
+    assert line.startswith("  known least: c1; hold the board where it and c")
 
 
 def test_the_terminal_says_once_what_several_cameras_have_in_common():

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
-from rcdn.calibration.solver import SCALE, Arrow, Linear, solve
+from rcdn.calibration.solver import SCALE, Linear, Normal, solve
 from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.types import Camera
 
@@ -52,7 +52,7 @@ def test_the_arrow_is_the_inverse_of_the_normal_matrix(damping):
     precision = root @ root.T
     normal[18:, 18:] += precision
     normal += damping * np.diag(np.diag(normal))
-    arrow = Arrow.of(a, b, frame, 3, precision, damping)
+    arrow = Linear(np.zeros((len(a), 2)), a, b, frame, 3, precision, np.zeros(5)).normal.arrow(damping)
     inverse = np.linalg.inv(normal)
     assert arrow.covariance == pytest.approx(inverse[18:, 18:], rel=1e-9, abs=1e-12)
     columns = [
@@ -79,7 +79,7 @@ def test_the_gradient_is_that_of_half_the_cost():
         gaps = residuals(other, corners) * weight[:, None]
         return ((gaps**2).sum() + state.beforehand.cost(other.values)) / 2
 
-    by_frame, shared = Linear.of(state, corners, weight, default_free(state)).gradient
+    by_frame, shared = Normal.of(state, corners, weight, default_free(state)).gradient
     for k in range(6):
         d = np.zeros((4, 6))
         d[1, k] = 1e-7
@@ -275,3 +275,26 @@ def test_blind_corners_are_expensive_but_do_not_stop_the_solver():
     done = solve(State.mono(Camera(CAMERAS["brown"].K, np.zeros(5), (640, 480)), poses), corners, np.ones(len(corners)))
     assert np.isfinite(done.state.cameras[0].parameters).all()
     assert np.isnan(residuals(done.state, corners)[corners.frame == 0]).any()
+
+
+def test_normal_equations_in_parts_are_those_of_the_whole(monkeypatch):
+    """A problem too large to be held at once is summed in parts of a few corners."""
+    from rcdn.calibration import solver
+    from rcdn.calibration.bundle import Corners3, State, default_free
+    from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_boards
+
+    camera = CAMERAS["brown"]
+    boards, poses = random_boards(camera, 3, views=4, whole=True)
+    frame = np.repeat(np.arange(4), len(labels()))
+    xy, ij = np.concatenate([b.xy for b in boards]), np.concatenate([b.ij for b in boards])
+    corners = Corners3(frame, np.zeros(len(xy), int), ij * SPACING, xy, np.zeros((len(xy), 0)))
+    state = State.mono(camera, np.array(poses))
+    free = default_free(state)
+    weight = np.random.default_rng(0).uniform(0, 2, len(xy))
+    whole = solver.Normal.of(state, corners, weight, free, "soft_l1")
+    monkeypatch.setattr(solver, "AT_ONCE", 2 * sum(state.counts) * 17)
+    parts = solver.Normal.of(state, corners, weight, free, "soft_l1")
+    assert parts.blocks == pytest.approx(whole.blocks, rel=1e-9, abs=1e-6)
+    assert parts.whole == pytest.approx(whole.whole, rel=1e-9, abs=1e-6)
+    for mine, theirs in zip(parts.gradient, whole.gradient, strict=True):
+        assert mine == pytest.approx(theirs, rel=1e-9, abs=1e-6)

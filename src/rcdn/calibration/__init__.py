@@ -1,8 +1,10 @@
 """Cameras and poses from boards."""
 
+from rcdn.calibration.behind import from_behind
 from rcdn.calibration.calibrate import MODELS, calibrate
 from rcdn.calibration.many_cameras import calibrate_rig
 from rcdn.calibration.pose import estimate_pose
+from rcdn.calibration.rig_pose import estimate_rig_pose
 from rcdn.calibration.stereo import calibrate_stereo
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 
@@ -13,5 +15,7 @@ __all__ = [
     "calibrate_stereo",
     "coverage",
     "estimate_pose",
+    "estimate_rig_pose",
+    "from_behind",
     "projection_uncertainty",
 ]

@@ -11,19 +11,20 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.board_points import flat_points, has_shape
-from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.board_points import flat_points, has_shape, plane_of
+from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of, shifts_of
+from rcdn.calibration.rig_fit import Joint, fitted
 from rcdn.calibration.rig_start import Edge, Key, Turned, averaged, components_of, edges_of, tree, turned
-from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, Calibration, Pose, Rig, RigCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Pose, Rig, RigCalibration
 
 ODD = "it disagrees with the other cameras on where the board is"
 
@@ -46,8 +47,9 @@ def calibrate_rig(
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs that agree on how they
     stand are the edges of a graph; its best spanning tree, rotations and then translations averaged over all edges, starts one least squares
-    over lenses, places and boards, whose poses are eliminated. Views that disagree are left out and named. Covariances are by the scatter of
-    whole moments. Raises CalibrationError if a camera can't be calibrated, or no two are connected; ConfigError for a wrong argument.
+    over lenses, places and boards, whose poses are eliminated; over the board's shape, too, if that predicts moments held out better than a
+    perfect board. Views that disagree are left out and named. Covariances are by the scatter of whole moments. Boards with codes may be seen
+    from behind (`from_behind`). Raises CalibrationError if a camera can't be calibrated, or no two are connected; ConfigError for a wrong argument.
     """
     order = list(views)
     if len(order) < 2:
@@ -83,9 +85,7 @@ def calibrate_rig(
     fits = turned(places, alone, sights)
     task = _Task.of(main, alone, sights, fits, [when[name] for name in order])
     state = task.start(alone, places)
-    free = default_free(state, rig=True)
-    state, noise = robust.rough_fit(state, task.corners, task.sigma, free)
-    fit = robust.fit(state, noise, task.corners, task.sigma, free, task.cluster)
+    fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=alone[task.shape].spacing)
     return _result(task, fit, order, alone, parts, edges, when, sights)
 
 
@@ -224,8 +224,9 @@ class _Task:
                 rows[c, k] = np.arange(at, at + len(view))
                 at += len(view)
         joint, board, settled = np.concatenate(ij), np.concatenate(flat), np.concatenate(known)
-        basis = np.zeros((len(joint), 1))
-        board[settled], basis[settled] = on_shape(board[settled], joint[settled], alone[shaped].shape)
+        basis = np.zeros((len(joint), len(FUNCTIONS)))
+        if settled.any():
+            basis[settled] = shape_basis(joint[settled], alone[shaped].size or (1, 1), plane_of(alone[shaped]))
         corners = Corners3(np.concatenate(frame), np.concatenate(camera), board, np.concatenate(xy), basis)
         cluster = np.unique(np.array(moments), return_inverse=True)[1]
         return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped)
@@ -240,8 +241,12 @@ class _Task:
             tuple(alone[c].camera for c in self.cameras),
             np.array(poses),
             np.stack([places[c] for c in self.cameras]),
-            KNOWN,
         )
+
+    @property
+    def joint(self) -> Joint:
+        """What the least squares are about."""
+        return Joint(self.corners, self.sigma, self.cluster)
 
 
 def _result(
@@ -265,10 +270,10 @@ def _result(
     whole = np.zeros((6 * len(main), 6 * len(main)))
     whole[6:, 6:] = cov[places, places]
     rig = Rig(names, fit.state.cameras, tuple(Pose(T) for T in fit.state.rig), whole)
-    done = list(alone)
+    done, shape = list(alone), _shape(fit, alone[task.shape])
     for local, c in enumerate(main):
         J = _to_camera(rig, local, lenses, len(cov))
-        done[c] = _one(task, fit, alone[c], local, c, alone[task.shape], J @ cov @ J.T)
+        done[c] = _one(task, fit, alone[c], local, c, shape, J @ cov @ J.T)
     seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
     boards = {key: fit.state.poses[f] for f, key in enumerate(task.keys) if key is not None and not fit.reasons[f]}
     found = RigCalibration(
@@ -283,6 +288,13 @@ def _result(
         shifts=shifts_of(rig, {order[c]: done[c] for c in main}, {order[c]: sights[c] for c in main}),
     )
     return judged_rig(found)
+
+
+def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
+    """The shape of the board that all cameras saw."""
+    if not len(fit.state.shape) or shaped.size is None:
+        return None
+    return board_shape(fit.state.shape, shaped.size, plane_of(shaped))
 
 
 def _shared(camera: int, edges: Sequence[Edge]) -> set[Key]:
@@ -303,7 +315,7 @@ def _to_camera(rig: Rig, local: int, lenses: Array, size: int) -> Array:
 
 
 def _one(
-    task: _Task, fit: robust.Fit, before: Calibration, local: int, c: int, shaped: Calibration, cov: Array
+    task: _Task, fit: robust.Fit, before: Calibration, local: int, c: int, shape: BoardShape | None, cov: Array
 ) -> Calibration:
     """One camera's calibration after the joint solution."""
     views, odd = [], set(task.turned.odd)
@@ -325,6 +337,6 @@ def _one(
             )
         )
     return replace(
-        before, camera=fit.state.cameras[local], views=tuple(views), cov=cov, noise=fit.noise, shape=shaped.shape,
+        before, camera=fit.state.cameras[local], views=tuple(views), cov=cov, noise=fit.noise, shape=shape,
         advice=(), verdict=None,
     )  # fmt: skip

@@ -40,7 +40,7 @@ def estimate_pose(
     check_spacing(spacing)
     check_board(board)
     check_camera(camera)
-    corners, sigma = _corners(board, spacing, shape)
+    corners, sigma = pose_corners(board, spacing, shape)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))
     fits = [f for f in fits if not f.reasons[0]]
@@ -62,7 +62,8 @@ def estimate_pose(
     )
 
 
-def _corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
+def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
+    """The corners of one board that one camera saw, and their sigma (N,) px."""
     if shape is not None and (board.pattern != "checker" or board.size != shape.size):
         raise ConfigError(
             f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners, and this one shows "

@@ -177,7 +177,7 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
         reason(
             "components", len(found.components), "Boards connect all cameras.",
             f"Boards connect only {' – '.join(', '.join(part) for part in found.components)}.",
-            " ".join(map(_join, found.links)),
+            " ".join([*map(_join, found.links), *_flips(found)]),
         ),
         reason(
             "thin", len(found.thin), "Every camera shares several boards with the others.",
@@ -195,6 +195,19 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
             "Trigger the cameras together, or hold the board still.",
         ),
     ]  # fmt: skip
+
+
+def _flips(found: RigCalibration) -> list[str]:
+    """What to try for cameras outside the largest part that seem to see boards from behind."""
+    apart = [name for part in found.components[1:] for name in part]
+    names = [name for name in apart if _from_behind(found.cameras[name])]
+    return [f"If the pictures of {', '.join(names)} are mirrored (selfie mode), flip them."] if names else []
+
+
+def _from_behind(camera: Calibration) -> bool:
+    """Whether most of the boards with codes show their backs: their z is towards the camera."""
+    sides = [float(v.pose.R[:, 2] @ v.pose.t) > 0 for v in camera.views if v.target is not None and v.pose is not None]
+    return bool(sides) and 2 * sum(sides) < len(sides)
 
 
 def _join(link: MissingLink) -> str:

@@ -13,7 +13,7 @@ from rcdn.calibration.shape import Spread, likelier, with_spread
 from rcdn.calibration.solver import BEHIND, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
-from rcdn.calibration.uncertainty import Clustered, clustered
+from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
 
@@ -143,12 +143,13 @@ def fit(
     free: Array,
     cluster: Array | None = None,
     spacing: float = 1.0,
+    power: float = JACKKNIFE,
 ) -> Fit:
     """Fit `free` (K,) shared parameters and all poses to `corners` with deviations `sigma` (N,) px, of which some are wrong.
 
     From a rough fit and its `noise`, rounds of: which corners and views agree with the solution, least squares of those, noise of
     those, and, if the board's shape is free, the spreads of its prior; until nothing changes. `cluster` (F,): frames of one number may err
-    together (default: each frame by itself). `spacing`: side of a square, m.
+    together (default: each frame by itself). `spacing`: side of a square, m. `power`: see `clustered`.
     """
     shaped = bool(free[len(free) - start.shape.size :].any())
     spread = Spread.first(spacing)
@@ -171,7 +172,7 @@ def fit(
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())
     scale = square / max(2 * int(used.sum()) - _unknowns(state, solution.arrow, corners, used, free), 1)
-    honest = clustered(state, corners, weight, free, solution.arrow, scale, cluster)
+    honest = clustered(state, corners, weight, free, solution.arrow, scale, cluster, power)
     return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest)
 
 

@@ -39,16 +39,12 @@ class Arrow:
     rim: Array
 
     @classmethod
-    def of(
-        cls, by_frame: Array, shared: Array, frame: Array, frames: int, precision: Array, damping: float = 0.0
-    ) -> Arrow:
-        """From whitened Jacobians (N, 2, 6) and (N, 2, K), and the `precision` (K, K) of the prior. `damping`: share added to the diagonal."""
-        joint = np.concatenate([by_frame, shared], axis=2)
-        blocks = _by_frame(np.einsum("nia,nib->nab", by_frame, joint, optimize=True), frame, frames)
+    def of(cls, blocks: Array, whole: Array, damping: float = 0.0) -> Arrow:
+        """From the normal matrix: the frames' `blocks` (F, 6, 6 + K), their own and with what all share, and the `whole` (K, K) of that, the
+        prior's precision included. `damping`: share added to the diagonal."""
         own = _inverse_factor(_damped(blocks[:, :, :6], damping))
         reach = own @ (own.transpose(0, 2, 1) @ blocks[:, :, 6:])
-        flat = shared.reshape(2 * len(shared), shared.shape[2])
-        whole = _damped((flat.T @ flat + precision)[None], damping)[0]
+        whole = _damped(whole[None], damping)[0]
         rim = whole - np.einsum("fak,fal->kl", blocks[:, :, 6:], reach, optimize=True)
         return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
 
@@ -134,15 +130,51 @@ class Linear:
         pull = -prior.gradient(state.values)[free]
         return cls(gaps, by_frame, shared, corners.frame, len(state.poses), prior.precision[np.ix_(free, free)], pull)
 
-    def arrow(self, damping: float = 0.0) -> Arrow:
-        """Of its normal matrix."""
-        return Arrow.of(self.by_frame, self.shared, self.frame, self.frames, self.precision, damping)
-
     @property
-    def gradient(self) -> tuple[Array, Array]:
-        """(F, 6) and (K',) by which the cost falls."""
+    def normal(self) -> Normal:
+        """Its normal equations, with the prior's."""
+        joint = np.concatenate([self.by_frame, self.shared], axis=2)
+        blocks = _by_frame(np.einsum("nia,nib->nab", self.by_frame, joint, optimize=True), self.frame, self.frames)
+        flat = self.shared.reshape(2 * len(self.shared), self.shared.shape[2])
         by_frame = _by_frame(np.einsum("nia,ni->na", self.by_frame, self.gaps), self.frame, self.frames)
-        return by_frame, np.einsum("nik,ni->k", self.shared, self.gaps) + self.pull
+        shared = np.einsum("nik,ni->k", self.shared, self.gaps) + self.pull
+        return Normal(blocks, flat.T @ flat + self.precision, (by_frame, shared))
+
+
+AT_ONCE = 4_000_000
+"""numbers of a Jacobian in what all frames share that are held at once: larger problems are summed in parts"""
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Normal equations: `blocks` (F, 6, 6 + K') and `whole` (K', K') as in `Arrow.of`, `gradient` (F, 6) and (K',) by which the cost falls."""
+
+    blocks: Array
+    whole: Array
+    gradient: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str = "linear") -> Normal:
+        """At one state, as `Linear.of`; memory in proportion to frames × shared parameters, not to corners × shared parameters."""
+        each = max(AT_ONCE // (2 * sum(state.counts)), 1)
+        if len(corners) <= each:
+            return Linear.of(state, corners, weight, free, loss).normal
+        prior, many = state.beforehand, int(free.sum())
+        blocks, whole = np.zeros((len(state.poses), 6, 6 + many)), prior.precision[np.ix_(free, free)].copy()
+        by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]
+        for at in range(0, len(corners), each):
+            some = slice(at, at + each)
+            part = Linear.of(state, corners.take(some), weight[some], free, loss)
+            mine = part.normal
+            blocks += mine.blocks
+            whole += mine.whole - part.precision
+            by_frame += mine.gradient[0]
+            shared += mine.gradient[1] - part.pull
+        return cls(blocks, whole, (by_frame, shared))
+
+    def arrow(self, damping: float = 0.0) -> Arrow:
+        """Of its matrix."""
+        return Arrow.of(self.blocks, self.whole, damping)
 
 
 def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Array]:
@@ -177,17 +209,17 @@ def solve(
     free = default_free(start) if free is None else free
     state, cost, damping = start, _cost(start, corners, weight, loss), DAMPING
     for _ in range(iterations):
-        here = Linear.of(state, corners, weight, free, loss)
+        here = Normal.of(state, corners, weight, free, loss)
         other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
         gain = (cost - less) / max(cost, 1e-300)
         state, cost = other, less
         if gain < ENOUGH:
             break
-    return Solution(state, Linear.of(state, corners, weight, free).arrow())
+    return Solution(state, Normal.of(state, corners, weight, free).arrow())
 
 
 def _step(
-    state: State, here: Linear, cost: float, damping: float, corners: Corners3, weight: Array, free: Array, loss: str
+    state: State, here: Normal, cost: float, damping: float, corners: Corners3, weight: Array, free: Array, loss: str
 ) -> tuple[State, float, float]:
     """The next state, its cost and the damping to go on with; `state` itself if no step lowers the cost."""
     gradient = here.gradient

@@ -38,6 +38,7 @@ def clustered(
     arrow: Arrow,
     scale: float,
     cluster: Array | None = None,
+    power: float = JACKKNIFE,
 ) -> Clustered:
     """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
 
@@ -49,16 +50,18 @@ def clustered(
 
     The sum over G clusters has at most rank G, and a few of them tell a covariance only roughly: it is shrunk towards the covariance by the noise
     of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters). The inflation is by scores
-    divided by the square root of 1 − A, right if corners err by themselves (CR2).
+    divided by the square root of 1 − A, right if corners err by themselves (CR2). `power`: of 1 − A for the sum itself; UNBIASED for
+    a rig, where a few moments may hold most of what is known of a camera's place and CR3 would state up to 1 ÷ √(1 − A) times too much.
     """
-    here = Linear.of(state, corners, weight, free)
-    info, score = _by_cluster(here, cluster if cluster is not None else np.arange(here.frames))
+    info, score = _by_cluster(
+        state, corners, weight, free, cluster if cluster is not None else np.arange(len(state.poses))
+    )
     if len(score) < FEWEST_CLUSTERS:
         return Clustered(np.asarray(scale * arrow.covariance), 1.0)
     rim = arrow.rim  # in its coordinates the whole information is the unit matrix
     info, score = rim.T @ info @ rim, score @ rim
-    held = rim.T @ here.precision @ rim
-    meat, unbiased = (_scatter(info, score, power) + held for power in (JACKKNIFE, UNBIASED))
+    held = rim.T @ state.beforehand.precision[np.ix_(free, free)] @ rim
+    meat, unbiased = (_scatter(info, score, by) + held for by in (power, UNBIASED))
     inflation = _inflation(unbiased, rim[: len(rim) - int(free[len(free) - state.shape.size :].sum())], scale)
     share = STEADY / (STEADY + len(score))
     meat = (1 - share) * meat + share * inflation * scale * np.eye(len(meat))
@@ -81,13 +84,14 @@ def _scatter(leverage: Array, score: Array, power: float) -> Array:
     return np.asarray(pulled.T @ pulled)
 
 
-def _by_cluster(here: Linear, cluster: Array) -> tuple[Array, Array]:
+def _by_cluster(state: State, corners: Corners3, weight: Array, free: Array, cluster: Array) -> tuple[Array, Array]:
     """Information (G, K, K) and scores (G, K) of the clusters that have corners, poses eliminated."""
-    _, number = np.unique(cluster, return_inverse=True)
+    number = np.unique(cluster, return_inverse=True)[1][corners.frame]
     info, score = [], []
-    present = np.abs(here.by_frame).sum(axis=(1, 2)) > 0
     for g in range(int(number.max()) + 1):
-        mine = np.flatnonzero((number[here.frame] == g) & present)
+        some = np.flatnonzero((number == g) & (weight > 0))
+        here = Linear.of(state, corners.take(some), weight[some], free)
+        mine = np.flatnonzero(np.abs(here.by_frame).sum(axis=(1, 2)) > 0)
         if not len(mine):
             continue
         part = np.zeros((here.shared.shape[2], here.shared.shape[2]))

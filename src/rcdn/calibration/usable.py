@@ -73,7 +73,7 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str
         return "its corners lie in one line"
     return (
         "its labels run the wrong way round: were pixels mirrored after the corners were found?"
-        if mirrored(board)
+        if board.target is None and mirrored(board)  # one with codes may be seen from behind
         else ""
     )
 

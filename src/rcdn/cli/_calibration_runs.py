@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 REASONS = ("not supported: ", "mirrored: ")
 """how the warnings begin that say why something isn't a board"""
 
+FEWEST_FRAMES = 8
+"""that each of many cameras chooses of its video"""
+
 
 class Run:
     """How detections are got; `failed`: some file could not be read or written."""
@@ -39,12 +42,25 @@ class Run:
         self.failed = False
         self._settings = (config, store, jobs, frames)
 
-    def gather(self, inputs: Sequence[str], numbers: tuple[tuple[int, ...], ...] | None = None) -> Gathered:
-        """The boards in `inputs`; raises CalibrationError if there are none."""
+    def gather(
+        self,
+        inputs: Sequence[str],
+        numbers: tuple[tuple[int, ...], ...] | None = None,
+        cameras: int = 1,
+        behind: bool = False,
+    ) -> Gathered:
+        """The boards in `inputs`, those too whose codes are seen from `behind`; raises CalibrationError if there are none.
+
+        Of more than two `cameras`, each chooses fewer frames of its video: together they have about twice as many as one alone.
+        """
+        from rcdn.cli._batch import make_detector
+        from rcdn.cli._behind import make_two_sided, two_sided
         from rcdn.cli._inputs import gather
 
         config, store, jobs, frames = self._settings
-        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size)
+        frames = frames if cameras <= 2 else max(FEWEST_FRAMES, 2 * frames // cameras)
+        store, make = (two_sided(store), make_two_sided) if behind else (store, make_detector)
+        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size, make=make)
         self.failed = self.failed or bool(got.failures)
         for note in got.notes:
             _talk.note(note)

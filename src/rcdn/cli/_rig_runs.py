@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.cli import _talk
+from rcdn.cli._behind import seen_from_behind
 from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._calibration_runs import Problem, Run, flat
 from rcdn.cli._camera_files import write_rig_files
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, present
 
 if TYPE_CHECKING:
-    from rcdn.cli._inputs import Gathered
+    from rcdn.cli._inputs import Gathered, Numbers
     from rcdn.types import Array, Reason, RigCalibration, Verdict
 
 
@@ -25,7 +26,8 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     from rcdn.cli._camera_text import verdict_line
     from rcdn.io import write_rig_calibration
 
-    found = _gathered(run, cameras_in(inputs), problem)
+    cameras = cameras_in(inputs)
+    found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
         _talk.note(f"note: pictures belong together by {way}")
@@ -59,14 +61,22 @@ def _no_page(path: Path) -> None:
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
-    """The boards of each camera; of videos the frames that were chosen of the first one's."""
-    found: dict[str, Gathered] = {}
-    numbers = None
+    """The boards of each camera; of videos the frames that were chosen of any of them."""
+    found = {name: run.gather(inputs, cameras=len(cameras)) for name, inputs in cameras.items()}
+    chosen = _together([got.frames for got in found.values()])
     for name, inputs in cameras.items():
-        found[name] = run.gather(inputs, numbers)
+        if chosen and found[name].frames != chosen:
+            found[name] = run.gather(inputs, chosen)
+        found[name] = seen_from_behind(run, name, inputs, found[name])
         run.check(found[name], problem.spacing)
-        numbers = numbers or found[name].frames or None
     return found
+
+
+def _together(frames: Sequence[Numbers]) -> Numbers:
+    """The numbers of the frames that were chosen in any camera's video; () if the cameras don't have as many videos each."""
+    if len({len(each) for each in frames}) > 1:
+        return ()
+    return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
 def rig_lines(done: RigCalibration) -> list[str]:
@@ -83,7 +93,21 @@ def rig_lines(done: RigCalibration) -> list[str]:
         lines.append(
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
-    return lines + _against(done.verdict.against if done.verdict else (), rig.names)
+    return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
+
+
+def _weakest(done: RigCalibration) -> list[str]:
+    """Which of three cameras or more is known least, and before which two to hold the board."""
+    import numpy as np
+
+    if done.rig.covariance is None or len(done.rig) < 3:
+        return []
+    deviations = {name: np.sqrt(np.trace(_place_covariance(done, k))) for k, name in enumerate(done.rig.names) if k}
+    name = max(deviations, key=lambda n: deviations[n])
+    shared = {p.second if p.first == name else p.first: p.used for p in done.pairs if name in (p.first, p.second)}
+    partner = max(shared, key=lambda n: shared[n], default="")
+    film = f"; hold the board where it and {partner} both see it, tilted, near and far" if partner else ""
+    return [f"  known least: {name}{film}"]
 
 
 def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
@@ -106,11 +130,18 @@ def _spread(done: RigCalibration, k: int) -> str:
     cov = done.rig.covariance
     if cov is None:
         return "unknown"
-    R, t = done.rig.poses[k].R, done.rig.poses[k].t
-    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
-    part = J @ cov[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T
+    far = np.sqrt(np.trace(_place_covariance(done, k)))
     turn = np.degrees(np.sqrt(np.trace(cov[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])))
-    return f"{1000 * np.sqrt(np.trace(part)):.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(t):.4g} m)"
+    return f"{1000 * far:.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(done.rig.poses[k].t):.4g} m)"
+
+
+def _place_covariance(done: RigCalibration, k: int) -> Array:
+    """(3, 3) of where the centre of camera number `k` is, m²."""
+    import numpy as np
+
+    R = done.rig.poses[k].R
+    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
+    return np.asarray(J @ present(done.rig.covariance, "covariance")[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T)
 
 
 def _triple(values: Array) -> str:

@@ -16,7 +16,7 @@ from rcdn.cli._spacing import SpacingOrFile, check_spacing, metres, side, sizes_
 from rcdn.cli._talk import Quiet
 from rcdn.cli._target import DEFAULT, Target
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, present
 
 
 def pose(
@@ -28,12 +28,20 @@ def pose(
         ),
     ],
     camera: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             metavar="FILE",
             help="The camera, as `rcdn calibrate -o` or --json writes it (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON).",
         ),
-    ],
+    ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Instead of a camera: a rig, as `rcdn calibrate --rig -o` writes it. INPUTS are then one a camera, or one folder with a "
+            "folder or a video of each, as there.",
+        ),
+    ] = None,
     spacing: SpacingOrFile = None,
     camera_name: Annotated[
         str | None,
@@ -61,6 +69,8 @@ def pose(
     (rotation vector, rad, in camera axes; then metres). A board whose codes were read is placed by the origin of its target's own
     tools, and has T_cam_target, too.
 
+    With --rig there is a line for each moment: the board's place in the rig's frame by all cameras that see it, and who they are.
+
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.calibration import estimate_pose
@@ -75,10 +85,19 @@ def pose(
     check_spacing(length)
     if pattern is PatternName.deltille and board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
-    lens = chosen_camera(camera, camera_name, "--camera")
+    if (camera is None) == (rig is None):
+        raise ConfigError("name the camera (--camera FILE) or the rig (--rig FILE), one of them")
     _batch.check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     size = None if board is None else (board.cols, board.rows)
+    if rig is not None:
+        if camera_name is not None:
+            raise ConfigError("--camera-name is for --camera; leave it out with --rig")
+        from rcdn.cli._rig_poses import Looks, rig_poses
+
+        rig_poses(rig, inputs, length, Looks(config, open_cache(config, cache, off=no_cache), jobs, size), json)
+        return
+    lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
     records: list[dict[str, Any]] = []

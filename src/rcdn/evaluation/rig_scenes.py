@@ -95,6 +95,36 @@ def row(gaps: list[float], kinds: tuple[str, ...] = ("brown",)) -> Scene:
     return Scene(cameras, places)
 
 
+def room(count: int, side: float = 2.2, kinds: tuple[str, ...] = ("brown",)) -> Scene:
+    """Cameras along the walls of a square room of `side` m, at the same distance from each other, that look to the wall opposite."""
+    cameras, places = {}, {}
+    for k in range(count):
+        turn = 2 * np.pi * k / count
+        eye = side / 2 * np.array([np.cos(turn), np.sin(turn), 0.15 * (-1) ** k])
+        cameras[f"c{k:02d}"] = CAMERAS[kinds[k % len(kinds)]]
+        places[f"c{k:02d}"] = looking(eye, np.array([0.2 * np.cos(turn + 2), 0.2 * np.sin(turn + 2), 0]))
+    return Scene(cameras, places)
+
+
+def clusters(each: int) -> Scene:
+    """Two rows of cameras `each`, beside each other: one camera of the first joins them, its last one, which sees what the second row sees."""
+    parts = [row([0.25] * (each - 1)), row([0.25] * (each - 1))]
+    cameras, places = {}, {}
+    for p, part in enumerate(parts):
+        for name, T in part.places.items():
+            moved = T.copy()
+            moved[:3, 3] -= T[:3, :3] @ np.array([(0.25 * each) * p, 0, 0])
+            cameras[f"{'ab'[p]}{name}"], places[f"{'ab'[p]}{name}"] = part.cameras[name], moved
+    return Scene(cameras, places)
+
+
+def joined(each: int, many: int) -> list[tuple[int, int]]:
+    """Places of boards in two `clusters`: `many` before each camera and between neighbours of one row; the rows only share some before the
+    last camera of the first and the first of the second."""
+    own = [(a + p * each, b + p * each) for p in range(2) for a, b in chain(each, many)]
+    return own + [(each - 1, each)] * many
+
+
 def chain(count: int, each: int, closed: bool = False) -> list[tuple[int, int]]:
     """Places of boards: `each` times before every camera alone and between every two neighbours."""
     alone = [(k, k) for k in range(count) for _ in range(each)]

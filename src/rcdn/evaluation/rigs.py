@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import calibrate_rig
 from rcdn.evaluation.camera_scenes import SPACING
-from rcdn.evaluation.rig_scenes import Scene, chain, row
+from rcdn.evaluation.rig_scenes import Scene, chain, clusters, joined, room, row
 from rcdn.types import Array, RigCalibration
 
 Between = list[tuple[int, int]]
+LARGE = 8
+"""cameras from which on a rig is drawn an eighth as often"""
 
 
 def scenes() -> dict[str, tuple[Scene, Between]]:
@@ -26,6 +28,8 @@ def scenes() -> dict[str, tuple[Scene, Between]]:
         "fisheye and pinhole": (row([0.25, 0.25], ("fisheye", "pinhole")), chain(3, 6)),
         "row of 4": (row([0.45] * 3), two + [(k, k + 1) for k in range(3) for _ in range(3)]),
         "one camera little seen": (row([0.3, 0.45]), chain(2, 6) + last),
+        "two clusters of 4": (clusters(4), joined(4, 4)),
+        "16 around a room": (room(16), chain(16, 3, closed=True)),
     }
 
 
@@ -52,6 +56,7 @@ def errors(found: RigCalibration, scene: Scene) -> Array:
 
 def row_of(name: str, scene: Scene, between: Between, seeds: int) -> dict[str, Any]:
     """The figures of one rig over `seeds` draws of its boards."""
+    seeds = max(seeds // 8, 1) if len(scene.cameras) >= LARGE else seeds
     runs = [run(scene, between, seed) for seed in range(seeds)]
     off = np.concatenate([errors(found, scene).ravel() for found, _ in runs])
     return {

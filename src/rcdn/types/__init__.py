@@ -12,7 +12,7 @@ from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
 from rcdn.types.plane import SQUARES, Pattern, Plane, plane_points
 from rcdn.types.printed import Checkerboard, Deltille, Print, Printed, PuzzlePart
-from rcdn.types.rig import Rig
+from rcdn.types.rig import Rig, RigPoseEstimate
 from rcdn.types.rig_calibration import MissingLink, RigCalibration, RigPair, TimeShift
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
@@ -49,6 +49,7 @@ __all__ = [
     "Rig",
     "RigCalibration",
     "RigPair",
+    "RigPoseEstimate",
     "Status",
     "StereoCalibration",
     "Target",

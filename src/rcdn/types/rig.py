@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,38 @@ class Rig(Value):
     def motion_to(self, k: int) -> Array:
         """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
         return _adjoint(self.poses[k].T_cam_board)
+
+
+@dataclass(frozen=True, eq=False)
+class RigPoseEstimate(Value):
+    """Where a board stands in a rig's frame, `T_rig_board` (4, 4), with how far to trust it.
+
+    `cov` (6, 6) of a small motion after it, (rotation vector, rad, in the rig's axes; translation, m); `rms` reprojection error over the cameras
+    that took part, px; `residuals` by those cameras' names, (M, 2) observed − projected, px; `left_out`: why other cameras that saw a board took
+    none. `T_rig_target` (4, 4): of a board whose codes were read the same in the coordinates of its target's own tools; None of a plain one.
+    """
+
+    T_rig_board: Array
+    cov: Array
+    rms: float
+    residuals: Mapping[str, Array]
+    left_out: Mapping[str, str]
+    T_rig_target: Array | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, "T_rig_board", self.T_rig_board, np.float64, (4,))
+        freeze(self, "cov", self.cov, np.float64, (6,))
+        if self.T_rig_target is not None:
+            freeze(self, "T_rig_target", self.T_rig_target, np.float64, (4,))
+
+    @property
+    def std(self) -> Array:
+        """(6,) standard deviations: of the rotation vector, rad, and the place, m."""
+        return np.sqrt(np.diag(self.cov))
+
+    def __repr__(self) -> str:
+        x, y, z = self.T_rig_board[:3, 3]
+        return f"<RigPose: ({x:.4g}, {y:.4g}, {z:.4g}), {', '.join(self.residuals)}, rms {self.rms:.3g} px>"
 
 
 def _adjoint(T: Array) -> Array:

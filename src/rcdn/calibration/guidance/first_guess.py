@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.labels import Labelled, Size, in_line
-from rcdn.calibration.solver import Linear, solve
+from rcdn.calibration.solver import Normal, solve
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.calibration.usable import FEWEST_CORNERS, sigma_of
@@ -47,7 +47,7 @@ def first_guess(
         for focal in (FOCALS if seen else FOCALS[:1])
     ]
     best = min(fits, key=lambda f: f.cost)
-    arrow = Linear.of(best.state, best.corners, best.weight, default_free(best.state)).arrow()
+    arrow = Normal.of(best.state, best.corners, best.weight, default_free(best.state)).arrow()
     frames = np.arange(len(seen))
     by_noise = Clustered(arrow.covariance, 1.0)
     cov = covariance(arrow, frames, 1.0, by_noise) if seen else _without_views(arrow.covariance)

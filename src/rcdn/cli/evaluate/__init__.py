@@ -16,6 +16,7 @@ from rcdn.cli.evaluate import (
     detection,
     figures,
     guided,
+    real_rigs,
     rigs,
     selected,
     sieve,
@@ -37,6 +38,7 @@ app.command("sweep")(sweep.sweep)
 app.command("coded")(coded.coded)
 app.command("coded-cameras")(coded_cameras.coded_cameras)
 app.command("guided")(guided.guided)
+app.command("real-rigs")(real_rigs.real_rigs)
 app.command("rigs")(rigs.rigs)
 app.command("selected")(selected.selected)
 app.command("sieve")(sieve.sieve)

@@ -10,7 +10,9 @@ from rcdn.cli.evaluate._table import Json, bar, check_files, show
 
 
 def rigs(
-    seeds: Annotated[int, typer.Option(min=1, help="Draws of boards of each rig.")] = 8,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Draws of boards of each rig; an eighth of that of 8 cameras and more.")
+    ] = 8,
     json: Json = None,
 ) -> None:
     """Simulated rigs: how many of the numbers of the cameras' places lie within one and three of their standard deviations.

@@ -1,0 +1,52 @@
+"""The one least squares over a rig: lenses, places, boards, and the shape of the board that most of them are, if it has one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration import choose, robust
+from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.shape import FUNCTIONS
+from rcdn.calibration.uncertainty import UNBIASED
+from rcdn.types import Array
+
+COMPARED = 60
+"""moments, evenly chosen, on which a perfect board and one of a shape are compared, at most"""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """All `corners`, whose `basis` holds the functions of a board's shape, with `sigma` (N,) px; `cluster` (F,): each frame's moment."""
+
+    corners: Corners3
+    sigma: Array
+    cluster: Array
+
+
+def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.Fit:
+    """The solution from `start`, whose board is perfect; of a board with a shape that all cameras see alike, if it is to be tried (`shaped`) and
+    predicts the boards of moments held out better. `spacing`: side of a square, m."""
+    free = default_free(start, rig=True)
+    state, noise = robust.rough_fit(start, joint.corners, joint.sigma, free)
+    flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
+    if not shaped:
+        return flat
+    state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
+    free = default_free(state, shape=True, rig=True)
+    curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
+    return curved if _predicts_better(joint, curved, flat) else flat
+
+
+def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
+    """Whether the boards of moments held out lie nearer to where a board of a shape has them than to a perfect one's corners."""
+    moment = joint.cluster[joint.corners.frame]
+    every = np.unique(moment)
+    some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
+    task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
+    misses = [
+        choose.rms(choose.held_out(f.state, task, default_free(f.state, shape=True, rig=True)), task.weight)
+        for f in (curved, flat)
+    ]
+    return misses[0] < misses[1]

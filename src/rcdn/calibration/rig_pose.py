@@ -1,0 +1,210 @@
+"""The pose of one board from all cameras of a known rig that see it at one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration import robust
+from rcdn.calibration.arguments import check_board, check_spacing
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.coded import frame_of, identity
+from rcdn.calibration.labels import turn_labels
+from rcdn.calibration.pose import estimate_pose, pose_corners
+from rcdn.calibration.rig import AGREE
+from rcdn.calibration.shape import KNOWN
+from rcdn.calibration.solver import BEHIND, Normal
+from rcdn.calibration.uncertainty import pose_covariance
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
+
+TURNS = {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}
+PART = "it shows a part of the board, and nobody knows which"
+APART = "it sees the board elsewhere than the other cameras"
+
+
+def estimate_rig_pose(
+    boards: Mapping[str, Board], rig: Rig, spacing: float = 1.0, *, shape: BoardShape | None = None
+) -> RigPoseEstimate:
+    """`T_rig_board` of one board from what the cameras of a rig saw of it at one moment.
+
+    `boards`: by the camera's name; cameras that didn't see it aren't in it. `spacing`, `shape` and the labels as in `estimate_pose`: those of
+    the camera that shows the most corners count, the others' half or quarter turns follow it. Codes join parts; of a plain board, parts of
+    another size than that camera's are left out, as are cameras that see the board elsewhere. The covariance is that by the corners (as in
+    `estimate_pose`) and by the cameras' places, where the rig knows how sure they are; lenses are taken for right.
+    Raises CalibrationError if no camera has a pose, ConfigError for a camera that isn't in the rig.
+    """
+    check_spacing(spacing)
+    if not boards:
+        raise ConfigError("boards must hold the board of one camera at least")
+    for name, board in boards.items():
+        check_board(board)
+        if board.image_size != tuple(rig.cameras[rig.index(name)].image_size):
+            raise ConfigError(
+                f"boards[{name!r}]: the picture has {board.image_size} px, the camera {tuple(rig.cameras[rig.index(name)].image_size)}"
+            )
+    sights, reasons = _sights(boards, rig, spacing, shape)
+    if not sights:
+        raise CalibrationError("; ".join(f"{name}: {why}" for name, why in reasons.items()))
+    first = max(sights, key=lambda name: len(boards[name]))
+    best = max((_agreeing(sights, first, T) for T in sights[first].places[0]), key=lambda found: len(found.turns))
+    for name in sights:
+        if name not in best.turns:
+            reasons[name] = PART if boards[name].size != boards[first].size and boards[name].target is None else APART
+    return _estimated(boards, rig, spacing, shape, best, reasons)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What one camera tells: `places` for each turn of its labels, T_rig_board (4, 4), both that a plane allows; `reach`, m, to the board."""
+
+    places: dict[int, list[Array]]
+    reach: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Agreed:
+    """A start `T` (4, 4), and the turn of the labels of each camera that agrees with it."""
+
+    T: Array
+    turns: dict[str, int]
+
+
+def _sights(
+    boards: Mapping[str, Board], rig: Rig, spacing: float, shape: BoardShape | None
+) -> tuple[dict[str, _Sight], dict[str, str]]:
+    """What the cameras tell, and why others tell nothing."""
+    largest = max(boards.values(), key=len)
+    found, reasons = {}, {}
+    for name, board in boards.items():
+        if not _same(board, largest):
+            reasons[name] = "it shows another board" if board.target != largest.target else PART
+            continue
+        k = rig.index(name)
+        try:
+            places = {
+                turn: _places(_turned(board, turn), rig, k, spacing, shape)
+                for turn in (TURNS.get(board.orientation, (0,)) if board.target is None else (0,))
+            }
+        except CalibrationError as error:
+            reasons[name] = str(error)
+            continue
+        found[name] = _Sight(places, float(np.linalg.norm((rig.poses[k].T_cam_board @ places[0][0])[:3, 3])))
+    return found, reasons
+
+
+def _same(board: Board, largest: Board) -> bool:
+    """Whether a label means one corner in both boards, but for turns."""
+    if board.target is None or largest.target is None:
+        return board.target is None and largest.target is None and sorted(board.size) == sorted(largest.size)
+    return identity(board.target) == identity(largest.target)
+
+
+def _turned(board: Board, turn: int) -> Board:
+    return replace(board, ij=turn_labels(board.ij, board.size, turn)) if turn else board
+
+
+def _places(board: Board, rig: Rig, k: int, spacing: float, shape: BoardShape | None) -> list[Array]:
+    """T_rig_board (4, 4) as one camera alone sees it: both poses that a plane allows."""
+    found = estimate_pose(board, rig.cameras[k], spacing, shape=shape)
+    back = np.linalg.inv(rig.poses[k].T_cam_board)
+    return [back @ found.T_cam_board] + ([] if found.other is None else [back @ found.other.T_cam_board])
+
+
+def _agreeing(sights: Mapping[str, _Sight], first: str, T: Array) -> _Agreed:
+    """The cameras that see the board at T, each with its labels turned to those of the camera `first`."""
+    turns = {first: 0}
+    for name, sight in sights.items():
+        if name != first:
+            gap, turn = min((_gap(T, U, sight.reach), q) for q, places in sight.places.items() for U in places)
+            if gap <= 1:
+                turns[name] = turn
+    return _Agreed(T, turns)
+
+
+def _gap(T: Array, U: Array, reach: float) -> float:
+    """How far two places of a board are apart, 1 where they still agree."""
+    turn = Rotation.from_matrix(T[:3, :3] @ U[:3, :3].T).magnitude()
+    return float(max(turn / (2 * AGREE[0]), np.linalg.norm(T[:3, 3] - U[:3, 3]) / (AGREE[1] * reach)))
+
+
+def _estimated(
+    boards: Mapping[str, Board],
+    rig: Rig,
+    spacing: float,
+    shape: BoardShape | None,
+    best: _Agreed,
+    reasons: Mapping[str, str],
+) -> RigPoseEstimate:
+    """The least squares over all cameras that agree."""
+    names = [n for n in rig.names if n in best.turns]
+    parts = [pose_corners(_turned(boards[n], best.turns[n]), spacing, shape) for n in names]
+    camera = np.repeat(np.arange(len(names)), [len(sigma) for _, sigma in parts])
+    corners, sigma = _together([c for c, _ in parts], camera), np.concatenate([s for _, s in parts])
+    at = [rig.index(n) for n in names]
+    places = np.stack([rig.poses[k].T_cam_board for k in at])  # held: the frame of the poses is the rig's
+    start = State(tuple(rig.cameras[k] for k in at), best.T[None], places, KNOWN)
+    nothing = default_free(start, lens=False)
+    state, _ = robust.rough_fit(start, corners, sigma, nothing, turn=False)
+    sigma = np.hypot(sigma, _offsets(residuals(state, corners), camera))
+    fit = robust.fit(state, robust.LEAST, corners, sigma, nothing)
+    if fit.reasons[0]:
+        raise CalibrationError(f"no pose fits what {', '.join(names)} saw: is it this rig, and one moment?")
+    step, cov = _weighed(rig, at, fit, corners)
+    state, target = fit.state.moved(step[None], np.zeros(len(fit.state.values))), boards[names[0]].target
+    T, gaps = state.poses[0], residuals(state, corners)
+    return RigPoseEstimate(
+        T,
+        cov,
+        float(np.sqrt((gaps[fit.used] ** 2).sum(axis=1).mean())),
+        {n: gaps[camera == c] for c, n in enumerate(names)},
+        {n: why for n, why in reasons.items() if n not in names},
+        None if target is None else T @ frame_of(target, spacing),
+    )
+
+
+def _offsets(gaps: Array, camera: Array) -> Array:
+    """(N,) px of one axis by which each corner's camera as a whole sees the board elsewhere, by the median: its place isn't known better."""
+    far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
+    typical = np.array([np.median(far[camera == c]) for c in range(int(camera.max()) + 1)])
+    return np.asarray(np.minimum(typical, BEHIND)[camera] / np.sqrt(robust.MEDIAN))
+
+
+def _together(parts: list[Corners3], camera: Array) -> Corners3:
+    board, xy, basis = (np.concatenate([getattr(p, k) for p in parts]) for k in ("board", "xy", "basis"))
+    return Corners3(np.zeros(len(xy), int), camera, board, xy, basis)
+
+
+def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tuple[Array, Array]:
+    """The small motion (6,) of the pose to where cameras have it that weigh by how well their places are known, and its covariance (6, 6).
+
+    Generalised least squares of one pose a camera, linearised at the joint solution. What camera k sees errs by its corners, and by the
+    motion of its place δₖ, which its own pose follows: −Ad(Tₖ)⁻¹ δₖ.
+    """
+    state, many = fit.state, len(at)
+    apart, errors = np.zeros(6 * many), np.zeros((6 * many, 6 * many))
+    follow = np.zeros((6 * many, 6 * len(rig)))
+    for c, k in enumerate(at):
+        mine = slice(6 * c, 6 * c + 6)
+        apart[mine], errors[mine, mine] = _own(state, corners, np.where(corners.camera == c, fit.weight, 0.0))
+        follow[mine, 6 * k : 6 * k + 6] = -np.linalg.inv(rig.motion_to(k))
+    if rig.covariance is not None:
+        errors += follow @ rig.covariance @ follow.T
+    firm = np.linalg.solve(errors, np.tile(np.eye(6), (many, 1)))
+    cov = np.linalg.inv(np.tile(np.eye(6), (1, many)) @ firm)
+    return cov @ (firm.T @ apart), (cov + cov.T) / 2
+
+
+def _own(state: State, corners: Corners3, weight: Array) -> tuple[Array, Array]:
+    """The small motion (6,) of the pose to where one camera by itself has it, whose corners have a `weight`, and its covariance (6, 6)."""
+    nothing = np.zeros(len(state.values))
+    here = Normal.of(state, corners, weight, nothing.astype(bool))
+    arrow = here.arrow()
+    step = arrow.own[0] @ arrow.own[0].T @ here.gradient[0][0]
+    own = state.moved(step[None], nothing)
+    used = weight > 0
+    square = float(((residuals(own, corners)[used] * weight[used, None]) ** 2).sum())
+    return step, pose_covariance(own, corners, weight, arrow, square / max(2 * int(used.sum()) - 6, 1))

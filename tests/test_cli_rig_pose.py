@@ -1,0 +1,78 @@
+"""`rcdn pose --rig`: saved detections of each camera, a rig's file, a line for each moment."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rcdn.cli import app
+from rcdn.evaluation.camera_scenes import SIZE, SPACING, board, random_pose, see
+from rcdn.evaluation.rig_scenes import row
+from rcdn.io import write_rig
+from rcdn.types import Pose, Rig
+from saved_boards import save
+
+SCENE = row([0.2], ("brown",))
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """A rig's file, the detections of its two cameras at four moments, and where the board then was."""
+    monkeypatch.chdir(tmp_path)
+    rng, names = np.random.default_rng(0), tuple(SCENE.places)
+    first = np.linalg.inv(SCENE.places[names[0]])
+    rig = Rig(names, tuple(SCENE.cameras.values()), tuple(Pose(T @ first) for T in SCENE.places.values()))
+    write_rig("rig.json", rig)
+    seen, truth = {n: [] for n in names}, []
+    while len(truth) < 4:
+        T = random_pose(rng, 0.1, 0.5, (0.6, 0.9))
+        views = {n: see(c, p.T_cam_board @ T) for n, c, p in zip(names, rig.cameras, rig.poses, strict=True)}
+        if all(len(ij) == SIZE[0] * SIZE[1] for ij, _ in views.values()):
+            truth.append(T)
+            for n, (ij, xy) in views.items():
+                seen[n].append(board(ij, xy + rng.normal(0, 0.05, xy.shape), (640, 480), np.full(len(xy), 0.05)))
+    for n, boards in seen.items():
+        save(f"{n}.json", boards)
+    return truth
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["pose", *map(str, words), "--spacing", str(SPACING), "--no-cache"])
+
+
+def test_a_line_for_each_moment_and_all_in_the_json(made):
+    result = run("c0.json", "c1.json", "--rig", "rig.json", "--json", "poses.json")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("by c0, c1") == 4
+    written = json.loads(Path("poses.json").read_text())
+    assert written["spacing"] == SPACING
+    for record, T in zip(written["rig_poses"], made, strict=True):
+        assert record["cameras"] == ["c0", "c1"]
+        assert np.array(record["T_rig_board"])[:3, 3] == pytest.approx(T[:3, 3], abs=0.002)
+        assert np.array(record["cov"]).shape == (6, 6)
+
+
+def test_inputs_of_other_names_count_in_the_rigs_order(made):
+    Path("c0.json").rename("left.json")
+    Path("c1.json").rename("right.json")
+    result = run("left.json", "right.json", "--rig", "rig.json")
+    assert result.exit_code == 0, result.output
+    assert "taken for c0, c1, in this order" in result.stderr
+
+
+def test_wrong_use_is_said(made):
+    save("other.json", [])
+    cases = {
+        ("c0.json", "c1.json", "--rig", "rig.json", "--camera", "rig.json"): "one of them",
+        ("c0.json", "c1.json", "--rig", "rig.json", "--camera-name", "c0"): "--camera-name",
+        ("c0.json", "c1.json", "other.json", "--rig", "rig.json"): "has cameras c0, c1",
+        ("c0.json", "--rig", "rig.json"): "two inputs",
+    }
+    for words, text in cases.items():
+        result = run(*words)
+        assert result.exit_code == 2, (words, result.output)
+        assert text in result.stderr, (words, result.stderr)
