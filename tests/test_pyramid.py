@@ -12,6 +12,7 @@ from rcdn.metrics import match
 from rcdn.pyramid import (
     SMALL_PICTURE,
     View,
+    at_the_frame,
     boards_in_picture,
     closer_view,
     distinct_boards,
@@ -21,6 +22,7 @@ from rcdn.pyramid import (
     outside,
     plainly_seen,
     settled,
+    shown_faintly,
     shown_nearby,
     unexplained,
     whole_views,
@@ -243,6 +245,36 @@ def test_where_a_coarser_view_shows_corners_the_finer_one_may_show_more():
     cells = shown_nearby(np.zeros_like(response), [board], shape)
     y, x = (4 * n + 1.5 for n in np.nonzero(cells))
     assert (x.min(), x.max(), y.min(), y.max()) == pytest.approx((355, 535, 15, 165), abs=4)
+
+
+def test_a_dense_answer_of_the_half_is_looked_at_in_the_picture_itself():
+    response, shape = np.zeros((240, 320), np.float32), (480, 640)
+    response[100:118:4, 150:172:4] = 0.5  # 5 × 6 corners of squares of 8 px in the picture
+    dense = cv2.dilate(response, np.ones((2, 2)))
+    assert shown_faintly(dense, shape)[54, 79]
+    assert not shown_faintly(0.4 * dense, shape).any()
+    response[:] = 0
+    response[100, 150] = response[140, 180] = response[100, 170] = 0.9
+    assert not shown_faintly(response, shape).any()
+
+
+def test_places_at_the_frame_are_where_a_board_may_go_on_unseen():
+    board = lattice(9, 6, 20.0)  # its corners from (50, 40) to (210, 140)
+    assert not at_the_frame([board], (180, 260)).any()
+    assert not at_the_frame([board], (145, 260)).any()  # no room for a row at 160
+    cells = at_the_frame([board], (165, 260))
+    y, x = (4 * n + 1.5 for n in np.nonzero(cells))
+    assert (y.min(), y.max()) == pytest.approx((152.5, 164), abs=4)
+    assert (x.min(), x.max()) == pytest.approx((42.5, 217.5), abs=4)
+    assert all(cells[40, int(i) // 4] for i in range(50, 211, 20))
+
+
+def test_one_corner_at_the_frame_is_enough_for_a_board_to_go_on():
+    board, whole = lattice(9, 6, 20.0), View((0, 0, 260, 165))
+    at = np.array([[90.0, 160.0]])
+    assert may_go_on(whole, at, [board], (165, 260))
+    assert not may_go_on(whole, at, [board])
+    assert not may_go_on(whole, at, [board], (180, 260))
 
 
 def small_picture(pitch, size=(7, 5), frame=(320, 240)):

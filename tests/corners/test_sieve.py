@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import pytest
 from corner_scene import board, checkerboard, render
@@ -9,7 +10,14 @@ from corner_scene import board, checkerboard, render
 from rcdn.config import DetectorConfig
 from rcdn.corners import find_maxima
 from rcdn.corners.response import load_model
-from rcdn.corners.sieve import CELL, cells_with_saddles, every_cell
+from rcdn.corners.sieve import (
+    CELL,
+    STEEP_FLOOR,
+    STEEP_FLOOR_BESIDE,
+    cells_with_saddles,
+    every_cell,
+    saddles_and_steep_ones,
+)
 
 
 def passed(grey, xy, reach=1):
@@ -217,3 +225,30 @@ def test_other_layouts_of_memory_are_alike():
     grey = clutter(10)
     assert (cells_with_saddles(np.asfortranarray(grey)) == cells_with_saddles(grey)).all()
     assert (cells_with_saddles(np.repeat(grey, 2, axis=1)[:, ::2]) == cells_with_saddles(grey)).all()
+
+
+def chequer(pitch, contrast, blur, noise, size=(160, 160)):
+    """A checkerboard that fills a picture."""
+    y, x = np.mgrid[: 4 * size[0], : 4 * size[1]] / 4
+    squares = ((x // pitch + y // pitch) % 2).astype(np.float32)
+    grey = cv2.resize(cv2.GaussianBlur(squares, (0, 0), 4 * blur), size[::-1], interpolation=cv2.INTER_AREA)
+    return np.clip(120 + contrast * (grey - 0.5) + np.random.default_rng(3).normal(0, noise, size), 0, 255).astype(
+        np.uint8
+    )
+
+
+@pytest.mark.parametrize("pitch", [5.0, 6.5, 8.0, 10.0])
+@pytest.mark.parametrize(("contrast", "blur", "noise"), [(170, 0.7, 17), (40, 0.7, 4), (60, 1.2, 2)])
+def test_small_squares_are_steep_all_over(pitch, contrast, blur, noise):
+    for floor in (STEEP_FLOOR, STEEP_FLOOR_BESIDE):
+        cells, steep = saddles_and_steep_ones(chequer(pitch, contrast, blur, noise), floor)
+        assert inner(steep).mean() > 0.97
+        assert cells[steep].all()
+
+
+def test_noise_has_many_saddles_but_few_steep_ones():
+    noise = np.random.default_rng(1).normal(128, 30, (400, 400)).clip(0, 255).astype(np.uint8)
+    smooth = cv2.GaussianBlur(noise.astype(np.float32), (0, 0), 2.5)
+    for grey in (noise, smooth):
+        cells, steep = saddles_and_steep_ones(grey, STEEP_FLOOR_BESIDE)
+        assert steep.mean() < 0.2 * cells.mean()
