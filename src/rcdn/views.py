@@ -74,27 +74,32 @@ class Views:
     def results(self) -> list[ViewResult]:
         """What all views show that had to be looked at; the picture as it is comes first."""
         views = whole_views(self.grey.shape) if self.config.pyramid else whole_views(self.grey.shape)[:1]
-        whole, *others = zip(views, pictures_of(self.grey, views), strict=True)
-        out = []
-        if self._from_coarse and (half := halved_first(views)) is not None:
-            others.remove(first := next(pair for pair in others if pair[0] is half))
-            seen = self._look(*first)
-            detailed = self._in_detail(seen) if self._plain(seen, half.scale) else None
-            plain = detailed is not None
-            out = [self._look(*whole, known=seen.boards if plain else [], coarser=seen), detailed or seen]
-        else:
-            out = [self._look(*whole)]
-            plain = self._plain(out[0])
-        known = distinct_boards([result.boards for result in out])
-        enlarged = [(view, part) for view, part in others if view.scale > 1 and not plain]
-        reduced = [(view, part) for view, part in others if view.scale < 1]
-        strong = joint([result.strong for result in out], (0, 2))
-        complete = known if settled(known) else []
-        out += [self._look(*each) for each in enlarged]
-        out += [self._look(*each, known=complete) for each in reduced]
+        parts = dict(zip(views, pictures_of(self.grey, views), strict=True))
+        out, plain = self._first(parts)
+        known, seen = distinct_boards([result.boards for result in out]), [result.view for result in out]
+        strong, complete = joint([result.strong for result in out], (0, 2)), known if settled(known) else []
+        for view in [view for view in views if view not in seen]:
+            if view.scale < 1:
+                out.append(self._look(view, parts[view], complete))
+            elif not plain:
+                out.append(self._look(view, parts[view]))
+        enlarged = any(result.view.scale > 1 for result in out)
         if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
-            out.append(self._look(closer, closer.of(self.grey), known=complete))
+            out.append(self._look(closer, closer.of(self.grey), complete))
         return out
+
+    def _first(self, parts: dict[View, Array]) -> tuple[list[ViewResult], bool]:
+        """What the picture shows, and half of it if that comes first; and whether all boards there are plainly seen. `parts`: what views show, the
+        picture as it is first."""
+        views = list(parts)
+        half = halved_first(views) if self._from_coarse else None
+        if half is None:
+            seen = self._look(views[0], parts[views[0]])
+            return [seen], self._plain(seen)
+        seen = self._look(half, parts[half])
+        detailed = self._in_detail(seen) if self._plain(seen) else None
+        whole = self._look(views[0], parts[views[0]], [] if detailed is None else seen.boards, seen)
+        return [whole, detailed or seen], detailed is not None
 
     @property
     def _from_coarse(self) -> bool:
@@ -102,8 +107,8 @@ class Views:
         config = self.config
         return config.pattern == "checker" and config.recovery == "graph" and config.refine.method == "saddle"
 
-    def _plain(self, seen: ViewResult, scale: float = 1.0) -> bool:
-        return plainly_seen(seen.boards, seen.strong, self.grey.shape, scale)
+    def _plain(self, seen: ViewResult) -> bool:
+        return plainly_seen(seen.boards, seen.strong, self.grey.shape, seen.view.scale)
 
     def _look(
         self, view: View, part: Array, known: list[Board] | None = None, coarser: ViewResult | None = None
