@@ -222,7 +222,7 @@ def test_the_setting_chooses(monkeypatch):
     with pytest.raises(ConfigError, match="recovery"):
         DetectorConfig(recovery="lines")
     calls = []
-    monkeypatch.setattr("rcdn.detector.find_boards_paper", lambda *a: calls.append("growth") or [])
+    monkeypatch.setattr("rcdn.views.find_boards_paper", lambda *a: calls.append("growth") or [])
     monkeypatch.setattr("rcdn.detector.find_boards", lambda *a: calls.append("graph") or [])
     for recovery in ("growth", "graph"):
         Detector(DetectorConfig(recovery=recovery)).detect(np.zeros((40, 40), np.uint8))

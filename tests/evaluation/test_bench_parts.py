@@ -33,12 +33,14 @@ def test_the_stages_and_the_rest_are_the_whole():
 
 
 def test_all_stages_are_found_and_detection_passes_through_each():
-    """Beside a board there is clutter, so that no view is passed over; cut by the frame, the board is looked at enlarged."""
+    """Beside a board there is clutter, so that no view is passed over; cut by the frame, the board is looked at enlarged; large pictures are
+    looked at halved first."""
     picture = np.hstack([rendered(kind, SMALL, (9, 6)) for kind in ("board", "clutter")])
+    large = [rendered(kind, (640, 480), (9, 6)) for kind in ("board", "clutter")]
     clock = stages.Clock()
     with stages.watched(clock, [(place, place) for _, place in stages.STAGES]) as absent:
         for preset in ("auto", "paper"):
-            for seen in (picture, picture[:, 30:]):
+            for seen in (picture, picture[:, 30:], *large):
                 Detector(DetectorConfig.preset(preset, threads=1)).detect(seen)
     assert absent == []
     assert set(clock.calls) == {place for _, place in stages.STAGES}
