@@ -223,7 +223,7 @@ def test_the_setting_chooses(monkeypatch):
         DetectorConfig(recovery="lines")
     calls = []
     monkeypatch.setattr("rcdn.views.find_boards_paper", lambda *a: calls.append("growth") or [])
-    monkeypatch.setattr("rcdn.detector.find_boards", lambda *a: calls.append("graph") or [])
+    monkeypatch.setattr("rcdn.views.find_boards", lambda *a: calls.append("graph") or [])
     for recovery in ("growth", "graph"):
         Detector(DetectorConfig(recovery=recovery)).detect(np.zeros((40, 40), np.uint8))
     assert list(dict.fromkeys(calls)) == ["growth", "graph"]  # each may look at several views
