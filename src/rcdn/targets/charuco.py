@@ -124,7 +124,10 @@ def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, end
     against it: a part of a larger board that begins with another number could look the same. A part without `ends` doesn't tell which it is; see
     `_ends`.
     """
-    usual, whole = (_likeliest(scored, shape, ends, ended, any_first) for any_first in (False, True))
+    usual = _likeliest(scored, shape, ends, ended, any_first=False)
+    if (not usual or usual[0].bits < ACCEPT) and (ends is None or ended.sum() < 3):
+        return None  # what isn't counted from 0 must be seen whole
+    whole = _likeliest(scored, shape, ends, ended, any_first=True)
     from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
     layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
     if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], shape, ended):

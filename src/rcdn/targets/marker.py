@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +22,8 @@ CAP = 4.0
 """largest log-likelihood ratio of a module: one in fifty is wrong for reasons that the model doesn't know"""
 LEAST_SIGMA = 0.08
 """standard deviation of a module of the sharpest picture, black to white: prints and lenses aren't perfect"""
+ASPECTS = 0.04
+"""steps of the logarithm of the squares' aspect, by which the blur differs along both: it is known to a third of itself"""
 PRIOR = 1.0
 """weight of what the gaps say of white beside tags that fill their squares: sharp tags show none but inside"""
 STIFF = 0.02
@@ -44,6 +49,45 @@ class Frame:
     filling: bool = False
 
 
+class _Part(NamedTuple):
+    """`sign` × a picture (K, S, S) that is the product of one line along `x` and one along `y`, (K, S) each."""
+
+    sign: float
+    x: Array
+    y: Array
+
+
+def _dot(one: list[_Part], two: list[_Part]) -> Array:
+    """Products (K,) of two sums of such pictures, summed over all places."""
+    products = [a.sign * b.sign * (a.x * b.x).sum(axis=1) * (a.y * b.y).sum(axis=1) for a in one for b in two]
+    return np.asarray(np.sum(products, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Models:
+    """What a square with a marker may look like: sides of the marker and blurs (K,); `parts`: the white around it, and what is inside of it, as sums
+    of products; `gram`: products (K,) of the first with itself, of both, of the second with itself."""
+
+    ratio: Array
+    along_x: Array
+    along_y: Array
+    parts: tuple[list[_Part], list[_Part]]
+    gram: tuple[Array, Array, Array]
+
+
+@lru_cache(maxsize=64)
+def _models(side: int, frame: Frame, aspect: int) -> _Models:
+    """Models of all sizes and blurs of markers with `side`² bits; `aspect`: the logarithm of the squares' one, in steps of `ASPECTS`."""
+    x, stretch = _middles(COARSE), float(np.exp(aspect * ASPECTS))
+    ratio, blur = (a.ravel() for a in np.meshgrid([1.0] if frame.filling else RATIOS, BLURS, indexing="ij"))
+    along_x, along_y = blur / np.sqrt(stretch), blur * np.sqrt(stretch)
+    inner = ratio * side / (side + 2 * frame.border)
+    around = _around_parts(x, ratio, along_x, along_y, frame)
+    inside = [_Part(1.0, _box(x, inner, along_x), _box(x, inner, along_y))]
+    gram = _dot(around, around), _dot(around, inside), _dot(inside, inside)
+    return _Models(ratio, along_x, along_y, (around, inside), gram)
+
+
 def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearance | None:
     """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
     `aspect`: width over height of the squares in the picture, where the blur is round.
@@ -54,13 +98,11 @@ def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearanc
         return None
     coarse = mean.reshape(COARSE, len(mean) // COARSE, COARSE, -1).mean(axis=(1, 3))
     even = (coarse + coarse[::-1] + coarse[:, ::-1] + coarse[::-1, ::-1]) / 4
-    x = _middles(COARSE)
-    ratio, blur = (a.ravel() for a in np.meshgrid([1.0] if frame.filling else RATIOS, BLURS, indexing="ij"))
-    along_x, along_y = blur / np.sqrt(aspect), blur * np.sqrt(aspect)
-    inner = ratio * side / (side + 2 * frame.border)
-    around, inside = _around(x, ratio, along_x, along_y, frame), _square(x, inner, along_x, along_y)
-    gram = [np.einsum("kyx,kyx->k", a, b) for a, b in ((around, around), (around, inside), (inside, inside))]
-    right = [np.einsum("kyx,yx->k", a, even) for a in (around, inside)]
+    models = _models(side, frame, round(float(np.log(aspect)) / ASPECTS))
+    ratio, along_x, along_y, gram = models.ratio, models.along_x, models.along_y, list(models.gram)
+    right = [
+        sum((p.sign * ((p.y @ even) * p.x).sum(axis=1) for p in parts), np.zeros(len(ratio))) for parts in models.parts
+    ]
     if frame.filling:  # how much of the inside is white is not known, and white gaps are 1
         gram[0], right[0] = gram[0] + PRIOR, right[0] + PRIOR
     determinant = gram[0] * gram[2] - gram[1] ** 2 + 1e-12
@@ -80,11 +122,12 @@ def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_side
     `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
     if the marker's border is darker then.
     """
-    values = _modules(squares, look, side, frame, np.zeros((len(squares), 4)))
+    unblurred, beyond = _unblurring(squares.shape[-1], look, side, frame)
+    values = unblurred(squares / look.white)
     if open_sides is None or not open_sides.any():
         return values
     ends = open_sides.any(axis=1)
-    other = _modules(squares[ends], look, side, frame, open_sides[ends].astype(float))
+    other = unblurred(squares[ends] / look.white - np.tensordot(open_sides[ends].astype(float), beyond, axes=1))
     border = ~inner_modules(values.shape[-1], frame.border)
     with np.errstate(invalid="ignore"):
         better = np.nan_to_num(np.abs(other[:, border])).sum(axis=1) < np.nan_to_num(
@@ -94,25 +137,32 @@ def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_side
     return values
 
 
-def _modules(squares: Array, look: Appearance, side: int, frame: Frame, beyond: Array) -> Array:
-    """`modules` of squares beyond whose sides (K, 4) it is white by that share."""
-    x = _middles(squares.shape[-1])
+def _unblurring(samples: int, look: Appearance, side: int, frame: Frame) -> tuple[Callable[[Array], Array], Array]:
+    """What takes squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the white that comes from beyond each of a square's four
+    sides, if it is white there, (4, S, S)."""
+    x = _middles(samples)
     (near_x, solve_x), (near_y, solve_y) = (
         _unmixing(x, look.ratio, blur, side + 2 * frame.border) for blur in look.blur
     )
     along_x, along_y = (np.array([blur]) for blur in look.blur)
     around = _around(x, np.array([look.ratio]), along_x, along_y, frame)
     across, down = _box(x, 1.0, along_x)[0], _box(x, 1.0, along_y)[0]
+    beyond = []
     for axis, (blur, other) in enumerate(zip(look.blur, (down, across), strict=True)):
         for last in (0, 1):
             outside = 0.5 * (1 - erf((1 - x if last else x) / (np.sqrt(2.0) * blur)))
-            extra = np.outer(other, outside) if axis == 0 else np.outer(outside, other)
-            around = around + beyond[:, 2 * axis + last, None, None] * extra
-    left = (squares / look.white - around)[:, near_y][:, :, near_x]
-    seen = np.isfinite(left)
-    out = solve_y @ np.where(seen, left, 0.0) @ solve_x.T
-    unseen = np.abs(solve_y) @ (~seen).astype(float) @ np.abs(solve_x).T
-    return np.where(unseen > 1e-3, np.nan, out)
+            beyond.append(np.outer(other, outside) if axis == 0 else np.outer(outside, other))
+
+    def unblurred(squares: Array) -> Array:
+        left = (squares - around)[:, near_y][:, :, near_x]
+        seen = np.isfinite(left)
+        out = solve_y @ np.where(seen, left, 0.0) @ solve_x.T
+        if seen.all():
+            return np.asarray(out)
+        unseen = np.abs(solve_y) @ (~seen).astype(float) @ np.abs(solve_x).T
+        return np.where(unseen > 1e-3, np.nan, out)
+
+    return unblurred, np.array(beyond)
 
 
 def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, Array]:
@@ -160,13 +210,16 @@ def _box(x: Array, width: Array | float, blur: Array) -> Array:
     return np.asarray(0.5 * (step + step[:, ::-1]))
 
 
-def _square(x: Array, width: Array | float, along_x: Array, along_y: Array) -> Array:
-    return np.asarray(_box(x, width, along_y)[:, :, None] * _box(x, width, along_x)[:, None, :])
+def _around_parts(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
+    """The white around black markers of sides `ratio` (K,) under blurs (K,), as sums of products."""
+    across, down = _box(x, 1.0, along_x), _box(x, 1.0, along_y)
+    if frame.filling:
+        return [_Part(1.0, across, 1 - down), _Part(1.0, 1 - across, down)]
+    marker = _Part(-1.0, _box(x, ratio, along_x), _box(x, ratio, along_y))
+    return [_Part(1.0, across, down), _Part(1.0, 1 - across, 1 - down), marker]
 
 
 def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Array:
-    """The white around black markers of sides `ratio` (K,) under blurs (K,), (K, S, S)."""
-    across, down = _box(x, 1.0, along_x)[:, None, :], _box(x, 1.0, along_y)[:, :, None]
-    if frame.filling:
-        return np.asarray(across * (1 - down) + (1 - across) * down)
-    return np.asarray(across * down + (1 - across) * (1 - down) - _square(x, ratio, along_x, along_y))
+    """The same as pictures (K, S, S)."""
+    parts = _around_parts(x, ratio, along_x, along_y, frame)
+    return np.asarray(np.sum([p.sign * p.y[:, :, None] * p.x[:, None, :] for p in parts], axis=0))

@@ -101,11 +101,13 @@ def _area(grid: Array) -> float:
 
 def _sampled(grey: Array, xy: Array, step: float) -> Array:
     """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than that."""
-    near = xy[(xy > -0.5 * np.array(grey.shape[::-1])).all(axis=-1)]
-    if not len(near):
+    x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
+    near = (x > -0.5 * grey.shape[1]) & (y > -0.5 * grey.shape[0])
+    if not near.any():
         return np.full(xy.shape[:-1], np.nan, np.float32)
-    low = np.clip(np.floor(near.min(axis=0)) - 4, 0, np.array(grey.shape[::-1]) - 1).astype(int)
-    high = np.clip(np.ceil(near.max(axis=0)) + 5, low + 1, grey.shape[::-1]).astype(int)
+    x, y = x[near], y[near]
+    low = np.clip(np.floor((x.min(), y.min())) - 4, 0, np.array(grey.shape[::-1]) - 1).astype(int)
+    high = np.clip(np.ceil((x.max(), y.max())) + 5, low + 1, grey.shape[::-1]).astype(int)
     part = grey[low[1] : high[1], low[0] : high[0]]
     size = np.maximum(np.array(part.shape[::-1]) // max(int(step), 1), 1)
     ratio = size / part.shape[::-1]
