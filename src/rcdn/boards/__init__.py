@@ -91,8 +91,8 @@ def find_pieces(grey: Array, candidates: Candidates, boards: list[Board]) -> lis
     """Pieces of boards among the corners that are in none of the `boards`, for readers of codes (see `fragments`); most are no boards at all."""
     field = as_field(grey, candidates)
     free = np.ones(len(field.xy), bool)
-    for board in boards:
-        free &= nearest(board.xy, field.xy, 1)[0][:, 0] > 0.5
+    if boards:
+        free &= nearest(np.concatenate([board.xy for board in boards]), field.xy, 1)[0][:, 0] > 0.5
     grids = fragments(field, free, len(candidates.all))
     return [as_board(field, candidates, Grid(at, field.xy)) for at in grids]
 
