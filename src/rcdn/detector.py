@@ -19,6 +19,7 @@ from rcdn.pyramid import distinct_boards, distinct_corners
 from rcdn.targets.circles import is_circle_grid
 from rcdn.targets.glance import Glance, glance_at
 from rcdn.types import Array, Board, Corners, Target, Warnings, allowed
+from rcdn.types.limits import READ_IN_A_MIRROR
 from rcdn.types.shown import drawing, paragraph
 from rcdn.views import ViewResult, Views
 
@@ -26,7 +27,7 @@ FITTED, PER_BOARD = (800, 4000), 100
 """corners of boards that are fitted once more: at least, and a megapixel (photographs have 2,000 a megapixel at most); and how many corners' time
 a board takes besides"""
 NO_CIRCLES = "not supported: a circle grid (the gaps between its circles are no {} × {} corners)"
-MIRRORED = "mirrored: {} has no numbers, since its codes are seen in a mirror; flip the picture"
+MIRRORED = READ_IN_A_MIRROR + "{} has no numbers, since its codes are seen in a mirror; flip the picture"
 
 
 @dataclass(frozen=True, eq=False)

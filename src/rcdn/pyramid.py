@@ -157,9 +157,7 @@ def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -
     cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
     for board in boards:
         more = AROUND * _pitch(board)
-        low, high = board.xy.min(axis=0) - more, board.xy.max(axis=0) + more
-        (x0, y0), (x1, y1) = np.maximum(low // CELL, 0).astype(int), np.maximum(high // CELL + 1, 0).astype(int)
-        cells[y0:y1, x0:x1] = True
+        _mark(cells, board.xy.min(axis=0) - more, board.xy.max(axis=0) + more)
     return cells
 
 
@@ -202,10 +200,15 @@ def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
     some = _at_the_frame(rim, second, shape)
     step = np.linalg.norm(rim - second, axis=1)[some, None]
     middle, reach = (2 * rim - second)[some], BEYOND[0] * step + BEYOND[1]
-    for low, high in zip(((middle - reach) // CELL).tolist(), ((middle + reach) // CELL).tolist(), strict=True):
-        (x0, y0), (x1, y1) = (tuple(max(int(n), 0) for n in corner) for corner in (low, high))
-        cells[y0 : y1 + 1, x0 : x1 + 1] = True
+    for low, high in zip(middle - reach, middle + reach, strict=True):
+        _mark(cells, low, high)
     return cells
+
+
+def _mark(cells: Array, low: Array, high: Array) -> None:
+    """Put to True, in place, the `cells` that a box from `low` to `high` (2,) px touches."""
+    (x0, y0), (x1, y1) = (np.maximum(n, 0).astype(int) for n in (low // CELL, high // CELL + 1))
+    cells[y0:y1, x0:x1] = True
 
 
 def _at_the_frame(rim: Array, second: Array, shape: tuple[int, ...]) -> Array:

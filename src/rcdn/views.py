@@ -135,13 +135,16 @@ class Views:
 
         After a `coarser` view these are squares that were too small for that, and corners at the frame.
         """
-        edge = at_the_frame(known, self.grey.shape)
-        cells = self.model.cells_of(part) if coarser is None else _open_cells(part, coarser, edge, STEEP_FLOOR_BESIDE)
+        if coarser is None:
+            shape, cells = None, self.model.cells_of(part)
+        else:
+            shape = part.shape
+            cells = _open_cells(part, coarser, at_the_frame(known, shape), STEEP_FLOOR_BESIDE)
         if cells is not None:
             cells = outside(view, cells, known)
         response, peaks = self._peaks(part, cells)
         strong = peaks.strong(self.config)
-        if may_go_on(view, peaks.xy[strong], known, None if coarser is None else part.shape):
+        if may_go_on(view, peaks.xy[strong], known, shape):
             return None
         if strong.sum() < 2:  # a board needs two more to go on by a square
             return self._nothing(view, response, peaks.xy[strong])

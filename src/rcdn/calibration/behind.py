@@ -9,9 +9,6 @@ import numpy as np
 
 from rcdn.types import Board
 
-READ_IN_A_MIRROR = "mirrored: "
-"""how the warning of a detection begins that says so"""
-
 
 def from_behind(boards: Sequence[Board]) -> list[Board]:
     """Boards of the picture itself, from those that were found in its mirror image (x → width − 1 − x).

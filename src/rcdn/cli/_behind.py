@@ -25,7 +25,8 @@ class TwoSided:
 
     def detect(self, image: Any) -> Any:
         """What the detector finds, and, if it says `mirrored`, in place of its boards those of the mirror image."""
-        from rcdn.calibration.behind import READ_IN_A_MIRROR, from_behind
+        from rcdn.calibration.behind import from_behind
+        from rcdn.types.limits import READ_IN_A_MIRROR
 
         found = self._detector.detect(image)
         mirrored = [w for w in found.warnings if w.startswith(READ_IN_A_MIRROR)]
@@ -51,7 +52,7 @@ def two_sided(cache: Cache | None) -> Cache | None:
 
 def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
     """`got` with numbers on the boards that the camera called `name` sees from behind; `got` itself if there are none."""
-    from rcdn.calibration.behind import READ_IN_A_MIRROR
+    from rcdn.types.limits import READ_IN_A_MIRROR
 
     some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)
     if not some:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+READ_IN_A_MIRROR = "mirrored: "
+"""how the warning of codes begins that can be read in a mirror only"""
+
 
 def allowed(pixels: int, least: int, each: int) -> int:
     """`each` a megapixel, but at least `least`."""

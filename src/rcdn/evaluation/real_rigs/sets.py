@@ -9,13 +9,14 @@ from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 
-from rcdn.calibration.behind import READ_IN_A_MIRROR, from_behind
+from rcdn.calibration.behind import from_behind
 from rcdn.calibration.coded import identity
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import ConfigError
 from rcdn.io import frames, read_image
 from rcdn.types import Array, Board
+from rcdn.types.limits import READ_IN_A_MIRROR
 
 Step = Callable[[int, int], None]
 
