@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import rcdn
-from rcdn.cli import _cache
-from rcdn.cli._cache import Cache, default_folder, fingerprint, open_cache
+from rcdn.batch import cache as _cache
+from rcdn.batch.cache import Cache, default_folder, fingerprint, open_cache
 from rcdn.config import DetectorConfig
 from rcdn.errors import OutputError
 from rcdn.io import ImageResult
@@ -206,7 +206,7 @@ def test_another_library_of_kernels_changes_the_fingerprint(package):
 
 
 def test_the_fingerprint_does_not_import_onnx_runtime():
-    code = "import sys; from rcdn.cli._cache import fingerprint; from rcdn.config import DetectorConfig; fingerprint(DetectorConfig())"
+    code = "import sys; from rcdn.batch.cache import fingerprint; from rcdn.config import DetectorConfig; fingerprint(DetectorConfig())"
     out = subprocess.run(
         [sys.executable, "-c", f"{code}; print('onnxruntime' in sys.modules)"], capture_output=True, text=True
     )

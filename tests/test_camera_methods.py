@@ -11,9 +11,9 @@ from PIL import Image
 
 import rcdn
 from rcdn.errors import FormatError, ImageError, RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, random_pose
 from rcdn.geometry import project, transform, zero_correction
 from rcdn.types import Camera, Pose
+from rcdn_lab.camera_scenes import CAMERAS, random_pose
 
 RNG = np.random.default_rng(1)
 POINTS = np.column_stack([RNG.uniform(-0.3, 0.3, (50, 2)), RNG.uniform(0.9, 2, 50)])

@@ -16,12 +16,16 @@ from typer.testing import CliRunner
 
 import rcdn
 from detector_stand_in import BROKEN, STOP, StandIn, picture
-from rcdn.cli import _batch, _outputs, _pool, _summary, app
+from rcdn.batch import outputs as _outputs
+from rcdn.batch import pool
+from rcdn.batch import summary as _summary
+from rcdn.batch.overlay_names import OverlayNames
+from rcdn.batch.work import Failure, make_detector, read_ahead
+from rcdn.cli import app
 from rcdn.cli import detect as verb
-from rcdn.cli._options import parse_size
-from rcdn.cli._overlay_names import OverlayNames
 from rcdn.errors import DependencyError, OutputError
 from rcdn.io import ImageResult, read_detections, read_vnl
+from rcdn.terminal.options import parse_size
 from rcdn.types import Corners
 
 
@@ -30,7 +34,7 @@ def run(monkeypatch, tmp_path):
     """Run `rcdn ARGUMENTS` in a temporary folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verb, "_make_detector", StandIn)
-    monkeypatch.setattr(_pool, "usable_cores", lambda: 1)  # processes: test_cli_inputs.py
+    monkeypatch.setattr(pool, "usable_cores", lambda: 1)  # processes: test_cli_inputs.py
 
     def go(*arguments):
         return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
@@ -191,7 +195,7 @@ def test_options_reach_the_configuration(run, monkeypatch):
 
 
 def test_a_graphics_card_that_onnx_runtime_can_not_use_is_told(run, monkeypatch):
-    monkeypatch.setattr(verb, "_make_detector", _batch.make_detector)
+    monkeypatch.setattr(verb, "_make_detector", make_detector)
     monkeypatch.setattr("onnxruntime.get_available_providers", lambda: ["CPUExecutionProvider"])
     picture(Path("a.png"))
     result = run("detect", "a.png", "--device", "cuda")
@@ -403,9 +407,7 @@ def test_squares_counted_instead_of_corners_are_hinted_at(run):
 def test_file_names_can_not_spoil_the_list():
     name = "a\nb\x1b[31m\udcff.png"
     image = ImageResult(name, 9, 9, Corners(np.zeros((0, 2)), [], []), ())
-    lines = _summary.columns(
-        [_summary.line(o, None) for o in (_summary.brief(image), _batch.Failure(name, f"{name}: bad"))]
-    )
+    lines = _summary.columns([_summary.line(o, None) for o in (_summary.brief(image), Failure(name, f"{name}: bad"))])
     assert len(lines) == 2
     assert all(text.isprintable() for text in lines)
     assert lines[1].endswith("failed: bad")
@@ -423,13 +425,13 @@ def test_read_ahead_keeps_the_order_and_stays_bounded(tmp_path, monkeypatch):
 
     monkeypatch.setattr("rcdn.io.frames", frames)
     paths = [Path(str(k)) for k in range(50)]
-    pictures = _batch.read_ahead(paths, ahead=2)
+    pictures = read_ahead(paths, ahead=2)
     for k in range(10):
         assert next(pictures).name == str(k)
         assert len(read) <= k + 1 + 2 + 2  # given, in the queue, waiting to be put, being read
     pictures.close()
     assert len(read) < 20
-    assert [p.name for p in _batch.read_ahead(paths)] == [str(p) for p in paths]
+    assert [p.name for p in read_ahead(paths)] == [str(p) for p in paths]
 
 
 def test_read_ahead_survives_what_a_decoder_raises(monkeypatch):
@@ -438,7 +440,7 @@ def test_read_ahead_survives_what_a_decoder_raises(monkeypatch):
         raise MemoryError("too large")
 
     monkeypatch.setattr("rcdn.io.frames", frames)
-    pictures = list(_batch.read_ahead([Path("a"), Path("b")]))
+    pictures = list(read_ahead([Path("a"), Path("b")]))
     assert [(p.index, p.name, bool(p.error)) for p in pictures] == [
         (0, "a#0", False), (0, "a", True), (1, "b#0", False), (1, "b", True),
     ]  # fmt: skip

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rcdn.batch import inputs
 from rcdn.calibration.verdict import headline
-from rcdn.cli import _inputs
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn.io import (
     ImageResult,
     read_calibration,
@@ -23,6 +22,7 @@ from rcdn.io import (
 )
 from rcdn.synthetic import BoardSpec, Scene, render
 from rcdn.types import Corners
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 
 PINHOLE = CAMERAS["pinhole"]
 FAST = ("--model", "pinhole", "--spacing", SPACING)
@@ -180,9 +180,9 @@ def test_pictures_are_looked_at_once(run):
     arguments = ("calibrate", "*.png", *FAST, "--cache", "kept", "--json")
     fine(run(*arguments, "one.json"))
     reused = []
-    gather = _inputs.gather
+    gather = inputs.gather
     patch = pytest.MonkeyPatch()
-    patch.setattr(_inputs, "gather", lambda *a, **k: reused.append(gather(*a, **k)) or reused[-1])
+    patch.setattr(inputs, "gather", lambda *a, **k: reused.append(gather(*a, **k)) or reused[-1])
     fine(run(*arguments, "two.json"))
     patch.undo()
     assert [g.reused for g in reused] == [4]

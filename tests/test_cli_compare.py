@@ -13,8 +13,8 @@ from rcdn.calibration import calibrate
 from rcdn.calibration.comparison import compare
 from rcdn.cli import app
 from rcdn.errors import RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import StereoCameras, read_calibrations, write_calibration, write_camera, write_stereo
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 PINHOLE, BROWN = CAMERAS["pinhole"], CAMERAS["brown"]
 

@@ -30,9 +30,12 @@ from detector_stand_in import (
     picture,
     video,
 )
-from rcdn.cli import _batch, _inputs, _pool, app
+from rcdn.batch import inputs as _inputs
+from rcdn.batch import pool
+from rcdn.batch.cache import Cache
+from rcdn.batch.work import Failure, Picture, Work, in_thread, read_ahead
+from rcdn.cli import app
 from rcdn.cli import detect as verb
-from rcdn.cli._cache import Cache
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import ImageResult, read_detections, write_detections, write_vnl
@@ -75,9 +78,9 @@ def same(a, b):
 
 
 def outcomes(paths, jobs, make=StandIn, cache=None):
-    work = _batch.Work(partial(make, CONFIG), cache)
-    pictures = _batch.read_ahead(paths, decode=jobs == 1, cache=cache)
-    return [done.outcomes for done in _pool.compute(pictures, work, jobs)]
+    work = Work(partial(make, CONFIG), cache)
+    pictures = read_ahead(paths, decode=jobs == 1, cache=cache)
+    return [done.outcomes for done in pool.compute(pictures, work, jobs)]
 
 
 # ---- warnings
@@ -149,15 +152,15 @@ def test_few_pictures_and_one_job_need_no_process(run, marks, count, jobs):
 
 
 def test_jobs_and_threads(monkeypatch):
-    monkeypatch.setattr(_pool, "usable_cores", lambda: 8)
+    monkeypatch.setattr(pool, "usable_cores", lambda: 8)
     paths = [Path(f"{k}.png") for k in range(5)]
-    assert _pool.jobs_for(0, paths) == 5
-    assert _pool.jobs_for(3, paths) == 3
-    assert _pool.jobs_for(0, paths[:2]) == 1
-    assert _pool.jobs_for(0, [Path("a.mp4")]) == 8
-    assert _pool.one_thread(CONFIG, 1).threads == 0
-    assert _pool.one_thread(CONFIG, 2).threads == 1
-    assert _pool.one_thread(DetectorConfig(threads=3), 2).threads == 3
+    assert pool.jobs_for(0, paths) == 5
+    assert pool.jobs_for(3, paths) == 3
+    assert pool.jobs_for(0, paths[:2]) == 1
+    assert pool.jobs_for(0, [Path("a.mp4")]) == 8
+    assert pool.one_thread(CONFIG, 1).threads == 0
+    assert pool.one_thread(CONFIG, 2).threads == 1
+    assert pool.one_thread(DetectorConfig(threads=3), 2).threads == 3
 
 
 def test_a_killed_process_loses_nothing(home, marks):
@@ -217,13 +220,13 @@ def test_results_come_in_order_frozen_and_not_far_ahead(home):
     def source():
         for k in range(500):
             taken.append(k)
-            yield _batch.Picture(k, str(k), None, path=path)
+            yield Picture(k, str(k), None, path=path)
 
-    results = _pool.compute(source(), _batch.Work(partial(StandIn, CONFIG)), 2)
+    results = pool.compute(source(), Work(partial(StandIn, CONFIG)), 2)
     for k in range(20):
         done = next(results)
         assert (done.index, done.name) == (k, str(k))
-        assert len(taken) <= k + 1 + 2 * _pool.BEHIND
+        assert len(taken) <= k + 1 + 2 * pool.BEHIND
     (image,) = done.outcomes
     assert not image.corners.xy.flags.writeable
     assert not image.boards[0].xy.flags.writeable
@@ -235,7 +238,7 @@ def test_a_reader_s_error_is_raised_where_it_is_read():
         yield 1
         raise KeyError("reader")
 
-    items = _batch.in_thread(broken)
+    items = in_thread(broken)
     assert next(items) == 1
     with pytest.raises(KeyError, match="reader"):
         next(items)
@@ -367,7 +370,7 @@ def test_failures_are_not_kept(home, marks):
     path = picture(Path("a.png"), cols=BROKEN)
     for _ in range(2):
         ((failure,),) = outcomes([path], 1, cache=cache)
-        assert isinstance(failure, _batch.Failure)
+        assert isinstance(failure, Failure)
     assert len(marks()) == 2
 
 

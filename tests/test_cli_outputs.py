@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from rcdn.cli import _calibration_runs
+from rcdn.batch import calibration_runs
 from rcdn.errors import OutputError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import ImageResult, read_calibration, read_camera, write_detections
 from rcdn.report.calibration import comparison  # noqa: F401  # before write_text is replaced
 from rcdn.types import Corners
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 OTHERS = ("-o", "camera.yaml", "--json", "c.json", "--report", "r.html")
 
@@ -39,10 +39,10 @@ def calibrate(run, lens, *options):
 def test_a_format_that_can_not_hold_the_model_is_told_before_the_work(run, monkeypatch):
     told = []
     monkeypatch.setattr(
-        "rcdn.cli._calibration_outputs.say_unwritten", lambda path, reason: told.append(f"{path}: {reason}")
+        "rcdn.batch.calibration_outputs.say_unwritten", lambda path, reason: told.append(f"{path}: {reason}")
     )
-    gather = _calibration_runs.Run.gather
-    monkeypatch.setattr(_calibration_runs.Run, "gather", lambda *a, **k: told.append("work") or gather(*a, **k))
+    gather = calibration_runs.Run.gather
+    monkeypatch.setattr(calibration_runs.Run, "gather", lambda *a, **k: told.append("work") or gather(*a, **k))
     result = calibrate(run, "brown", "--model", "brown", "-o", "camchain.yaml", *OTHERS)
     assert result.exit_code == 1
     assert "Kalibr" in told[0]
@@ -52,7 +52,7 @@ def test_a_format_that_can_not_hold_the_model_is_told_before_the_work(run, monke
 
 
 def test_nothing_that_can_be_written_is_no_work(run, monkeypatch):
-    monkeypatch.setattr(_calibration_runs, "one_camera", lambda *_: pytest.fail("the work has begun"))
+    monkeypatch.setattr(calibration_runs, "one_camera", lambda *_: pytest.fail("the work has begun"))
     result = calibrate(run, "brown", "--model", "brown", "-o", "camchain.yaml")
     assert result.exit_code == 1
     assert result.stderr.startswith("error: camchain.yaml can't be written: Kalibr")

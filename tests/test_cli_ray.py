@@ -13,7 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from detector_stand_in import BROKEN, KILL, KILL_ONCE, MARKS, picture, video
-from rcdn.cli import _ray, app
+from rcdn.batch import ray
+from rcdn.cli import app
 from rcdn.errors import DependencyError
 from rcdn.io import read_detections
 
@@ -70,9 +71,9 @@ def test_a_killed_worker_loses_nothing_and_the_bytes_are_the_local_engine_s(tmp_
 
 
 def test_without_ray_the_error_names_the_extra(tmp_path, monkeypatch):
-    monkeypatch.setattr(_ray, "find_spec", lambda name: None)
+    monkeypatch.setattr(ray, "find_spec", lambda name: None)
     with pytest.raises(DependencyError, match=r"pip install 'rcdn\[ray\]'"):
-        _ray.check()
+        ray.check()
     result = CliRunner().invoke(app, ["detect", str(picture(tmp_path / "a.png")), "--engine", "ray"])
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == "error: --engine ray needs Ray: pip install 'rcdn[ray]'\n"
@@ -80,7 +81,7 @@ def test_without_ray_the_error_names_the_extra(tmp_path, monkeypatch):
 
 LISTENING = """
 import os, re
-from rcdn.cli import _ray
+from rcdn.batch import ray
 
 def listening():
     addresses = {}
@@ -102,7 +103,7 @@ def work():
 
 if __name__ == "__main__":
     os.setpgrp()
-    with _ray._cluster(_ray.LOCAL, 1) as ray:
+    with ray._cluster(ray.LOCAL, 1) as ray:
         ray.get(ray.remote(work).remote())
         print(*sorted(set(listening())))
 """
@@ -121,9 +122,9 @@ def test_a_cluster_of_this_machine_listens_to_this_machine_only(tmp_path):
 
 
 def test_the_loopback_is_asked_for_before_ray_is_imported(monkeypatch):
-    for address, wanted in ((_ray.LOCAL, "0"), ("10.0.0.1:1", None)):
+    for address, wanted in ((ray.LOCAL, "0"), ("10.0.0.1:1", None)):
         monkeypatch.delenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", raising=False)
         monkeypatch.setitem(sys.modules, "ray", None)
-        with pytest.raises(ImportError), _ray._cluster(address, 1):
+        with pytest.raises(ImportError), ray._cluster(address, 1):
             pass
         assert os.environ.pop("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", None) == wanted

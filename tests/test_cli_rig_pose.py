@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.evaluation.camera_scenes import SIZE, SPACING, board, random_pose, see
-from rcdn.evaluation.rig_scenes import row
 from rcdn.io import write_rig
 from rcdn.types import Pose, Rig
+from rcdn_lab.camera_scenes import SIZE, SPACING, board, random_pose, see
+from rcdn_lab.rig_scenes import row
 from saved_boards import save
 
 SCENE = row([0.2], ("brown",))

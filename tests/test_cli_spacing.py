@@ -11,11 +11,11 @@ import typer
 from tests.saved_boards import save
 
 from rcdn.calibration.calibrate import FIXABLE, check_fix
-from rcdn.cli._spacing import check_length, parse_length
 from rcdn.errors import ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, board, random_boards, see
 from rcdn.geometry import rotation
 from rcdn.io import read_camera
+from rcdn.terminal.spacing import check_length, parse_length
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, board, random_boards, see
 
 PINHOLE = CAMERAS["pinhole"]
 

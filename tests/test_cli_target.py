@@ -12,10 +12,10 @@ from tests.targets.raster import raster
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.cli._target import DEFAULT, parse_target
 from rcdn.io import write_camera
 from rcdn.targets.drawing import draw
 from rcdn.targets.files import write_target
+from rcdn.terminal.target import DEFAULT, parse_target
 from rcdn.types import AprilGrid, Camera, Charuco, Checkerboard, Deltille, Printed, PuzzleBoard, PuzzlePart
 
 BOARD = Charuco(7, 5, "DICT_4X4_50", 0.75)

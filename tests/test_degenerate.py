@@ -9,11 +9,11 @@ import pytest
 from rcdn import estimate_pose
 from rcdn.calibration import calibrate
 from rcdn.errors import CalibrationError, RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
 from rcdn.geometry import unproject
 from rcdn.precision import sharpen
 from rcdn.precision.lattice import lattice
 from rcdn.types import BoardShape
+from rcdn_lab.camera_scenes import CAMERAS, random_boards
 
 CAMERA = CAMERAS["brown"]
 LINE = np.array([1.0, 0.5])

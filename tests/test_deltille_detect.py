@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 import rcdn
 from rcdn.cli import app
 from rcdn.errors import ConfigError
-from rcdn.evaluation.paper.deltille import same_lattice, score, view_scene
 from rcdn.geometry import project, transform
 from rcdn.io import FormatError, ImageResult, read_detections, write_detections
 from rcdn.io.cameras import read_camera
@@ -23,6 +22,7 @@ from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_page, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
 from rcdn.types import Board, BoardShape, Corners, Deltille, Printed, plane_points
+from rcdn_lab.paper.deltille import same_lattice, score, view_scene
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
 

@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 
 from rcdn.cli import app
 from rcdn.corners.response import load_model
-from rcdn.evaluation import detections, hard, scenes
-from rcdn.evaluation.weights import weights_of
 from rcdn.io import ImageResult, write_detections
 from rcdn.metrics import counted
 from rcdn.types import Board, Corners
+from rcdn_lab import detections, hard, scenes
+from rcdn_lab.weights import weights_of
 
 
 def test_doubtful_corners_are_neither_right_nor_wrong():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rcdn.cli.evaluate import app
-from rcdn.evaluation import recovery as suite
-from rcdn.report import recovery as report
+from rcdn_lab import recovery as suite
+from rcdn_lab.cli.evaluate import app
+from rcdn_lab.plots import recovery as report
 
 
 @pytest.fixture

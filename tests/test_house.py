@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "onnx", "matplotlib", "lightning_fabric", "lightning", "tensorboard")
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 INSTALL_AND_TEST = (
-    'pip install "torch==2.13.0" && pip install -e ".[train,plot,test]" && python -m pytest -n auto --dist loadgroup'
+    'pip install "torch==2.13.0" && pip install -e ".[train,test]" -e lab && python -m pytest -n auto --dist loadgroup'
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
@@ -159,12 +159,12 @@ def test_links_lead_somewhere(page):
     "page", [ROOT / "docs/paper.md", *sorted((ROOT / "docs/decisions").glob("*.md"))], ids=lambda p: p.stem
 )
 def test_functions_and_tests_that_are_named_exist(page):
-    """`corners/nms.py:nms` is a name in src/rcdn, `tests/…/test_x.py::test_y` (or ::*) a test."""
+    """`corners/nms.py:nms` is a name in src/rcdn, `rcdn_lab/…` in lab/src, `tests/…/test_x.py::test_y` (or ::*) a test."""
     text = page.read_text()
     for path, name in re.findall(r"`([\w/]+\.py):(\w+)`", text):
-        source = (ROOT / "src/rcdn" / path).read_text()
+        source = (ROOT / ("lab/src" if path.startswith("rcdn_lab/") else "src/rcdn") / path).read_text()
         assert re.search(rf"^(?:def |class |    def )?{name}\b", source, flags=re.M), f"{path}:{name}"
-    for path, name in re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text):
+    for path, name in re.findall(r"`((?:lab/)?tests/[\w/]+\.py)(?:::(\w+))?`", text):
         assert f"def {name or 'test_'}" in (ROOT / path).read_text(), f"{path}::{name}"
 
 

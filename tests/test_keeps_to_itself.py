@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from rcdn.errors import ImageError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import ImageResult, frames, read_image, write_detections, write_image
 from rcdn.types import Corners
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 FAST = ("--model", "pinhole", "--spacing", SPACING)
 RUN = "from rcdn.cli import main; main()"

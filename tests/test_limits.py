@@ -11,7 +11,6 @@ from rcdn.boards.merge import merge
 from rcdn.config import DetectorConfig, Nms
 from rcdn.corners.nms import nms
 from rcdn.detector import Detector
-from rcdn.evaluation.worst_case import checkers
 from rcdn.geometry.boxes import BoxCells, PointCells
 from rcdn.geometry.near import nearest
 from rcdn.geometry.polygon import deeper, depth, least_depth
@@ -19,6 +18,7 @@ from rcdn.io import ImageResult
 from rcdn.io.formats import image_line, image_of_line
 from rcdn.pyramid import SAME, distinct_boards
 from rcdn.types import Board, Status, Warnings, allowed
+from rcdn_lab.worst_case import checkers
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import pytest
 
 import rcdn
 from rcdn.config import DetectorConfig, MaxFraction
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.geometry import zero_correction
 from rcdn.synthetic import PRESETS, random_scene, render
 from rcdn.types import Corners, Reason, StereoCalibration, Verdict
 from rcdn.types.named import Named
 from rcdn.types.shown import decimals
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
 PICTURE = render(random_scene(np.random.default_rng((1, 1)), PRESETS["ordinary"], (640, 480)))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rcdn.cli._pair_file import PairFile
-from rcdn.cli._pairs import pair_names, pairing_hint
+from rcdn.batch.pair_file import PairFile
+from rcdn.batch.pairs import pair_names, pairing_hint
 from rcdn.errors import ConfigError
 
 

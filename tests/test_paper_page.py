@@ -9,9 +9,9 @@ import pytest
 from tests.doc_blocks import ROOT
 from tests.test_numbers import cells, rows, states
 
-from rcdn.corners.response import load_model
-from rcdn.evaluation.paper import pixel_claims, refinement_claims, table4_published, table_text
-from rcdn.evaluation.paper.networks import NETWORKS
+from rcdn_lab.paper import pixel_claims, refinement_claims, table4_published, table_text
+from rcdn_lab.paper.networks import NETWORKS
+from rcdn_lab.table_weights import load_network
 
 PAGE, RESULTS = (ROOT / "docs/paper-results.md").read_text(), (ROOT / "docs/results.md").read_text()
 RECOVERY = (ROOT / "docs/recovery.md").read_text()
@@ -129,7 +129,7 @@ def test_what_is_said_of_recovery(kind):
 
 
 def shipped(model):
-    return load_model(model).facts["sha256"]
+    return load_network(model).facts["sha256"]
 
 
 @pytest.mark.parametrize("name", ["table2", "table3"])

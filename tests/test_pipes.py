@@ -13,7 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from detector_stand_in import StandIn, picture
-from rcdn.cli import _pool, app
+from rcdn.batch import pool
+from rcdn.cli import app
 from rcdn.cli import detect as verb
 from rcdn.io import expand, find, read_detections, read_image, read_vnl, write_image
 from rcdn.io.finding import natural
@@ -24,7 +25,7 @@ def run(monkeypatch, tmp_path):
     """Run `rcdn ARGUMENTS` in a temporary folder, with a stand-in detector and without processes."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verb, "_make_detector", StandIn)
-    monkeypatch.setattr(_pool, "usable_cores", lambda: 1)
+    monkeypatch.setattr(pool, "usable_cores", lambda: 1)
 
     def go(*arguments):
         return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from rcdn.cli import _outputs
-from rcdn.cli._outputs import Outputs, Spool
+from rcdn.batch import outputs as _outputs
+from rcdn.batch.outputs import Outputs, Spool
 from rcdn.errors import OutputError
 
 

@@ -1,6 +1,6 @@
 """Draws the pictures of pages beside the how-to pages into docs/images/pages: `python docs/images/draw_pages.py [NAME …]`.
 
-Those of the paper and of its peers need the extra `onnx`, and weights that are in the source distribution only.
+Those of the paper and of its peers need the laboratory (`pip install -e . -e lab`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from draw import ORANGE, arrow, beside, bgr, box, main, svg, text
 
 import rcdn
-from rcdn.peers import PEERS
 from rcdn.synthetic import BoardSpec, Sensor, camera_view, render
+from rcdn_lab.peers import PEERS
 
 OUT = Path(__file__).parent / "pages"
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.patches import Ellipse
 
 from rcdn.calibration import calibrate_rig
-from rcdn.evaluation.camera_scenes import SIZE, SPACING
-from rcdn.evaluation.rigs import scenes
 from rcdn.types import Rig
+from rcdn_lab.camera_scenes import SIZE, SPACING
+from rcdn_lab.rigs import scenes
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt  # after the choice of Agg

@@ -8,9 +8,9 @@ from tests.calibration.coded_views import APRILGRID, CHARUCO, coded_boards
 
 from rcdn.adapters import views
 from rcdn.errors import ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS
 from rcdn.geometry import project
 from rcdn.types import Board, Checkerboard, Deltille, Printed
+from rcdn_lab.camera_scenes import CAMERAS
 
 
 def plain(columns, rows, drop=(), turn=False):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.evaluation.camera_scenes import WIDE
 from rcdn.geometry import project, rotation
 from rcdn.types import AprilGrid, Board, Camera, Charuco, Plane, PuzzleBoard
+from rcdn_lab.camera_scenes import WIDE
 
 CHARUCO = Charuco(9, 7, "DICT_4X4_50", 0.75)
 APRILGRID = AprilGrid(5, 4, "tag36h11", 0.3)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rcdn.batch.behind import TwoSided
 from rcdn.calibration import calibrate_rig
 from rcdn.calibration.behind import from_behind
-from rcdn.cli._behind import TwoSided
 from rcdn.detector import MIRRORED, Detection
 from rcdn.errors import CalibrationError
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, see
-from rcdn.evaluation.rig_scenes import looking
 from rcdn.geometry import rotation
 from rcdn.types import Charuco, Corners
 from rcdn.types.limits import READ_IN_A_MIRROR
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, see
+from rcdn_lab.rig_scenes import looking
 
 PRINT = Charuco(SIZE[0] + 1, SIZE[1] + 1, "DICT_4X4_100", 0.75)
 EYES = {"front": (0.0, -0.7, 0.1), "beside": (0.4, -0.6, 0.0), "back": (0.1, 0.7, 0.0)}

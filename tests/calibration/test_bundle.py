@@ -17,8 +17,8 @@ from rcdn.calibration.bundle import (
     linearise,
     residuals,
 )
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
-from rcdn.evaluation.real_boards import uneven_board
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
+from rcdn_lab.real_boards import uneven_board
 
 T_RIGHT = np.array([[0.98, 0, 0.199, -0.1], [0, 1, 0, 0.01], [-0.199, 0, 0.98, 0.02], [0, 0, 0, 1]])
 

@@ -6,7 +6,7 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.by_hand import REASON, chosen, view_name
 from rcdn.errors import ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
 PINHOLE = CAMERAS["pinhole"]
 NAMES = ["a/01.png", "a/02.png", "a/02.png", "b/01.png", "clip.mp4#12", "odd:3"]

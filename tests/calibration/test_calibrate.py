@@ -13,10 +13,10 @@ from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.calibrate import LENSES
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose, see
-from rcdn.evaluation.real_boards import curved_board
 from rcdn.geometry import project, rotation
 from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, random_pose, see
+from rcdn_lab.real_boards import curved_board
 
 BROWN = CAMERAS["brown"]
 FISHEYE = Camera(

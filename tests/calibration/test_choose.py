@@ -9,8 +9,8 @@ import pytest
 
 from rcdn.calibration import calibrate, choose
 from rcdn.calibration.bundle import Corners3, State, default_free
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 
 def whole_boards(model, seed, views, **more):

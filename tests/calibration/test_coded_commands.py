@@ -12,9 +12,9 @@ from tests.saved_boards import save
 
 from rcdn.calibration.coded import same_boards
 from rcdn.errors import FormatError
-from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
 from rcdn.io import ImageResult, read_calibration, read_vnl, write_vnl
 from rcdn.types import Corners
+from rcdn_lab.camera_scenes import CAMERAS, random_boards
 
 CAMERA = CAMERAS["brown"]
 

@@ -13,9 +13,9 @@ from rcdn.calibration import calibrate, calibrate_stereo, estimate_pose
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
 from rcdn.geometry import project
 from rcdn.types import Charuco, PuzzleBoard
+from rcdn_lab.camera_scenes import CAMERAS, random_boards
 
 CAMERA = CAMERAS["brown"]
 TARGETS = {"charuco": CHARUCO, "aprilgrid": APRILGRID, "puzzleboard": PuzzleBoard()}

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rcdn.batch import camera_files
 from rcdn.calibration import estimate_pose
 from rcdn.calibration.arguments import check_camera
 from rcdn.calibration.sight import reach
-from rcdn.cli import _camera_files, _camera_text
 from rcdn.errors import ConfigError
 from rcdn.geometry import project, rotation, transform, zero_correction
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.io import read_calibration, read_camera, write_calibration
 from rcdn.report.calibration import write_report
+from rcdn.terminal import camera_text
 from rcdn.types import Board, BoardView, Calibration, Camera, ModelScore, Pose
 
 SIZE = (640, 480)
@@ -76,7 +77,7 @@ def test_people_see_the_coefficients_and_one_line_of_the_correction(tmp_path):
     done = calibration(rippled())
     most = largest_shift(done.camera)
     assert 1 < most < 4
-    lines = _camera_text.camera_lines(done)
+    lines = camera_text.camera_lines(done)
     assert f"  and a smooth correction of 11×9 control points, up to {most:.2f} px" in lines
     assert len(lines) < 14
     write_report(tmp_path / "report.html", done)
@@ -94,8 +95,8 @@ def test_what_a_file_cannot_hold_is_said(tmp_path, capsys):
         ("a.yaml", "a.yaml: best fit of brown"),
         ("a.cameramodel", "px at most"),
     ):
-        _camera_files.check_format(tmp_path / name, None)
-        _camera_files.write_one(tmp_path / name, camera, None)
+        camera_files.check_format(tmp_path / name, None)
+        camera_files.write_one(tmp_path / name, camera, None)
         told = capsys.readouterr().err
         assert said in told
         assert bool(said) == bool(told)

@@ -9,9 +9,9 @@ import pytest
 
 from rcdn.calibration import calibrate
 from rcdn.calibration.cut import cut_sides, cut_text, may_be_cut, whole_size
-from rcdn.cli._camera_text import cut_lines
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards
 from rcdn.geometry import project, rotation
+from rcdn.terminal.camera_text import cut_lines
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards
 
 BROWN = CAMERAS["brown"]
 MIDDLE = np.array([0.12, 0.075, 0])

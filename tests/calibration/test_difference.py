@@ -8,9 +8,9 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.difference import agreement, camera_difference, common_grid, difference, displacement
 from rcdn.errors import RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 BROWN, PINHOLE = CAMERAS["brown"], CAMERAS["pinhole"]
 DIVISION = Camera(BROWN.K, [-0.2], BROWN.image_size, "division")

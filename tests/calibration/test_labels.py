@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rcdn.calibration.labels import mirrored, orientation_of, settle, turn_labels
-from rcdn.evaluation.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
 from rcdn.types import usual_size
+from rcdn_lab.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
 
 
 def grid(cols, rows, drop=()):

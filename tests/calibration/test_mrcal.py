@@ -12,9 +12,9 @@ from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration.bundle import Corners3, State, residuals
 from rcdn.calibration.solver import solve
 from rcdn.calibration.uncertainty import Clustered, covariance
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.io import ImageResult, write_vnl
 from rcdn.types import Board, Corners
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 MRCAL = shutil.which("mrcal-calibrate-cameras")
 ASK = """

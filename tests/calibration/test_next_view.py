@@ -13,9 +13,9 @@ from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
 from rcdn.calibration.solver import Normal
 from rcdn.calibration.uncertainty import Clustered, covariance
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, see
 from rcdn.geometry import project, transform
 from rcdn.types import SQUARES, Calibration, Camera
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards, see
 
 BROWN = CAMERAS["brown"]
 NOISE = 0.2

@@ -10,9 +10,9 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.observability import deviations, tilt, unsettled
 from rcdn.errors import CalibrationError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, see
 from rcdn.geometry import rotation
 from rcdn.types import Pose
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, see
 
 PINHOLE = CAMERAS["pinhole"]
 

@@ -13,8 +13,8 @@ from rcdn.calibration.groups import describe, name_partitions, natural_order
 from rcdn.calibration.influence import gains, group_difference, view_information
 from rcdn.calibration.one_camera import one_camera
 from rcdn.errors import CalibrationError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
-from rcdn.evaluation.real_boards import curved_board
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn_lab.real_boards import curved_board
 
 BROWN = CAMERAS["brown"]
 PINHOLE = CAMERAS["pinhole"]

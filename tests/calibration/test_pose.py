@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import estimate_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
-from rcdn.evaluation.real_boards import uneven_board
 from rcdn.geometry import rotation
 from rcdn.types import BoardShape, Camera
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn_lab.real_boards import uneven_board
 
 BROWN = CAMERAS["brown"]
 FISHEYE = Camera(

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import estimate_pose, estimate_rig_pose
 from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.evaluation.camera_scenes import SIZE, SPACING, board, random_pose, see
-from rcdn.evaluation.rig_scenes import row
 from rcdn.geometry import rotation
 from rcdn.types import Pose, Rig
+from rcdn_lab.camera_scenes import SIZE, SPACING, board, random_pose, see
+from rcdn_lab.rig_scenes import row
 
 SCENE = row([0.25, 0.25], ("brown", "fisheye", "brown"))
 NAMES = tuple(SCENE.places)

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rcdn.batch.moments import moments_of
+from rcdn.batch.rig_runs import _against, rig_lines
 from rcdn.calibration import calibrate, calibrate_rig
 from rcdn.calibration.many_cameras import _of_one_make
 from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
-from rcdn.cli._moments import moments_of
-from rcdn.cli._rig_runs import _against, rig_lines
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.evaluation.camera_scenes import SPACING
-from rcdn.evaluation.rig_scenes import chain, row
 from rcdn.geometry import rotation
 from rcdn.io import read_rig, write_rig_calibration
 from rcdn.types import Reason
+from rcdn_lab.camera_scenes import SPACING
+from rcdn_lab.rig_scenes import chain, row
 
 pytestmark = pytest.mark.xdist_group("rigs")  # one rig that many of them look at
 SCENE = row([0.3, 0.3], ("pinhole", "fisheye"))
@@ -153,7 +153,7 @@ def test_moments_are_told_by_name_number_or_order():
 
 def test_a_late_camera_is_told():
     """A board that moves steadily, one camera a third of a moment late."""
-    from rcdn.evaluation.camera_scenes import board, see
+    from rcdn_lab.camera_scenes import board, see
 
     rng, boards, moments = np.random.default_rng(3), {}, {}
     late = {"c0": 0.0, "c1": 0.3, "c2": 0.0}

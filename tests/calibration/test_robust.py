@@ -9,7 +9,7 @@ import pytest
 
 from rcdn.calibration import calibrate, robust
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
 
 BROWN = CAMERAS["brown"]
 

@@ -11,7 +11,7 @@ from rcdn.calibration.difference import camera_difference
 from rcdn.calibration.selection import _by_picture, _exchanged, _greedy, _with_one_more, most_telling
 from rcdn.calibration.uncertainty import unrotated_slopes
 from rcdn.errors import ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 
 BROWN = CAMERAS["brown"]
 

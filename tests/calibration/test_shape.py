@@ -21,9 +21,9 @@ from rcdn.calibration.shape import (
     with_spread,
 )
 from rcdn.errors import RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
-from rcdn.evaluation.real_boards import smooth_error, uneven_board
 from rcdn.types import BoardShape
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn_lab.real_boards import smooth_error, uneven_board
 
 BROWN = CAMERAS["brown"]
 SIZE = (9, 6)

@@ -8,7 +8,7 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.bundle import State, lens_prior
 from rcdn.calibration.smooth_lens import Bending, with_correction
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
 BROWN, NOISE = CAMERAS["brown"], 0.03
 

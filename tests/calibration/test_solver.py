@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
 from rcdn.calibration.solver import SCALE, Linear, Normal, solve
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 
 def mono(model, seed=0, views=8, noise=0.2, whole=True):
@@ -281,7 +281,7 @@ def test_normal_equations_in_parts_are_those_of_the_whole(monkeypatch):
     """A problem too large to be held at once is summed in parts of a few corners."""
     from rcdn.calibration import solver
     from rcdn.calibration.bundle import Corners3, State, default_free
-    from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_boards
+    from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_boards
 
     camera = CAMERAS["brown"]
     boards, poses = random_boards(camera, 3, views=4, whole=True)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rcdn.calibration.start import Seen, first_camera, poses
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, random_boards, random_pose, see
 from rcdn.geometry import project, rotation
 from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, random_boards, random_pose, see
 
 WIDE_FISHEYE = Camera(
     np.array([[150.0, 0, 322], [0, 149, 241], [0, 0, 1]]), [0.02, -0.005, 0.001, -0.0002], (640, 480), "fisheye"

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import calibrate_stereo
 from rcdn.calibration.rig import turn_labels
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, random_pose, see
 from rcdn.geometry import rotation, unproject
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_pose, see
 
 T_RIGHT_LEFT = np.eye(4)
 T_RIGHT_LEFT[:3, :3], T_RIGHT_LEFT[:3, 3] = rotation(np.array([0.02, -0.15, 0.03])), [-0.12, 0.004, 0.01]

@@ -11,8 +11,8 @@ from test_stereo import T_RIGHT_LEFT, pairs
 from rcdn.calibration import calibrate, calibrate_stereo
 from rcdn.calibration.twins import alike, one_model
 from rcdn.errors import CalibrationError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING
 from rcdn.types import Camera, ModelScore
+from rcdn_lab.camera_scenes import CAMERAS, SPACING
 
 BROWN, FISHEYE, PINHOLE = (CAMERAS[m] for m in ("brown", "fisheye", "pinhole"))
 

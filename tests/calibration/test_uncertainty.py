@@ -13,11 +13,11 @@ from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.solver import solve
 from rcdn.calibration.uncertainty import Clustered, clustered, covariance
 from rcdn.errors import RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, board, labels, random_boards, random_pose, see
-from rcdn.evaluation.real_boards import smooth_error
-from rcdn.evaluation.trust import BOARDS, row, trust
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import BoardView, Calibration, Pose
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, labels, random_boards, random_pose, see
+from rcdn_lab.real_boards import smooth_error
+from rcdn_lab.trust import BOARDS, row, trust
 
 PINHOLE, RUNS, NOISE = CAMERAS["pinhole"], 60, 0.2
 PIXELS = np.array([[320.0, 240], [30, 30], [600, 450]])

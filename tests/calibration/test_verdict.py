@@ -15,10 +15,10 @@ from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.calibration.view_facts import places, tilts
-from rcdn.evaluation import bad_cases
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards
-from rcdn.evaluation.real_boards import curved_board
 from rcdn.types import LEVELS, BoardShape, ModelScore, Reason, Verdict
+from rcdn_lab import bad_cases
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn_lab.real_boards import curved_board
 
 BROWN = CAMERAS["brown"]
 

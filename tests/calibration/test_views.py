@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3
 from rcdn.calibration.views import NEAR, alike
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
 
 SIZE = (640, 480)
 LIMIT = NEAR * np.hypot(*SIZE)

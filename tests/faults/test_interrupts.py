@@ -33,7 +33,7 @@ WHILE_STANDARD_ERROR_GOES = "os.dup2 = then(os.dup2)" + RUN
 WHILE_WORDS_ARE_READ = "from rcdn.cli import _group; _group.Group.make_context = then(_group.Group.make_context)" + RUN
 TWICE = (
     """
-from rcdn.cli import _group
+from rcdn.terminal import group as _group
 _group.Group.make_context = then(_group.Group.make_context)
 _group.say_error = then(_group.say_error)
 """
@@ -53,7 +53,7 @@ def test_ctrl_c_of_the_command_is_one_line(code):
 
 READER = """
 import itertools, time
-from rcdn.cli._batch import in_thread
+from rcdn.batch.work import in_thread
 threading.Thread.start = then(threading.Thread.start)
 try:
     for _ in in_thread(itertools.count):
@@ -70,7 +70,7 @@ def test_a_reader_that_has_just_begun_ends():
 
 
 NOT_BEGUN = """
-from rcdn.cli._batch import in_thread
+from rcdn.batch.work import in_thread
 def no_room(thread):
     raise RuntimeError("can't start new thread")
 threading.Thread.start = no_room
@@ -87,7 +87,7 @@ def test_a_reader_that_cannot_begin_says_why():
 
 
 PROCESS = """
-from rcdn.cli._processes import no_interrupts
+from rcdn.batch.processes import no_interrupts
 other = threading.Thread(target=threading.Event().wait, daemon=True)
 other.start()  # it gets the signals that the first thread blocks
 try:

@@ -35,7 +35,7 @@ def main() -> int:
     }
     rows = [_whole(outcomes, time.monotonic() - began), *(o.row() for o in outcomes)]
     if args.out:
-        from rcdn.evaluation.results import save
+        from rcdn_lab.results import save
 
         save(args.out, "fuzz", settings, rows)
     for row in rows:

@@ -76,7 +76,7 @@ def calls() -> tuple[tuple[Call, ...], ...]:
 
     import rcdn
     from rcdn.calibration import calibrate
-    from rcdn.evaluation.camera_scenes import CAMERAS, random_boards
+    from rcdn_lab.camera_scenes import CAMERAS, random_boards
 
     squares, dense = samples.picture(), samples.picture(7, 5, 11.0, (120, 100))
     for grey in (

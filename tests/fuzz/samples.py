@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from tests.fuzz.target import scratch
 
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
 from rcdn.geometry import zero_correction
 from rcdn.io import (
     ImageResult,
@@ -37,6 +36,7 @@ from rcdn.types import (
     Reason,
     Verdict,
 )
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
 
 
 @cache

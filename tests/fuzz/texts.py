@@ -152,7 +152,7 @@ def _configs() -> tuple[str, ...]:
 
 
 def _pairs(data: bytes) -> None:
-    from rcdn.cli._pair_file import PairFile
+    from rcdn.batch.pair_file import PairFile
 
     PairFile.read(as_file(data, ".txt")).match(["l1.png", "l2.png"], ["r/1.png", "r/2.png"])
 

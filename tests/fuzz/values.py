@@ -16,9 +16,9 @@ import rcdn
 from rcdn import DetectorConfig
 from rcdn.config import Adaptive, Cluster, Fixed, MaxFraction, Nms, Refine, Sharpen, Std
 from rcdn.errors import RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING
 from rcdn.precision import sharpen
 from rcdn.types import LENS, Array, Board, BoardShape, Camera, Corners
+from rcdn_lab.camera_scenes import CAMERAS, SPACING
 
 ORIENTATIONS = ("unique", "ambiguous_180", "ambiguous_90", "ambiguous_120")
 INTEGERS = (0, 1, -1, 2, 7, 1000, 2**20, 2**31, -(2**31), 2**62, -(2**62))

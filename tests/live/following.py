@@ -11,7 +11,6 @@ import numpy as np
 import uvicorn
 from tests.live.moving_board import SPACING, Renderer, between, pose, towards
 
-from rcdn.cli._target import DEFAULT
 from rcdn.cli.live import _tools
 from rcdn.geometry import rotation
 from rcdn.live.folder import Folder, Settings
@@ -19,6 +18,7 @@ from rcdn.live.run import Place, config_of
 from rcdn.live.security import names_of
 from rcdn.live.server import Server
 from rcdn.live.session import Session
+from rcdn.terminal.target import DEFAULT
 
 RATE, MOVES = 15, 8
 """frames a second; frames that a movement takes"""

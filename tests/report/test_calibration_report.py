@@ -12,12 +12,12 @@ from rcdn.calibration.facts import measure
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.calibration.verdict import headline, judge
-from rcdn.cli._camera_text import camera_lines
 from rcdn.errors import OutputError
 from rcdn.geometry import project, rotation, transform, unproject
 from rcdn.geometry.undistort import HALF_VIEW, undistorted_camera
 from rcdn.report.calibration import maps, pictures, rig, stereo, style, write_report, write_stereo_report
 from rcdn.report.calibration.markup import escape, number, percent, tag, value_and_std
+from rcdn.terminal.camera_text import camera_lines
 from rcdn.types import BoardShape, BoardView, Calibration, Camera, ModelScore, Pose, StereoCalibration
 
 SIZE = (640, 480)

@@ -8,7 +8,7 @@ import pytest
 from coded_scene import SQUARE, Drawing, aprilgrid, charuco, puzzleboard, seen
 
 from rcdn import Board, Detector, DetectorConfig
-from rcdn.cli._calibration_runs import _no_board
+from rcdn.batch.calibration_runs import _no_board
 from rcdn.targets.circles import is_circle_grid
 from rcdn.targets.glance import glance_at
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from coded_scene import aprilgrid, charuco, numbered, puzzleboard, seen
 
+from rcdn.batch.cache_entries import packed, unpacked
 from rcdn.calibration.coded import Geometries
-from rcdn.cli._cache_entries import packed, unpacked
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import RcdnError

@@ -2,8 +2,8 @@
 
 To add a verb: write `cli/<verb>.py` with a function `<verb>` whose parameters are the options and whose docstring is
 the help, import what is heavy inside that function, and add the module to the two places below, with its line and its
-group of the help. A verb with verbs of its own has a Typer `app` instead of a function. Verbs raise RcdnError (exit 1)
-or ConfigError (exit 2); `_group` makes a line of it.
+group of the help. Verbs raise RcdnError (exit 1) or ConfigError (exit 2); `terminal.group` makes a line of it. Verbs of
+other packages are Typer apps that their entry points of the group `rcdn.verbs` name.
 """
 
 from __future__ import annotations
@@ -15,24 +15,9 @@ from typing import Annotated
 import typer
 
 from rcdn import interrupts
-from rcdn.cli import (
-    bench,
-    board,
-    calibrate,
-    compare,
-    convert,
-    detect,
-    evaluate,
-    export,
-    live,
-    pose,
-    render,
-    report,
-    train,
-    undistort,
-)
-from rcdn.cli._group import INTERRUPTED, Group, say_stopped
-from rcdn.cli._stderr import READERS, for_ours_alone
+from rcdn.cli import board, calibrate, compare, convert, detect, export, live, pose, render, report, train, undistort
+from rcdn.terminal.group import BUILDERS, INTERRUPTED, Group, say_stopped
+from rcdn.terminal.stderr import READERS, for_ours_alone
 
 app = typer.Typer(
     name="rcdn",
@@ -64,8 +49,8 @@ def rcdn(
     """
 
 
-FILES, BUILDERS = "About cameras and files", "To build and measure rcdn"
-"""groups of the help, after that of the verbs that most people need"""
+FILES = "About cameras and files"
+"""the second group of the help, after that of the verbs that most people need"""
 
 app.command("detect", short_help="Find corners and boards in pictures.")(detect.detect)
 app.command("calibrate", short_help="Calibrate a camera, or a pair, from pictures of boards.")(calibrate.calibrate)
@@ -81,13 +66,11 @@ app.command("report", short_help="Write the page of a saved calibration again.",
 app.command("render", short_help="Render pictures of boards, with the truth.", rich_help_panel=BUILDERS)(render.render)
 app.command("train", short_help="Train networks.", rich_help_panel=BUILDERS)(train.train)
 app.command("export", short_help="Write a trained network as ONNX.", rich_help_panel=BUILDERS)(export.export)
-app.add_typer(evaluate.app, name="evaluate", short_help="Measure the figures of the docs.", rich_help_panel=BUILDERS)
-app.command("bench", short_help="Measure time and memory.", rich_help_panel=BUILDERS)(bench.bench)
 
 
 def main() -> None:
     """All of the `rcdn` command but the first moments, which are `rcdn.__main__`'s."""
-    from rcdn.cli._streams import Streams
+    from rcdn.terminal.streams import Streams
 
     # before numpy comes, here and in the processes to be started: its BLAS would put threads to matrices of a few rows, which
     # doubles the time; work is shared out by pictures instead

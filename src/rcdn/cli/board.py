@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcdn.cli._options import GridSize, parse_size
-from rcdn.cli._spacing import Length, check_length, parse_length
 from rcdn.errors import ConfigError
+from rcdn.terminal.options import GridSize, parse_size
+from rcdn.terminal.spacing import Length, check_length, parse_length
 
 if TYPE_CHECKING:
     from rcdn.types import Print

@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import _talk
-from rcdn.cli._cache import open_cache
-from rcdn.cli._calibration_outputs import (
+from rcdn.batch.cache import open_cache
+from rcdn.batch.calibration_outputs import (
     CameraFileFormat,
     CameraFiles,
     FailOnVerdict,
@@ -17,26 +16,27 @@ from rcdn.cli._calibration_outputs import (
     Outputs,
     ReportFile,
 )
-from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
-from rcdn.cli._group import FAILED
-from rcdn.cli._options import (
-    CacheFolder,
-    Frames,
-    Jobs,
-    MaxMegapixels,
-    NoCache,
-    Pattern,
-    PatternName,
-    PicturePlaces,
-)
-from rcdn.cli._pair_file import PairFile, Pairs
-from rcdn.cli._rig_runs import many_cameras
-from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model, Select
-from rcdn.cli._spacing import SpacingOrFile, check_spacing
-from rcdn.cli._talk import Quiet
-from rcdn.cli._target import DEFAULT, Target
+from rcdn.batch.calibration_runs import Problem, Run, one_camera, two_cameras
+from rcdn.batch.pair_file import PairFile, Pairs
+from rcdn.batch.rig_runs import many_cameras
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED
+from rcdn.terminal.options import CacheFolder, Frames, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, PicturePlaces
+from rcdn.terminal.solve_options import (
+    BoardSize,
+    FixAspect,
+    FixPrincipalPoint,
+    Flat,
+    LeaveOut,
+    LensModel,
+    Model,
+    Select,
+)
+from rcdn.terminal.spacing import SpacingOrFile, check_spacing
+from rcdn.terminal.talk import Quiet
+from rcdn.terminal.target import DEFAULT, Target
 
 
 def calibrate(
@@ -99,7 +99,7 @@ def calibrate(
     from rcdn.calibration.frames import LOOKS
     from rcdn.calibration.verdict import fails
 
-    _talk.begin(quiet, [json, *(output or ())])
+    talk.begin(quiet, [json, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length, {"checker": board})  # before the work
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}

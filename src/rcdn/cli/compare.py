@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rcdn.cli import _batch, _talk
-from rcdn.cli._group import FAILED
-from rcdn.cli._talk import Quiet
-from rcdn.cli._writing import write_each
+from rcdn.batch.paths import check_file
+from rcdn.batch.writing import write_each
 from rcdn.errors import ConfigError
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED
+from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from rcdn.calibration.comparison import Comparison
@@ -70,16 +71,16 @@ def compare(
     from rcdn.io import write_text
     from rcdn.report.calibration.comparison import write_comparison_report
 
-    _talk.begin(quiet, [json])
+    talk.begin(quiet, [json])
     names = camera_name or []
     if len(names) > 2:
         raise ConfigError(f"--camera-name: once for both files, or twice, not {len(names)} times")
     for option, path in (("--json", json), ("--report", report)):
-        _batch.check_file(option, path, [first, second])
+        check_file(option, path, [first, second])
     a, b = _read(first, names[0] if names else None), _read(second, names[-1] if names else None)
     found = comparison.compare(a, b, None if where is None else where.value)
     for line in lines(found, str(first), str(second)):
-        _talk.say(line)
+        talk.say(line)
 
     def text() -> str:
         return json_module.dumps(_record(found, first, second), allow_nan=False) + "\n"
@@ -91,7 +92,7 @@ def compare(
         ]
     )
     if written:
-        _talk.say_written(written)
+        talk.say_written(written)
     if len(written) < sum(path is not None for path in (json, report)):
         raise typer.Exit(FAILED)
 
@@ -110,8 +111,8 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
 
 def lines(found: Comparison, first: str, second: str) -> list[str]:
     """What is printed: the two cameras, the figures, and whether they agree."""
-    from rcdn.cli._group import one_line
     from rcdn.report.calibration.comparison import area_of, figures, judgement
+    from rcdn.terminal.group import one_line
 
     out = []
     for letter, name, camera in zip("AB", (first, second), found.cameras, strict=True):

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _batch, _talk
-from rcdn.cli._group import many
-from rcdn.cli._options import GridSize, parse_size
-from rcdn.cli._talk import Quiet
+from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError
+from rcdn.terminal import talk
+from rcdn.terminal.group import many
+from rcdn.terminal.options import GridSize, parse_size
+from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,17 +94,17 @@ def convert(
         raise ConfigError("give the file to read, then the file to write: rcdn convert IN OUT")
     *names, last = files
     inputs, out = [Path(name) for name in names], Path(last)
-    _talk.begin(quiet, [out])
-    if out != _talk.STDOUT and any(os.path.realpath(out) == os.path.realpath(p) for p in inputs):
+    talk.begin(quiet, [out])
+    if out != talk.STDOUT and any(os.path.realpath(out) == os.path.realpath(p) for p in inputs):
         raise ConfigError(f"{out}: is read and written; name another file to write")
-    _batch.check_file("OUT", out, inputs)
+    check_file("OUT", out, inputs)
     if _holds_detections(inputs[0]):
         _convert_detections(inputs, out, to, board, image_size)
     elif to is To.vnl or (to is None and out.suffix.lower() == ".vnl"):
         raise FormatError(f"{inputs[0]}: holds no detections, which corners.vnl is for; give a file of `rcdn detect`")
     else:
         _convert_cameras(inputs, out, None if to is None else to.value, camera_name, lossy)
-    _talk.say_written([out])
+    talk.say_written([out])
 
 
 # ---- detections
@@ -149,7 +150,7 @@ def _convert_detections(
     _check_squares(path, images)
     written = write_vnl(out, images, size)
     for line in _left_out(images, written, len(errors)):
-        _talk.note(f"{out}: {line}")
+        talk.note(f"{out}: {line}")
 
 
 def _is_json(path: Path) -> bool:
@@ -187,7 +188,7 @@ def _left_out(images: Sequence[ImageResult], size: tuple[int, int] | None, faile
 
 
 def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
-    from rcdn.cli._camera_files import check_format, write_one
+    from rcdn.batch.camera_files import check_format, write_one
     from rcdn.io import read_calibrations, read_camera, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
@@ -203,21 +204,21 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
         _check_loss(out, {"": camera}, format, lossy)
         write_one(out, camera, format)
     if read_calibrations(inputs[0]):
-        _talk.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
+        talk.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
 
 
 def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
-    from rcdn.cli._camera_files import write_pair
+    from rcdn.batch.camera_files import write_pair
     from rcdn.io import camera_format
 
     pair = _pair(inputs)
     kind = "maps" if format is None and out.suffix.lower() == ".npz" else camera_format(out, format)
-    if out == _talk.STDOUT and kind in ("ros", "mrcal", "maps"):
+    if out == talk.STDOUT and kind in ("ros", "mrcal", "maps"):
         raise ConfigError(f"a pair is two files in {kind}; name OUT, to which _left and _right are added")
     _check_loss(out, {"left ": pair.left, "right ": pair.right}, format, lossy)
     write_pair(out, pair, format)
     if pair.rectification is not None and kind in ("kalibr", "mrcal"):
-        _talk.note(f"{out}: holds no rectification, which {kind} has no place for")
+        talk.note(f"{out}: holds no rectification, which {kind} has no place for")
 
 
 def _pair(inputs: Sequence[Path]) -> StereoCameras:

@@ -13,17 +13,20 @@ from typing import Annotated
 
 import typer
 
-from rcdn.cli import _batch, _pool, _summary, _talk
-from rcdn.cli._cache import open_cache
-from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
-from rcdn.cli._options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
-from rcdn.cli._outputs import Outputs
-from rcdn.cli._overlay_names import OverlayNames
-from rcdn.cli._progress import progress
-from rcdn.cli._talk import Quiet
-from rcdn.cli._target import DEFAULT, Target
+from rcdn.batch import pool, summary
+from rcdn.batch.cache import open_cache
+from rcdn.batch.outputs import Outputs
+from rcdn.batch.overlay_names import OverlayNames
+from rcdn.batch.paths import check_file, expanded, outside
+from rcdn.batch.work import Done, Failure, Picture, Work, make_detector, read_ahead
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
+from rcdn.terminal.progress import progress
+from rcdn.terminal.talk import Quiet
+from rcdn.terminal.target import DEFAULT, Target
 
 
 class Preset(StrEnum):
@@ -52,13 +55,13 @@ class Device(StrEnum):
 class _Run:
     """What has been done so far, in the order of the inputs, what ended it early, and how many overlays could not be written."""
 
-    tally: _summary.Tally
+    tally: summary.Tally
     outputs: Outputs
     stopped: KeyboardInterrupt | RcdnError | None = None
     undrawn: int = 0
 
-    def add(self, outcome: _summary.Brief | _batch.Failure) -> None:
-        if isinstance(outcome, _summary.Brief):
+    def add(self, outcome: summary.Brief | Failure) -> None:
+        if isinstance(outcome, summary.Brief):
             self.outputs.add(outcome.line)
         self.tally.add(outcome)
 
@@ -137,8 +140,8 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    _talk.begin(quiet, (json, vnl))
-    paths, unread = _batch.expanded(images)
+    talk.begin(quiet, (json, vnl))
+    paths, unread = expanded(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
     if not paths:
@@ -153,55 +156,56 @@ def detect(
     config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value, **reads)
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
-        run = _Run(_summary.Tally(board), outputs)
+        run = _Run(summary.Tally(board), outputs)
         for failure in unread:
             run.add(failure)
         _detect_all(run, paths, _work(config, team, cache, outputs.wanted), team, overlay)
         failures = outputs.write(run.tally.failures)
     for text in run.tally.lines(time.perf_counter() - start):
-        _talk.say(text)
+        talk.say(text)
     _finish(run, failures, len(paths))
 
 
-_make_detector = _batch.make_detector
+_make_detector = make_detector
 
 
 @dataclass(frozen=True)
 class _Team:
-    """Who computes: `jobs` processes, or this one alone. `compute` is `rcdn.cli._pool.compute`, or the like elsewhere."""
+    """Who computes: `jobs` processes, or this one alone. `compute` is `rcdn.batch.pool.compute`, or the like elsewhere."""
 
     jobs: int
     alone: bool
-    compute: Callable[[Iterator[_batch.Picture], _batch.Work, int], Generator[_batch.Done, None, None]]
+    compute: Callable[[Iterator[Picture], Work, int], Generator[Done, None, None]]
 
 
 def _team(engine: Engine, address: str | None, jobs: int, paths: Sequence[Path]) -> _Team:
     if engine is Engine.local:
-        many = _pool.jobs_for(jobs, paths)
-        return _Team(many, many == 1, lambda *arguments: _pool.compute(*arguments))
-    import rcdn.cli._ray as _ray
+        many = pool.jobs_for(jobs, paths)
+        return _Team(many, many == 1, pool.compute)
 
-    _ray.check()
-    return _Team(jobs, False, partial(_ray.compute, address=address))
+    from rcdn.batch import ray
+
+    ray.check()
+    return _Team(jobs, False, partial(ray.compute, address=address))
 
 
-def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) -> _batch.Work:
+def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) -> Work:
     store = open_cache(config, cache, off=cache is None)
     make = partial(_make_detector, config if team.alone or config.threads else replace(config, threads=1))
-    return _batch.Work(make, store, partial(_summary.brief, lines=lines))
+    return Work(make, store, partial(summary.brief, lines=lines))
 
 
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
-    kept = _batch.outside(folder, arguments, paths)
+    kept = outside(folder, arguments, paths)
     if len(kept) < len(paths):
-        _talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
+        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
     return kept
 
 
 def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, paths: Sequence[Path]) -> None:
     """Raise before the work what would spoil it afterwards."""
-    _batch.check_file("--json", json, paths)
-    _batch.check_file("--vnl", vnl, paths)
+    check_file("--json", json, paths)
+    check_file("--vnl", vnl, paths)
     if json is not None and vnl is not None and json.absolute() == vnl.absolute():
         raise ConfigError(f"--json and --vnl are both {json}; give two names")
     if vnl is not None:
@@ -222,23 +226,23 @@ def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | Non
         raise ConfigError("--vnl: mrcal's format holds grids of squares only; write --json for a deltille")
 
 
-def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team, overlay: Path | None) -> None:
+def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overlay: Path | None) -> None:
     """Fill `run`. An interrupt, or a disk that takes no more, ends it early but loses nothing."""
     names = OverlayNames(paths) if overlay is not None else None
     try:
         with (
             progress(len(paths)) as bar,
-            closing(_batch.read_ahead(paths, decode=team.alone, cache=work.cache)) as pictures,
+            closing(read_ahead(paths, decode=team.alone, cache=work.cache)) as pictures,
             closing(team.compute((_placed(p, overlay, names) for p in pictures), work, team.jobs)) as results,
         ):
             for done in results:
                 bar.advance(done.index, done.name)
                 for outcome in done.outcomes:
                     run.add(outcome)
-                    if isinstance(outcome, _batch.Failure):
+                    if isinstance(outcome, Failure):
                         bar.say(outcome.message)
                     elif outcome.warnings:
-                        bar.warn(_summary.warning_text(outcome.path, outcome.warnings))
+                        bar.warn(summary.warning_text(outcome.path, outcome.warnings))
                 if done.unwritten is not None:
                     run.undrawn += 1
                     if run.undrawn == 1:  # the others are counted: a full disk would give a line for each picture
@@ -253,7 +257,7 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: _batch.Work, team: _Team
         work.cache.prune()
 
 
-def _placed(picture: _batch.Picture, folder: Path | None, names: OverlayNames | None) -> _batch.Picture:
+def _placed(picture: Picture, folder: Path | None, names: OverlayNames | None) -> Picture:
     """`picture` with the file for its overlay: chosen here, in the order of the inputs, whoever draws it."""
     if folder is None or names is None:
         return picture
@@ -266,7 +270,7 @@ def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
         say_error(str(failure))
     if run.undrawn > 1:
         say_error(f"{run.undrawn} overlays could not be written")
-    files = _talk.named(run.outputs.written)
+    files = talk.named(run.outputs.written)
     written = " and ".join(files)
     verb = "holds" if len(files) == 1 else "hold"
     held = f"; {written} {verb} what was found in them" if written else ""

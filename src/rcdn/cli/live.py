@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _talk
-from rcdn.cli._group import INTERRUPTED, say_stopped
-from rcdn.cli._solve_options import BoardSize, LensModel, Model
-from rcdn.cli._spacing import Length, Lengths, check_spacing, parse_spacing
-from rcdn.cli._talk import Quiet
-from rcdn.cli._target import DEFAULT, Target, Told
 from rcdn.errors import ConfigError, DependencyError
+from rcdn.terminal import talk
+from rcdn.terminal.group import INTERRUPTED, say_stopped
+from rcdn.terminal.solve_options import BoardSize, LensModel, Model
+from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
+from rcdn.terminal.talk import Quiet
+from rcdn.terminal.target import DEFAULT, Target, Told
 
 if TYPE_CHECKING:
     from rcdn.live.folder import Settings
@@ -83,7 +83,7 @@ def live(
 
     Exit code: 1 if the page can't be served, 2 for wrong use, 130 after Ctrl-C, which ends it.
     """
-    _talk.begin(quiet)
+    talk.begin(quiet)
     length = _length(spacing, target)
     size = target.board(board)
     try:
@@ -134,8 +134,8 @@ def _place(folder: Path, host: str, port: int, tls: tuple[Path | None, Path | No
 
 def _tools(settings: Settings, target: Told, enough: float) -> Tools:
     """What finds boards, guides, and writes the camera."""
+    from rcdn.batch.live_files import write_camera_files
     from rcdn.calibration.guidance import Guide
-    from rcdn.cli._live_files import write_camera_files
     from rcdn.config import DetectorConfig
     from rcdn.detector import Detector
     from rcdn.live.session import Tools
@@ -162,9 +162,9 @@ def _opened(address: str, place: Place, open_page: bool) -> None:
 
     from rcdn.live.certificate import fingerprint
 
-    _talk.say(f"Open {address}")
+    talk.say(f"Open {address}")
     if place.certificate is not None:
-        _talk.say(f"certificate, SHA-256: {fingerprint(place.certificate)}")
-    _talk.note("Ctrl-C ends it")
+        talk.say(f"certificate, SHA-256: {fingerprint(place.certificate)}")
+    talk.note("Ctrl-C ends it")
     if open_page:
         webbrowser.open(address)

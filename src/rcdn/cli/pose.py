@@ -8,15 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.cli import _batch, _talk
-from rcdn.cli._cache import open_cache
-from rcdn.cli._group import FAILED, say_error
-from rcdn.cli._options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
-from rcdn.cli._spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
-from rcdn.cli._talk import Quiet
-from rcdn.cli._target import DEFAULT, Target
+from rcdn.batch.cache import open_cache
+from rcdn.batch.paths import check_file
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, present
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED, say_error
+from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
+from rcdn.terminal.spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
+from rcdn.terminal.talk import Quiet
+from rcdn.terminal.target import DEFAULT, Target
 
 
 def pose(
@@ -73,27 +74,27 @@ def pose(
 
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
+    from rcdn.batch.camera_files import chosen_camera
+    from rcdn.batch.inputs import gather
     from rcdn.calibration import estimate_pose
     from rcdn.calibration.coded import kind_of
-    from rcdn.cli import _camera_text
-    from rcdn.cli._camera_files import chosen_camera
-    from rcdn.cli._inputs import gather
     from rcdn.io import write_text
+    from rcdn.terminal import camera_text
 
-    _talk.begin(quiet, [json])
+    talk.begin(quiet, [json])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length)
     if pattern is PatternName.deltille and board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
     if (camera is None) == (rig is None):
         raise ConfigError("name the camera (--camera FILE) or the rig (--rig FILE), one of them")
-    _batch.check_file("--json", json, [Path(i) for i in inputs])
+    check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     size = None if board is None else (board.cols, board.rows)
     if rig is not None:
         if camera_name is not None:
             raise ConfigError("--camera-name is for --camera; leave it out with --rig")
-        from rcdn.cli._rig_poses import Looks, rig_poses
+        from rcdn.batch.rig_poses import Looks, rig_poses
 
         rig_poses(rig, inputs, length, Looks(config, open_cache(config, cache, off=no_cache), jobs, size), json)
         return
@@ -114,7 +115,7 @@ def pose(
                 say_error(f"{image.path}: {error}")
                 failed = True
                 continue
-            _talk.say(_camera_text.pose_line(image.path, done))
+            talk.say(camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
         say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")

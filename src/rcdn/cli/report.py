@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _batch
-from rcdn.cli._options import PicturePlaces
-from rcdn.cli._pictures import Pictures
+from rcdn.batch.paths import check_file
+from rcdn.batch.pictures import Pictures
 from rcdn.errors import FormatError
+from rcdn.terminal.options import PicturePlaces
 
 if TYPE_CHECKING:
     from rcdn.types import BoardView
@@ -33,7 +33,7 @@ def report(
     from rcdn.io import read_calibration, read_stereo_calibration
     from rcdn.report.calibration import write_report, write_stereo_report
 
-    _batch.check_file("--output", output, [calibration])
+    check_file("--output", output, [calibration])
     try:
         mono = read_calibration(calibration)
     except FormatError as error:

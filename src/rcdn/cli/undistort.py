@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.cli import _batch, _talk
-from rcdn.cli._flat_files import Places, Source, sources
-from rcdn.cli._group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
-from rcdn.cli._options import MaxMegapixels
-from rcdn.cli._progress import Bar, progress
-from rcdn.cli._talk import Quiet
+from rcdn.batch.flat_files import Places, Source, sources
+from rcdn.batch.paths import expanded, outside
+from rcdn.batch.work import explain, in_thread
 from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.terminal.options import MaxMegapixels
+from rcdn.terminal.progress import Bar, progress
+from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from rcdn.geometry.resample import Undistortion
@@ -91,10 +93,10 @@ def undistort(
 
     Exit code: 0 if all pictures were written, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
-    from rcdn.cli._camera_files import chosen_camera
+    from rcdn.batch.camera_files import chosen_camera
     from rcdn.io import write_camera
 
-    _talk.begin(quiet)
+    talk.begin(quiet)
     lens = chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
     make = _undistortion(lens, balance, scale, crop)
@@ -108,10 +110,10 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
     """The files to read, and how many arguments stand for none, each already reported. Raises ConfigError for what `out` would spoil."""
     from rcdn.io import check_writable
 
-    paths, errors = _batch.expanded(images)
-    kept = _batch.outside(out, images, paths, "--out")
+    paths, errors = expanded(images)
+    kept = outside(out, images, paths, "--out")
     if len(kept) < len(paths):
-        _talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
+        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
     if not kept:
         say_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
@@ -138,7 +140,7 @@ def _undistort_all(run: _Run, paths: Sequence[Path], out: Path, make: Undistorti
     try:
         with (
             progress(len(paths)) as bar,
-            closing(_batch.in_thread(lambda: sources(paths, out))) as pictures,
+            closing(in_thread(lambda: sources(paths, out))) as pictures,
         ):
             for picture in pictures:
                 bar.advance(picture.index, picture.name)
@@ -164,7 +166,7 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
             bar.say(str(error))
     except Exception as error:  # one bad picture must not take the others with it
         run.failed += 1
-        text = _batch.explain(error, picture.name)
+        text = explain(error, picture.name)
         bar.say(text if text.startswith(picture.name) else f"{picture.name}: {text}")
 
 
@@ -177,6 +179,6 @@ def _finish(run: _Run, make: Undistortion, out: Path) -> None:
     if run.stopped:
         say_stopped(f"; {line}")
         raise typer.Exit(INTERRUPTED)
-    _talk.say(line)
+    talk.say(line)
     if run.failed or run.unwritten:
         raise typer.Exit(FAILED)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rcdn.targets.read import check_told as check_told
-    from rcdn.targets.read import identified as identified
+    from rcdn.targets.read import check_told, identified
 
 __all__ = ["check_told", "identified"]
 

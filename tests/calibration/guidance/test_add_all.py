@@ -3,7 +3,7 @@
 import numpy as np
 
 from rcdn.calibration.guidance import Guide
-from rcdn.evaluation.camera_scenes import CAMERAS, SPACING, WIDE, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, WIDE, random_boards
 
 
 def test_all_at_once_is_as_one_after_the_other():

@@ -8,8 +8,8 @@ import pytest
 from rcdn.calibration.guidance import Guide
 from rcdn.calibration.guidance.first_guess import first_guess
 from rcdn.errors import ConfigError, RcdnError
-from rcdn.evaluation.camera_scenes import CAMERAS, SIZE, SPACING, board, random_boards, see
 from rcdn.geometry import project
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_boards, see
 
 BROWN = CAMERAS["brown"]
 NOISE = 0.1

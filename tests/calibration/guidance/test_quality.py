@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration.guidance.quality import quality
-from rcdn.evaluation.camera_scenes import board, labels
+from rcdn_lab.camera_scenes import board, labels
 
 PITCH, FINE = 24, 8
 """px of a square's side, and how many times finer the picture is drawn first"""

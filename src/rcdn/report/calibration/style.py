@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 
-from rcdn.report.calibration.script import SCRIPT as SCRIPT
+from rcdn.report.calibration.script import SCRIPT
 
 SHEET = """
 :root{color-scheme:light dark;--paper:#f6f7f9;--card:#fff;--ink:#1a1f26;--soft:#55606d;--line:#d9dee5;--faint:#eceff3;

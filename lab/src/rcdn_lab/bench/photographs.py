@@ -1,0 +1,110 @@
+"""Detectors in turn on photographs, on several numbers of threads at once → figures of each picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import numpy as np
+
+from rcdn_lab.bench.chosen import Photograph
+from rcdn_lab.bench.run import PRESETS, Contestant, Runner, Times, ask, usual
+from rcdn_lab.peers import PEERS
+
+Key = tuple[str, int]
+"""a detector's name and its number of threads"""
+PATIENCE = 0.8
+"""s that a detector may take for one photograph; then it repeats it less"""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What a detector took for one picture, on `threads` threads.
+
+    `cpu`, `wall`: ms a megapixel, medians of its `rounds`; `cpu_ratio`, `wall_ratio`: ours ÷ its own, medians over the rounds that both did, None if
+    there are none; `whole`: whether the picture's board was found whole, None if it has none that is known, or the detector gives
+    no boards; `alarm`: whether a picture of no board gave one, None for others.
+    """
+
+    set: str
+    megapixels: float
+    empty: bool
+    detector: str
+    threads: int
+    rounds: int
+    cpu: float
+    wall: float
+    cpu_ratio: float | None
+    wall_ratio: float | None
+    whole: bool | None
+    alarm: bool | None
+
+
+def figures(
+    pictures: Sequence[Photograph],
+    who: Sequence[Contestant],
+    threads: Sequence[int],
+    rounds: int,
+    budget: float,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[list[Figure], dict[str, str]]:
+    """All detectors on each picture, in a new order each round, all numbers of threads among each other; each detector warmed up once.
+
+    `budget`: s that a detector may take for one picture, then it repeats it less. A detector that only knows another size of board
+    isn't asked. Gives, too, how detectors failed, by name: on these pictures they have no figure.
+    """
+    out: list[Figure] = []
+    failures: dict[str, str] = {}
+    rng = np.random.default_rng(0)
+    with ExitStack() as stack:
+        runners = {(c.name, n): c.start(n) for n in threads for c in who}
+        for runner in runners.values():
+            stack.callback(runner.close)
+        boards = {c.name: c.board for c in who}
+        for number, picture in enumerate(pictures):
+            if tell:
+                tell(f"{picture.set}/{picture.file}")
+            asked = {key: r for key, r in runners.items() if boards[key[0]] in (None, picture.board)}
+            times = _in_turn(picture, asked, rounds, budget, rng, warm=number == 0)
+            failures |= {key[0]: mine.failure for key, mine in times.items() if mine.failure}
+            out += _figures(picture, times)
+    return out, failures
+
+
+def _in_turn(
+    picture: Photograph, runners: dict[Key, Runner], rounds: int, budget: float, rng: np.random.Generator, warm: bool
+) -> dict[Key, Times]:
+    keys, times = list(runners), {key: Times() for key in runners}
+    if warm:
+        for key in keys:
+            ask(runners[key], picture.image, picture.board, Times())
+    for number in range(rounds):
+        for k in rng.permutation(len(keys)):
+            mine = times[keys[k]]
+            if mine.failure or (mine.timings and mine.spent + usual(mine) > budget):
+                continue
+            timing = ask(runners[keys[k]], picture.image, picture.board, mine)
+            if timing is not None:
+                mine.timings[number] = timing
+    return times
+
+
+def _figures(picture: Photograph, times: dict[Key, Times]) -> Iterator[Figure]:
+    ours = next((name for name, _ in times if name in PRESETS.values()), None)
+    for (name, threads), mine in times.items():
+        if mine.failure or not mine.timings:
+            continue
+        base = Times() if ours is None else times[ours, threads]
+        pairs = [] if base.failure else [(base.timings[k], t) for k, t in mine.timings.items() if k in base.timings]
+        done = list(mine.timings.values())
+        raw = name in PEERS and PEERS[name].raw
+        yield Figure(
+            picture.set, picture.megapixels, picture.is_empty, name, threads, len(done),
+            1e3 * float(np.median([t.cpu for t in done])) / picture.megapixels,
+            1e3 * float(np.median([t.seconds for t in done])) / picture.megapixels,
+            float(np.median([a.cpu / b.cpu for a, b in pairs])) if pairs else None,
+            float(np.median([a.seconds / b.seconds for a, b in pairs])) if pairs else None,
+            None if raw else picture.is_whole(done[0].grids),
+            bool(done[0].grids) if picture.is_empty and not raw else None,
+        )  # fmt: skip

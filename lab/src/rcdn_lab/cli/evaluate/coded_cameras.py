@@ -1,0 +1,43 @@
+"""`rcdn evaluate coded-cameras`: cameras from ChArUco boards, ours and OpenCV's, on pictures held out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rcdn.terminal import talk
+from rcdn.terminal.spacing import Spacing
+from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
+
+LIMIT = 0.7
+"""× OpenCV's held-out RMS: the goal"""
+
+
+def coded_cameras(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="FOLDERS...", help="Each with the pictures of one camera and one ChArUco board."),
+    ],
+    spacing: Spacing,
+    seeds: Annotated[int, typer.Option(min=1, help="Random halves of each folder.")] = 5,
+    json: Json = None,
+) -> None:
+    """Cameras from ChArUco boards: ours, told the spacing alone, beside OpenCV's detector and solver, told the board, too.
+
+    Both calibrate from random halves, each from its own corners. In the pictures of the other half the pose is solved from every second
+    corner, and the residuals of the rest count: RMS = √(Σ |observed − projected|² / N), px, over all corners that both found. The goal is a ratio
+    of at most 0.7.
+    """
+    from rcdn_lab import coded_cameras as suite
+
+    check_files(json)
+    rows = []
+    for folder in folders:
+        with bar(folder.name) as step:
+            shots = suite.shots_of(suite.pictures_of(folder), step)
+        rows.append({"set": folder.name, **suite.compared(shots, float(spacing), seeds)})
+    show(rows, json, "coded-cameras", {"spacing": float(spacing), "seeds": seeds})
+    reached = sum(row["ratio"] <= LIMIT for row in rows)
+    talk.say(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")

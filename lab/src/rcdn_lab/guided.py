@@ -1,0 +1,252 @@
+"""Does guidance help? Simulated people who hold a board where they are told, as people do, or where the sensor isn't covered yet.
+
+How far each camera is off at the corners of the frame after 4, 6, 8, … pictures, and from how many on it stays below a tenth of a pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rcdn.calibration import calibrate
+from rcdn.calibration.candidates import GRID, frame_grid
+from rcdn.calibration.difference import difference
+from rcdn.calibration.guidance import Guide
+from rcdn.calibration.guidance.progress import reach_of
+from rcdn.calibration.uncertainty import projection_deviation
+from rcdn.errors import CalibrationError
+from rcdn.geometry import rotation, unproject
+from rcdn.types import SQUARES, Array, Board, Calibration, Camera
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_pose, see
+from rcdn_lab.real_boards import uneven_board
+
+LENSES = {
+    "pinhole": CAMERAS["brown"],
+    "wide": Camera(
+        np.array([[330.0, 0, 322], [0, 329, 238], [0, 0, 1]]),
+        np.array([-0.24, 0.05, 0.0004, -0.0003, -0.004]),
+        (640, 480),
+    ),
+    "fisheye": CAMERAS["fisheye"],
+}
+BOARDS = ("flat", "bent")
+STRETCH, PRINT_ERROR, BEND = 0.002, 0.00005, 0.0005
+"""of a bent board: as in `trust`"""
+NOISE = 0.1
+"""px"""
+TURN, NEARER, ASIDE = 6.0, 0.07, 0.04
+"""how people follow, standard deviations: degrees about each axis, share of the distance, tangent to the sides"""
+TILT = 45.0
+"""degrees, at most, of a pose at random"""
+FEWEST_SEEN = 27
+"""corners that must be in the frame"""
+TRIES = 30
+"""poses at random, of which the one that covers most of the sensor anew is taken"""
+CELLS, COVERED = (12, 9), 0.95
+"""equal parts of the sensor, and the share of them after which coverage begins anew"""
+COUNTS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)
+"""numbers of pictures after which a camera is looked at"""
+TARGET = 0.1
+"""px, in the corners of the frame"""
+MIDDLE = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 0]) * SPACING
+
+Person = Callable[["Scene", int, int], list[Calibration | None]]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A `camera`, and a board whose corners lie `offsets` (N, 3) m off their places."""
+
+    camera: Camera
+    offsets: Array | None
+
+    def picture(self, T: Array, rng: np.random.Generator) -> Board | None:
+        """The board at `T`, with noise; None if too little of it is in the frame."""
+        ij, xy = see(self.camera, T, offsets=self.offsets)
+        if len(ij) < FEWEST_SEEN:
+            return None
+        noisy = xy + rng.normal(0, NOISE, xy.shape)
+        return board(ij - ij.min(axis=0), noisy, self.camera.image_size, np.full(len(xy), NOISE))
+
+    def somewhere(self, rng: np.random.Generator) -> Board:
+        """The board at a `random_pose` at which enough of it is seen."""
+        while True:
+            seen = self.picture(random_pose(rng), rng)
+            if seen is not None:
+                return seen
+
+    def anywhere(self, rng: np.random.Generator) -> Board:
+        """The board with its middle anywhere in the frame, as near and far as it is guided to, tilted by up to TILT."""
+        distances = reach_of(self.camera, SIZE, SQUARES, SPACING)
+        while True:
+            spot = rng.uniform(0, 1, 2) * self.camera.image_size
+            ray = unproject(self.camera, spot[None])[0]
+            distance = 1 / rng.uniform(1 / distances[-1], 1 / distances[0])
+            lean, turn = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0, TILT))
+            R = (
+                _facing(ray)
+                @ rotation(turn * np.array([np.cos(lean), np.sin(lean), 0]))
+                @ rotation(rng.normal(0, 0.3, 3) * [0, 0, 1])
+            )
+            T = np.eye(4)
+            T[:3, :3], T[:3, 3] = R, ray / np.linalg.norm(ray) * distance - R @ MIDDLE
+            seen = self.picture(T, rng)
+            if np.isfinite(T).all() and seen is not None:
+                return seen
+
+
+def guided(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
+    """Cameras after 1, 2, … `most` pictures of a person who follows the guide, roughly."""
+    rng = np.random.default_rng([seed, 1])
+    guide = Guide(scene.camera.image_size, SPACING, model=scene.camera.model, size=SIZE)
+    done: list[Calibration | None] = []
+    while len(done) < most:
+        wanted = guide.progress.wanted
+        seen = None if wanted is None else scene.picture(_followed(wanted.pose.T_cam_board, rng), rng)
+        done.append(guide.add(seen or scene.anywhere(rng), str(len(done))).calibration)
+    return done
+
+
+def at_random(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
+    """The same of one who holds it as people do: `random_pose`, as in all our simulations, 0.3 to 0.8 m away and tilted by up to 46°."""
+    rng = np.random.default_rng([seed, 2])
+    return _calibrated(scene, [scene.somewhere(rng) for _ in range(most)])
+
+
+def by_coverage(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
+    """The same of one who, of such poses, takes the one under which most of the sensor is covered anew."""
+    rng, covered = np.random.default_rng([seed, 3]), np.zeros(CELLS, bool)
+    boards: list[Board] = []
+    for _ in range(most):
+        some = [scene.somewhere(rng) for _ in range(TRIES)]
+        boards.append(some[int(np.argmax([int((_cells(b) & ~covered).sum()) for b in some]))])
+        covered |= _cells(boards[-1])
+        if covered.mean() > COVERED:
+            covered[:] = False  # once more
+    return _calibrated(scene, boards)
+
+
+def by_the_book(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
+    """The same of one who knows what helps: anywhere in the frame up to its rim, as near and far as the guide wants it, tilted by up to TILT."""
+    rng = np.random.default_rng([seed, 5])
+    return _calibrated(scene, [scene.anywhere(rng) for _ in range(most)])
+
+
+PEOPLE: dict[str, Person] = {"guided": guided, "random": at_random, "coverage": by_coverage, "expert": by_the_book}
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Over several runs, after `counts` (K,) pictures: root mean square error in the corners of the frame, `off` (K,) px, and the `stated` one."""
+
+    counts: Array
+    off: Array
+    stated: Array
+
+    @property
+    def needed(self) -> float:
+        """Pictures from which on the error stays below TARGET, interpolated; infinite if it doesn't."""
+        above = np.flatnonzero(~(self.off <= TARGET))
+        if not len(above):
+            return float(self.counts[0])
+        k = above[-1]
+        if k + 1 == len(self.counts) or not np.isfinite(self.off[k]):
+            return float("inf") if k + 1 == len(self.counts) else float(self.counts[k + 1])
+        share = np.log(self.off[k] / TARGET) / np.log(self.off[k] / self.off[k + 1])
+        return float(self.counts[k] + share * (self.counts[k + 1] - self.counts[k]))
+
+
+def curve(person: str, lens: str, boards: str, runs: int, most: int) -> Curve:
+    """Of `runs` simulated people."""
+    counts = np.array([n for n in COUNTS if n <= most])
+    off, stated = np.full((runs, len(counts)), np.nan), np.full((runs, len(counts)), np.nan)
+    for seed in range(runs):
+        uneven = (
+            uneven_board(np.random.default_rng([seed, 4]), STRETCH, PRINT_ERROR, BEND) if boards == "bent" else None
+        )
+        scene = Scene(LENSES[lens], uneven)
+        cameras = PEOPLE[person](scene, seed, most)
+        for k, n in enumerate(counts):
+            found = cameras[n - 1]
+            if found is not None:
+                off[seed, k], stated[seed, k] = corner_error(found.camera, scene.camera), corner_deviation(found)
+    return Curve(counts, _median(off), _median(stated))
+
+
+def _median(values: Array) -> Array:
+    """(K,) over the runs; infinite where half of them have no camera."""
+    return np.asarray(np.median(np.where(np.isfinite(values), values, np.inf), axis=0))
+
+
+def corner_error(found: Camera, truth: Camera) -> float:
+    """Root mean square px along one axis, over the frame's corners that both see, by which `found` is off after the best rotation."""
+    vectors, _ = difference(truth, found, frame_grid(truth.image_size))
+    return float(np.sqrt(np.nanmean(vectors[_corner_index()] ** 2)))
+
+
+def corner_deviation(found: Calibration) -> float:
+    """What the calibration states for `corner_error`."""
+    cov = projection_deviation(found, frame_grid(found.camera.image_size))[_corner_index()]
+    return float(np.sqrt(np.nanmean(np.einsum("nii->ni", cov))))
+
+
+def row_of(lens: str, boards: str, runs: int, most: int) -> dict[str, Any]:
+    """The figures of one lens and kind of board; shares of people who don't get there within `most` pictures are upper bounds."""
+    curves = {name: curve(name, lens, boards, runs, most) for name in PEOPLE}
+    mine = curves["guided"]
+    ratio = mine.stated / mine.off
+    return {
+        "lens": lens,
+        "boards": boards,
+        "runs": runs,
+        **{name: c.needed for name, c in curves.items()},
+        **{f"of_{name}": mine.needed / min(curves[name].needed, most) for name in PEOPLE if name != "guided"},
+        **{f"{name}_at_10": float(c.off[list(c.counts).index(10)]) for name, c in curves.items()},
+        "stated_by_true": float(np.median(ratio[mine.counts >= 6])),
+    }
+
+
+def _corner_index() -> list[int]:
+    cols, rows = GRID
+    return [0, cols - 1, cols * (rows - 1), cols * rows - 1]
+
+
+def _followed(T: Array, rng: np.random.Generator) -> Array:
+    """A pose near `T`."""
+    R = rotation(np.radians(rng.normal(0, TURN, 3))) @ T[:3, :3]
+    at = T[:3, :3] @ MIDDLE + T[:3, 3]
+    at = at * (1 + rng.normal(0, NEARER)) + rng.normal(0, ASIDE, 3) * [1, 1, 0] * np.linalg.norm(at)
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = R, at - R @ MIDDLE
+    return out
+
+
+def _facing(ray: Array) -> Array:
+    """(3, 3) the least rotation that takes the z axis to `ray`."""
+    axis = np.array([-ray[1], ray[0], 0.0])
+    sine = float(np.linalg.norm(axis))
+    return np.asarray(rotation(axis * (np.arctan2(sine, ray[2]) / max(sine, 1e-12))))
+
+
+def _cells(seen: Board) -> Array:
+    """CELLS bool: the parts of the sensor that hold a corner."""
+    size = np.array(seen.image_size) / CELLS
+    out = np.zeros(CELLS, bool)
+    at = np.clip((seen.xy / size).astype(int), 0, np.array(CELLS) - 1)
+    out[at[:, 0], at[:, 1]] = True
+    return out
+
+
+def _calibrated(scene: Scene, boards: list[Board]) -> list[Calibration | None]:
+    """After COUNTS pictures; None between."""
+    done: list[Calibration | None] = [None] * len(boards)
+    for n in COUNTS:
+        if n <= len(boards):
+            try:
+                done[n - 1] = calibrate(boards[:n], SPACING, model=scene.camera.model, size=SIZE)
+            except CalibrationError:
+                done[n - 1] = None
+    return done

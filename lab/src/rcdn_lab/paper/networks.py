@@ -1,0 +1,34 @@
+"""The networks of the paper's tables, and where their weights are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Network:
+    """A row of Table 3: its name there, the weights (for `load_network`), and the thresholds tuned for its loss (Table 2)."""
+
+    row: str
+    model: str
+    std_factor: float = 0.8
+    max_fraction: float = 0.41
+
+
+NETWORKS = {
+    network.row: network
+    for network in (
+        Network("A", "tables/a"),
+        Network("B", "tables/b"),
+        Network("C", "tables/c"),
+        Network("D-1", "tables/d"),
+        Network("D-3", "tables/d3"),
+        Network("E-16", "tables/e16"),
+        Network("E-32", "tables/e"),
+        Network("F", "paper"),
+        Network("G", "tables/g"),
+        Network("H", "tables/h"),
+        Network("MATE", "tables/mate", std_factor=1.7, max_fraction=0.57),
+    )
+}
+"""Row → network. MATE is net A trained with the squared loss: rows of Tables 2 and 3 agree digit by digit in that reading only."""

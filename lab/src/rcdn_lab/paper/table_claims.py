@@ -1,0 +1,211 @@
+"""What section 4.1 says about its Tables 2 and 3, checked one by one: on the paper's own figures, and on ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from rcdn_lab.paper.published import CROSS_ENTROPY, TABLE2, TABLE3
+
+CLOSE = 0.005
+"""F1 between thresholds that count as close"""
+MOST = 0.75
+"""share of the comparisons that is "nearly all" """
+Key = tuple[str, str]
+"""row of a network, threshold method"""
+Figures = Mapping[Key, Mapping[str, tuple[float, float]]]
+"""key → set → precision and recall"""
+Measure = Callable[[tuple[float, float]], float]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A claim that compares, and what the figures say: `signs`: where → 1 it holds, 0 both are equal, −1 it doesn't; `told`: the figures.
+
+    `share`: part of the places in which it must hold; None: in all, some of them may be equal.
+    """
+
+    text: str
+    signs: Mapping[str, int]
+    told: str
+    share: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """`holds`, `holds on k of n`, `doesn't hold`, `equal`, or `not checked`."""
+        yes, no, every = (sum(s == k for s in self.signs.values()) for k in (1, -1, 0))
+        every += yes + no
+        if not every:
+            return "not checked"
+        if self.share is not None:
+            enough = yes >= self.share * every
+            return ("holds" if enough else "doesn't hold") + f" ({yes} of {every})"
+        if yes and not no:
+            return "holds"
+        if yes:
+            return f"holds on {yes} of {every}"
+        return "doesn't hold" if no else "equal"
+
+
+def f1(rates: tuple[float, float]) -> float:
+    """Harmonic mean of precision and recall."""
+    return 2 * rates[0] * rates[1] / max(sum(rates), 1e-12)
+
+
+def precision(rates: tuple[float, float]) -> float:
+    return rates[0]
+
+
+def recall(rates: tuple[float, float]) -> float:
+    return rates[1]
+
+
+def measured(rows: Sequence[Mapping[str, Any]]) -> Figures:
+    """The figures of a table's rows, in the paper's reading; rows that were skipped have none."""
+    out: dict[Key, dict[str, tuple[float, float]]] = {}
+    for row in rows:
+        if row["precision"] is not None:
+            out.setdefault((row["row"], row["method"]), {})[row["set"]] = (row["precision"], row["recall"])
+    return out
+
+
+def published(table: str) -> Figures:
+    """The paper's own figures."""
+    if table == "table2":
+        return {("A" if net == CROSS_ENTROPY else "MATE", method): rates for (net, method), rates in TABLE2.items()}
+    return {(row, "max" if row == "ChESS" else "adaptive"): rates for row, rates in TABLE3.items()}
+
+
+def claims(table: str, figures: Figures) -> list[Comparison]:
+    """The claims about `table2` or `table3`, on these figures. F1 stands for "better" where the text doesn't say in what."""
+    return _of_table2(figures) if table == "table2" else _of_table3(figures)
+
+
+# ---- comparisons
+
+
+def _sign(a: float, b: float) -> int:
+    """Is a greater than b, in the digits that tables show?"""
+    return (round(a, 5) > round(b, 5)) - (round(a, 5) < round(b, 5))
+
+
+def _common(figures: Figures, *keys: Key) -> list[str]:
+    """Sets that all of them were measured on."""
+    return [name for name in figures.get(keys[0], {}) if all(name in figures.get(k, {}) for k in keys)]
+
+
+def _name(key: Key, methods: bool) -> str:
+    return f"{key[0]} {key[1]}" if methods else key[0]
+
+
+def _better(
+    text: str, figures: Figures, pairs: Sequence[tuple[Key, Key]], measure: Measure, share: float | None = None,
+    only: str = "",
+) -> Comparison:  # fmt: skip
+    """The first of each pair is the greater one on every set (or on those whose name has `only` in it)."""
+    signs, told = {}, []
+    for one, two in pairs:
+        methods = len(pairs) > 1 or one[0] == two[0]
+        for name in _common(figures, one, two):
+            if only not in name.lower():
+                continue
+            a, b = measure(figures[one][name]), measure(figures[two][name])
+            where = f"{name}, {_name(one, True)}" if len(pairs) > 1 else name
+            signs[where] = _sign(a, b)
+            told.append(f"{name}: {_name(one, methods)} {a:.4f}, {_name(two, methods)} {b:.4f}")
+    return Comparison(text, signs, "; ".join(told), share)
+
+
+def _of_table2(figures: Figures) -> list[Comparison]:
+    nets = ("A", "MATE")
+
+    def pairs(one: str, two: str) -> list[tuple[Key, Key]]:
+        return [((net, one), (net, two)) for net in nets]
+
+    losses = [(("A", m), ("MATE", m)) for m in ("0.5", "std", "max", "adaptive")]
+    return [
+        _better(
+            "0.5 has the lower precision than the adaptive threshold", figures, pairs("adaptive", "0.5"), precision
+        ),
+        _better("0.5 has the higher recall than the adaptive threshold", figures, pairs("0.5", "adaptive"), recall),
+        _better("the Std-threshold is worse than 0.5 (F1)", figures, pairs("0.5", "std"), f1),
+        _better(
+            "on GoPro the Std-threshold has the lower precision than 0.5",
+            figures,
+            pairs("0.5", "std"),
+            precision,
+            only="gopro",
+        ),
+        _best(figures, nets),
+        _close(figures, nets),
+        _better("cross entropy is better than MSE for nearly all thresholds (F1)", figures, losses, f1, MOST),
+    ]
+
+
+def _best(figures: Figures, nets: Sequence[str]) -> Comparison:
+    signs, told = {}, []
+    for net in nets:
+        keys = [(net, m) for m in ("max", "0.5", "std", "adaptive")]
+        for name in _common(figures, *keys):
+            values = [f1(figures[k][name]) for k in keys]
+            signs[f"{name}, {net}"] = _sign(values[0], max(values[1:]))
+            told.append(f"{name}: {net} max {values[0]:.4f}, best other {max(values[1:]):.4f}")
+    return Comparison(
+        "a share of the maximum is the best threshold on two data sets of three (F1)", signs, "; ".join(told), 2 / 3
+    )
+
+
+def _close(figures: Figures, nets: Sequence[str]) -> Comparison:
+    signs, told = {}, []
+    for net in nets:
+        for name in _common(figures, (net, "adaptive"), (net, "max")):
+            a, b = f1(figures[net, "adaptive"][name]), f1(figures[net, "max"][name])
+            signs[f"{name}, {net}"] = 1 if abs(a - b) <= CLOSE else -1
+            told.append(f"{name}: {net} adaptive {a:.4f}, max {b:.4f}")
+    return Comparison(
+        f"the adaptive threshold is close to a share of the maximum (F1 within {CLOSE})", signs, "; ".join(told)
+    )
+
+
+def _of_table3(figures: Figures) -> list[Comparison]:
+    def net(row: str) -> Key:
+        return row, "max" if row == "ChESS" else "adaptive"
+
+    def better(text: str, one: str, two: str, measure: Measure = f1) -> Comparison:
+        return _better(text, figures, [(net(one), net(two))], measure)
+
+    return [
+        better("one large first kernel is better than a stack of small ones (B, C; F1)", "B", "C"),
+        better("small hidden kernels have the better precision (H, G)", "H", "G", precision),
+        better("a last layer of 1×1 is better than of 3×3 (D-1, D-3; F1)", "D-1", "D-3"),
+        better("a 1×1 layer that fuses helps (A → B; F1)", "B", "A"),
+        better("a 1×1 layer that fuses helps (E-32 → F; F1)", "F", "E-32"),
+        *_depth(figures),
+        *(
+            better(f"F has the better {what} than {other}", "F", other, measure)
+            for what, measure in (("recall", recall), ("precision", precision))
+            for other in ("MATE", "ChESS")
+        ),
+    ]
+
+
+def _depth(figures: Figures) -> list[Comparison]:
+    """By the mean F1 of the sets: rising from three to six layers, and no more with a seventh."""
+    rows = ("A", "D-1", "E-32", "F", "H")
+    names = _common(figures, *((row, "adaptive") for row in rows))
+    texts = (
+        "accuracy grows with depth (A, D-1, E-32, F: 3 to 6 layers; mean F1)",
+        "and saturates with F (H, 7 layers, is no better; mean F1)",
+    )
+    if not names:
+        return [Comparison(text, {}, "") for text in texts]
+    mean = {row: sum(f1(figures[row, "adaptive"][name]) for name in names) / len(names) for row in rows}
+    steps = {f"{a} → {b}": _sign(mean[b], mean[a]) for a, b in pairwise(rows[:4])}
+    rising = ", ".join(f"{row} {mean[row]:.4f}" for row in rows[:4])
+    last = f"F {mean['F']:.4f}, H {mean['H']:.4f}"
+    return [
+        Comparison(texts[0], steps, rising),
+        Comparison(texts[1], {"F, H": 1 if _sign(mean["F"], mean["H"]) >= 0 else -1}, last),
+    ]

@@ -1,0 +1,120 @@
+"""Tables 2 and 3 for people: what is printed, and the sections of the docs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rcdn_lab.paper.claim import folded
+from rcdn_lab.paper.table_claims import Comparison, claims, measured, published
+
+TITLES = {"table2": "Table 2: thresholds and losses", "table3": "Table 3: networks"}
+SHORT = {
+    "precision": "precision", "recall": "recall", "strict precision": "strict P", "strict recall": "strict R",
+    "paper precision": "paper P", "paper recall": "paper R", "precision difference": "diff P", "recall difference": "diff R",
+}  # fmt: skip
+READING = (
+    "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner is true as well), "
+    "`strict`: one to one. All detections of a set together. No refinement."
+)
+
+
+def printed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The columns that fit a terminal."""
+    return [
+        {k: r[k] for k in ("network", "threshold", "set", "pictures")}
+        | {short: r[k] for k, short in SHORT.items()}
+        | {"note": r["note"][:7]}
+        for r in rows
+    ]
+
+
+def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Comparison, Comparison]]:
+    """Each claim of section 4.1 on the paper's own figures, and on ours."""
+    return list(zip(claims(table, published(table)), claims(table, measured(rows)), strict=True))
+
+
+def told(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The claims as lines."""
+    out = []
+    for paper, ours in verdicts(table, rows):
+        out += [f"{ours.text}: {ours.verdict} (in the paper's own table: {paper.verdict})"]
+        out += [f"    {ours.told}"] if ours.told else []
+    return out
+
+
+def markdown(
+    table: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any], settings: Mapping[str, Any], command: str
+) -> str:
+    """A section of the docs: a picture, the claims and, folded, all rows and the claims' figures. `facts`: as `provenance` gives them."""
+    made = (
+        f"`{command}` at commit {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs; "
+        f"rendered pictures from seed {settings['first seed']}."
+    )
+    clusters = "with clustering (but for ChESS)" if settings["cluster"] else "without clustering"
+    read = f"{READING} Post-processing of the preset `paper`, {clusters}."
+    parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
+    parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
+    parts += [folded("The figures behind the claims", _figures(table, rows))]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def picture(table: str) -> str:
+    """The picture of a table that `docs/images/draw_paper.py` draws."""
+    return f"![{TITLES[table]}, ours beside the paper's](images/paper/{table}.svg)"
+
+
+def _grain(rows: Sequence[Mapping[str, Any]]) -> str:
+    corners = {r["set"]: r["corners"] for r in rows if r["corners"]}
+    if not corners:
+        return ""
+    return "One corner is " + ", ".join(f"{1 / n:.5f} of {name}" for name, n in corners.items()) + "."
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    head = ("network", "threshold", "set", "pictures")
+    figures = (
+        "paper precision", "precision", "precision difference", "paper recall", "recall", "recall difference", "strict precision",
+        "strict recall",
+    )  # fmt: skip
+    named = [
+        f.replace("precision difference", "difference").replace("recall difference", "difference") for f in figures
+    ]
+    lines = ["| " + " | ".join([*head, *named]) + " |", "|" + "---|" * 4 + "---:|" * len(figures)]
+    for r in rows:
+        cells = [str(r[k]) for k in head] + [_cell(f, r[f]) for f in figures]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cell(name: str, value: float | None) -> str:
+    if value is None:
+        return "–"
+    return f"{value:+.4f}".replace("-", "−") if "difference" in name else f"{value:.4f}"
+
+
+def _skipped(rows: Sequence[Mapping[str, Any]]) -> str:
+    return "\n".join(f"- {name_of(r)}: {r['note']}" for r in rows if r["note"])
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """The network or set that a row without figures speaks of."""
+    return str(row["set"] if row["network"] == "-" else row["network"])
+
+
+def _claims(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = ["| section 4.1 says | its own table | here |", "|---|---|---|"]
+    lines += [
+        f"| {paper.text} | {paper.verdict} | {_stressed(ours.verdict)} |" for paper, ours in verdicts(table, rows)
+    ]
+    return "\n".join(lines)
+
+
+def _stressed(verdict: str) -> str:
+    return f"**{verdict}**" if verdict.startswith("doesn't") else verdict
+
+
+def _figures(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = ["| section 4.1 says | figures here |", "|---|---|"]
+    lines += [f"| {ours.text} | {ours.told or '–'} |" for _, ours in verdicts(table, rows)]
+    return "\n".join(lines)

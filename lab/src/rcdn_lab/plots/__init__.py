@@ -1,0 +1,1 @@
+"""Plots of what the laboratory measures. The caller makes the (matplotlib) figure."""

@@ -1,0 +1,100 @@
+"""Does the verdict tell good sets of pictures from bad ones, and does its first line say what is wrong?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rcdn.calibration import calibrate
+from rcdn.calibration.verdict import fails, headline, judge
+from rcdn.errors import CalibrationError
+from rcdn.types import Board
+from rcdn_lab import bad_cases, good_cases
+from rcdn_lab.bad_cases import CaseInput
+
+SHOWN = 120
+"""letters of the first line that a table has room for"""
+Step = Callable[[int, int], None] | None
+REAL = (
+    "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left", "stereo1-right",
+    "trinocular-left", "trinocular-middle", "trinocular-right", "udacity-wide", "gopro", "ocam-fish1", "theta", "sourishg-left", "sourishg-right",
+)  # fmt: skip
+"""public sets of photographs (`evaluation.calibration.sets`) that people calibrate with"""
+MIXED = (("opencv-left", "opencv-right"), ("stereo1-left", "stereo1-right"), ("sourishg-left", "sourishg-right"))
+"""and sets of two cameras that a person may take for one"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one set: what was `expected` (`bad`, `good`, `real`), the verdict's `level` (`error`: no calibration), the `key` of its first
+    reason, its `first_line`; whether it `passed`, and whether the reason is the one that explains the fault (`named`)."""
+
+    case: str
+    expected: str
+    level: str
+    key: str
+    first_line: str
+    passed: bool
+    named: bool
+
+
+def row(of: Outcome) -> dict[str, Any]:
+    """As a line of a table."""
+    return {
+        "case": of.case,
+        "expected": of.expected,
+        "verdict": of.level,
+        "reason": of.key,
+        "passed": "yes" if of.passed else "NO",
+        "named": "yes" if of.named else "NO",
+        "first line": of.first_line if len(of.first_line) <= SHOWN else f"{of.first_line[: SHOWN - 1]}…",
+    }
+
+
+def bad_outcome(case: bad_cases.BadCase, seed: int = 0, model: str = "auto") -> Outcome:
+    """Passed if the level is unsure or bad, or no calibration is given. `model`: the lens, unless the case has its own."""
+    level, key, line = judged_input(case.make(np.random.default_rng(seed)), model)
+    passed = level in ("unsure", "bad", "error")
+    return Outcome(case.name, "bad", level, key, line, passed, key in (*case.keys, "error"))
+
+
+def good_outcome(case: good_cases.GoodCase, seed: int = 0, model: str = "auto") -> Outcome:
+    """Passed if the level is good or fair."""
+    level, key, line = judged_input(case.make(np.random.default_rng(seed)), model)
+    passed = level in ("good", "fair")
+    return Outcome(case.name, "good", level, key, line, passed, passed)
+
+
+def real_outcome(name: str, boards: Sequence[Board], names: Sequence[str], expected: str = "real") -> Outcome:
+    """Of photographs: passed unless the level is bad (whether an unsure one has a true reason is for people to say); of `expected` `bad`
+    ones, that show two cameras, passed if it is unsure or bad."""
+    level, key, line = judged_input(CaseInput(list(boards), list(names)))
+    if expected == "bad":
+        return Outcome(
+            name, expected, level, key, line, level in ("unsure", "bad", "error"), key in ("one_camera", "error")
+        )
+    passed = level in ("good", "fair", "unsure")
+    return Outcome(name, expected, level, key, line, passed, passed)
+
+
+def judged_input(given: CaseInput, model: str = "auto") -> tuple[str, str, str]:
+    """Level, key of the gravest reason ("" if all are good) and first line; `error` and its message where no camera is given."""
+    try:
+        done = calibrate(given.boards, given.spacing, names=given.names, **({"model": model} | given.options))
+    except CalibrationError as error:
+        return "error", "error", str(error)
+    verdict = done.verdict or judge(done)
+    key = verdict.against[0].key if fails(verdict, "fair") else ""
+    return verdict.level, key, headline(verdict)
+
+
+def table(seed: int = 0, step: Step = None) -> Iterator[Outcome]:
+    """All simulated cases, the bad ones first."""
+    cases: list[bad_cases.BadCase | good_cases.GoodCase] = [*bad_cases.CASES, *good_cases.CASES]
+    for k, case in enumerate(cases):
+        yield bad_outcome(case, seed) if isinstance(case, bad_cases.BadCase) else good_outcome(case, seed)
+        if step is not None:
+            step(k + 1, len(cases))

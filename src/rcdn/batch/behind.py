@@ -1,0 +1,65 @@
+"""Pictures in which the codes of a rig's board are seen in a mirror: looked at once more, as those of a plate that is seen from behind."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from rcdn.batch.cache import Cache, file_digest
+from rcdn.batch.work import make_detector
+from rcdn.config import DetectorConfig
+from rcdn.terminal import talk
+from rcdn.terminal.group import many
+
+if TYPE_CHECKING:
+    from rcdn.batch.calibration_runs import Run
+    from rcdn.batch.inputs import Gathered
+
+
+class TwoSided:
+    """A detector of which boards whose codes are seen in a mirror come with their numbers, as seen from behind."""
+
+    def __init__(self, detector: Any) -> None:
+        self._detector = detector
+
+    def detect(self, image: Any) -> Any:
+        """What the detector finds, and, if it says `mirrored`, in place of its boards those of the mirror image."""
+        from rcdn.calibration.behind import from_behind
+        from rcdn.types.limits import READ_IN_A_MIRROR
+
+        found = self._detector.detect(image)
+        mirrored = [w for w in found.warnings if w.startswith(READ_IN_A_MIRROR)]
+        if not mirrored:
+            return found
+        behind = from_behind(self._detector.detect(image[:, ::-1].copy()).boards)
+        front = [board for board in found.boards if board.target is not None]
+        rest = tuple(w for w in found.warnings if w not in mirrored)
+        return replace(found, boards=[*front, *behind], warnings=rest) if behind else found
+
+
+def make_two_sided(config: DetectorConfig) -> TwoSided:
+    """As `make_detector`; worker processes find it by its name."""
+    return TwoSided(make_detector(config))
+
+
+def two_sided(cache: Cache | None) -> Cache | None:
+    """The same folder for what such detectors find."""
+    if cache is None:
+        return None
+    return replace(cache, salt=hashlib.sha256(f"{cache.salt} {file_digest(__file__)}".encode()).hexdigest())
+
+
+def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
+    """`got` with numbers on the boards that the camera called `name` sees from behind; `got` itself if there are none."""
+    from rcdn.types.limits import READ_IN_A_MIRROR
+
+    some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)
+    if not some:
+        return got
+    talk.note(
+        f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's back (a print that shines "
+        "through, or a mirrored one); if the pictures themselves are mirrored (selfie mode), flip them first"
+    )
+    return run.gather(inputs, got.frames or None, behind=True)

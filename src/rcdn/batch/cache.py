@@ -1,0 +1,200 @@
+"""Detections kept from one run to the next: one small file a picture, named by all that determines the result."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import platform
+import sys
+import time
+import zlib
+from dataclasses import dataclass, replace
+from importlib import import_module, machinery
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from rcdn.errors import OutputError, RcdnError
+
+if TYPE_CHECKING:
+    from rcdn.config import DetectorConfig
+    from rcdn.io import ImageResult
+
+FORM = "2"
+"""Raised when the entries change their form."""
+LIMIT = 500_000_000
+"""Bytes of entries that `prune` leaves."""
+STALE = 86_400.0
+"""Seconds after which a temporary file belongs to a run that was killed."""
+NOT_DETECTION = frozenset({"cli", "report", "evaluation", "training", "peers", "synthetic", "calibration"})
+"""Parts of the package that can't change what is found in a picture."""
+_LIBRARIES = ("numpy", "scipy", "cv2")
+_SOURCES = (".py", *machinery.EXTENSION_SUFFIXES)
+
+
+def default_folder() -> Path:
+    """Where this system keeps what may be deleted at any time. Raises RuntimeError if the user has no home folder."""
+    if os.name == "nt":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "rcdn"
+
+
+def _versions() -> list[str]:
+    from rcdn.provenance import RUNTIMES, versions
+
+    found = [f"{name} {import_module(name).__version__}" for name in _LIBRARIES]
+    return found + [f"{name} {number}" for name, number in versions("simplejpeg", *RUNTIMES).items()]
+
+
+def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
+    """Checksum of all but the picture that determines a result: settings, weights, code and compiled kernels, libraries, machine.
+
+    `package`: the folder whose code counts; None: that of rcdn. Raises RcdnError if the weights can't be read.
+    """
+    from rcdn.corners.response import load_model
+
+    package = package or Path(__file__).parents[1]
+    model = load_model(config.weights)
+    parts = [FORM, replace(config, threads=0).to_json(), platform.machine()]
+    parts += _versions()
+    digest = hashlib.sha256("\n".join(parts).encode())
+    for piece in (model.data or b"", json.dumps(model.facts, sort_keys=True).encode()):
+        digest.update(hashlib.sha256(piece).digest())
+    for source in sorted(package.rglob("*")):
+        inside = source.relative_to(package)
+        if source.name.endswith(_SOURCES) and inside.parts[0] not in NOT_DETECTION:
+            digest.update(f"{inside.as_posix()} {file_digest(source)}".encode())
+    return digest.hexdigest()
+
+
+def file_digest(path: str | Path) -> str:
+    """sha256 of a file's content. Raises OSError."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@dataclass(frozen=True)
+class Cache:
+    """A folder of results. `salt`: the `fingerprint` of whatever makes them.
+
+    No method fails on account of the disk: what can't be read, or is damaged, is not there; what can't be written is
+    computed again the next time. Several processes may share a folder.
+    """
+
+    folder: Path
+    salt: str
+
+    def key(self, content: str, *more: object) -> str:
+        """The name of an entry: `content`, checksum of the file; `more`: which part of it, or what else was asked."""
+        return hashlib.sha256("\n".join(map(str, (self.salt, content, *more))).encode()).hexdigest()
+
+    def get(self, key: str) -> Any:
+        """What `put` stored, or None."""
+        path = self._path(key)
+        try:
+            check, _, text = path.read_bytes().partition(b"\n")
+            if int(check, 16) != _checksum(key, text):
+                return None
+            value = json.loads(text)
+            os.utime(path)  # what is used stays
+        except (OSError, ValueError, RecursionError):
+            return None
+        return value
+
+    def put(self, key: str, value: Any) -> None:
+        """Store plain `value` (lists, dictionaries, texts, numbers, NaN too): the whole entry or none."""
+        from rcdn.io import whole
+
+        text = json.dumps(value, separators=(",", ":")).encode()
+        path = self._path(key)
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            whole.replace(path, (b"%08x\n" % _checksum(key, text) + text,), durable=False)
+
+    def result(self, key: str, name: str) -> ImageResult | None:
+        """The detections stored under `key`, for the picture called `name`; None if there are none."""
+        from rcdn.batch.cache_entries import unpacked
+
+        value = self.get(key)
+        try:
+            return None if value is None else unpacked(value, name)
+        except (ArithmeticError, KeyError, TypeError, ValueError, RcdnError):
+            return None
+
+    def keep(self, key: str, result: ImageResult) -> None:
+        """Store the detections of one picture, every number exactly."""
+        from rcdn.batch.cache_entries import packed
+
+        self.put(key, packed(result))
+
+    def prune(self, limit: int = LIMIT) -> None:
+        """Delete the entries that nobody used for longest until at most `limit` bytes are left, and what killed runs left."""
+        entries = []
+        for path in self._root.glob("??/*"):
+            with contextlib.suppress(OSError):
+                stat = path.stat()
+                if path.suffix == ".json":
+                    entries.append((stat.st_mtime, str(path), stat.st_size))
+                elif path.suffix in (".tmp", ".part") and time.time() - stat.st_mtime > STALE:
+                    _remove(path)
+        total = sum(size for _, _, size in entries)
+        for _, name, size in sorted(entries):
+            if total <= limit:
+                break
+            _remove(Path(name))
+            total -= size
+
+    @property
+    def _root(self) -> Path:
+        return self.folder / "detections"  # a folder of our own: the user may have named one with other files
+
+    def _path(self, key: str) -> Path:
+        return self._root / key[:2] / f"{key}.json"
+
+
+def open_cache(config: DetectorConfig, folder: Path | None = None, off: bool = False) -> Cache | None:
+    """The cache for detections with `config`, in `folder` or, without one, where the system keeps such things.
+
+    None if `off`, or, which is told, if there is no such place: a user of a container may have no home folder.
+    Raises OutputError if `folder` was named and can't be written, RcdnError if the weights can't be read.
+    """
+    if off:
+        return None
+    if folder is not None:
+        _check_folder(folder)
+    else:
+        try:
+            folder = default_folder()
+        except RuntimeError:
+            typer.echo(
+                "note: this user has no home folder; what is found is kept for the next run only with --cache DIR",
+                err=True,
+            )
+            return None
+    return Cache(folder, fingerprint(config))
+
+
+def _check_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"--cache {folder}: no folder can be made there ({error.strerror}); name another") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"--cache {folder}: the folder may not be written; name another, or use --no-cache")
+
+
+def _checksum(key: str, text: bytes) -> int:
+    """Of an entry's text and its key: an entry under another's name isn't one."""
+    return zlib.crc32(text, zlib.crc32(key.encode()))
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()

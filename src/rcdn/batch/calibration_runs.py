@@ -1,0 +1,228 @@
+"""The work of `rcdn calibrate`: boards found, one camera or two solved, said and written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate
+from typing import TYPE_CHECKING
+
+from rcdn.batch.cache import Cache
+from rcdn.batch.calibration_outputs import Outputs
+from rcdn.batch.pair_file import PairFile
+from rcdn.config import DetectorConfig
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.terminal import talk
+from rcdn.terminal.group import many, one_line
+from rcdn.terminal.options import GridSize
+from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_of
+
+if TYPE_CHECKING:
+    from rcdn.batch.inputs import Gathered
+    from rcdn.batch.pictures import Pictures
+    from rcdn.io import ImageResult
+    from rcdn.types import Board, Calibration, StereoCalibration, Verdict
+
+
+REASONS = ("not supported: ", "mirrored: ")
+"""how the warnings begin that say why something isn't a board"""
+
+FEWEST_FRAMES = 8
+"""that each of many cameras chooses of its video"""
+
+
+class Run:
+    """How detections are got; `failed`: some file could not be read or written."""
+
+    def __init__(
+        self, config: DetectorConfig, store: Cache | None, jobs: int, frames: int, size: GridSize | None
+    ) -> None:
+        self.size = None if size is None else (size.cols, size.rows)
+        self.failed = False
+        self._settings = (config, store, jobs, frames)
+
+    def gather(
+        self,
+        inputs: Sequence[str],
+        numbers: tuple[tuple[int, ...], ...] | None = None,
+        cameras: int = 1,
+        behind: bool = False,
+    ) -> Gathered:
+        """The boards in `inputs`, those too whose codes are seen from `behind`; raises CalibrationError if there are none.
+
+        Of more than two `cameras`, each chooses fewer frames of its video: together they have about twice as many as one alone.
+        """
+        from rcdn.batch.behind import make_two_sided, two_sided
+        from rcdn.batch.inputs import gather
+        from rcdn.batch.work import make_detector
+
+        config, store, jobs, frames = self._settings
+        frames = frames if cameras <= 2 else max(FEWEST_FRAMES, 2 * frames // cameras)
+        store, make = (two_sided(store), make_two_sided) if behind else (store, make_detector)
+        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size, make=make)
+        self.failed = self.failed or bool(got.failures)
+        for note in got.notes:
+            talk.note(note)
+        if not any(image.boards for image in got.images):
+            raise CalibrationError(_no_board([image.warnings for image in got.images]))
+        return got
+
+    def check(self, got: Gathered, spacing: Length | Lengths) -> None:
+        """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        from rcdn.batch.summary import size_hint
+
+        complete = [{b.size for b in image.boards if b.complete} for image in got.images]
+        sizes, pictures = set().union(*complete), sum(map(bool, complete))
+        if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
+            if "squares have" in hint:
+                raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
+            talk.note(f"hint: {hint}")
+        check_spacing(spacing, sizes_of(flat(got.images)[0], self.size))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, what to `fix`,
+    and how many pictures to `select`."""
+
+    spacing: Length | Lengths
+    model: str
+    flat: bool = False
+    leave_out: tuple[str, ...] = ()
+    fix: frozenset[str] = frozenset()
+    select: int | None = None
+
+
+def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
+    """Calibrate the camera of `inputs`, say what came out, and write it."""
+    from rcdn.batch import camera_files
+    from rcdn.calibration.next_view import advised
+    from rcdn.io import write_calibration
+    from rcdn.report.calibration import write_report
+    from rcdn.terminal import camera_text
+
+    got = run.gather(inputs)
+    run.check(got, problem.spacing)
+    done = _solved(run, problem, *flat(got.images))
+    done = advised(done)
+    views = camera_text.cut_lines(done) + camera_text.left_out_lines(done)
+    _say(done, camera_text.camera_lines(done), views)
+    run.failed |= not outputs.write(
+        outputs.kept(done),
+        lambda path: camera_files.write_one(path, done.camera, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_report(path, done, _pictures(done, got, outputs)),
+    )
+    return done.verdict
+
+
+def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
+    """The camera; of the pictures that tell most about it, if they are to be selected."""
+    from rcdn.calibration import calibrate
+    from rcdn.calibration.selection import most_telling
+
+    solve = partial(calibrate, model=problem.model, size=run.size, flat=problem.flat, fix=problem.fix)
+    spacing = metres(problem.spacing)
+    done = solve(boards, spacing, names=names, leave_out=problem.leave_out)
+    if problem.select is None:
+        return done
+    some = set(most_telling(done, problem.select))
+    kept = [k for k, name in enumerate(names) if name in some]
+    talk.note(f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera")
+    return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept])
+
+
+def two_cameras(
+    run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs, pair_file: PairFile | None
+) -> Verdict | None:
+    """Calibrate the left and the right camera of `inputs`, say what came out, and write it."""
+    from rcdn.batch import camera_files
+    from rcdn.calibration import calibrate_stereo
+    from rcdn.io import write_calibration
+    from rcdn.report.calibration import write_stereo_report
+    from rcdn.terminal import camera_text
+
+    left = run.gather(inputs[:1])
+    right = run.gather(inputs[1:], left.frames or None)
+    run.check(left, problem.spacing)
+    run.check(right, problem.spacing)
+    pairs = _paired_boards(left, right, pair_file)
+    (boards, names), (others, theirs) = flat(left.images), flat(right.images)
+    done = calibrate_stereo(
+        boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
+    )
+    out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
+    _say(done, camera_text.stereo_lines(done), out)
+    run.failed |= not outputs.write(
+        outputs.kept(done.left, done.right),
+        lambda path: camera_files.write_pair(path, done, outputs.format),
+        lambda path: write_calibration(path, done),
+        lambda path: write_stereo_report(
+            path, done, _pictures(done.left, left, outputs), _pictures(done.right, right, outputs)
+        ),
+    )
+    return done.verdict
+
+
+def _paired_boards(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
+    """(index of the left board, index of the right one) of one board in pictures that belong together: of one target, else the largest ones."""
+    from rcdn.calibration.coded import same_boards
+
+    first, second = _starts(left.images), _starts(right.images)
+    return [
+        (first[a] + k, second[b] + m)
+        for a, b in _paired(left, right, pair_file)
+        for k, m in same_boards(left.images[a].boards, right.images[b].boards)
+    ]
+
+
+def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
+    """(index of the left picture, index of the right one) of those that belong together; says how, where names leave a doubt."""
+    from rcdn.batch.pairs import pair_names, pairing_hint
+
+    one, two = ([image.path for image in side.images] for side in (left, right))
+    if pair_file is not None:
+        return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
+    found = pair_names(one, two)
+    if hint := pairing_hint(one, two, found):
+        talk.note(one_line(hint))
+    return found.pairs
+
+
+def _no_board(warnings: Sequence[Sequence[str]]) -> str:
+    """Why pictures with these `warnings` each have no board."""
+    if not warnings:
+        return "no picture was read, so there is nothing to calibrate from"
+    reasons = [text for texts in warnings for text in texts if text.startswith(REASONS)]
+    why = "see what `rcdn detect PICTURES --overlay DIR` draws: squares need sharp, dark-light edges"
+    if reasons:
+        why = f"{len(reasons)} of them: {reasons[0]}"
+    return f"no board was found in {many(len(warnings), 'picture')}; {why}"
+
+
+def flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
+    """All boards, and the name of each one's picture."""
+    boards = [board for image in images for board in image.boards]
+    return boards, [image.path for image in images for _ in image.boards]
+
+
+def _starts(images: Sequence[ImageResult]) -> list[int]:
+    """For each picture the index of its largest board among all."""
+    return [0, *accumulate(len(image.boards) for image in images)]
+
+
+def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
+    from rcdn.batch.pictures import Pictures
+
+    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
+    if pictures.left_out:
+        talk.note(f"note: --report: {pictures.left_out}")
+    return pictures
+
+
+def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
+    from rcdn.terminal.camera_text import advice_lines, verdict_line
+
+    for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
+        talk.say(line)

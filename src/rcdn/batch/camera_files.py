@@ -1,0 +1,112 @@
+"""The files of `rcdn calibrate -o`: cameras, and maps that undistort."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rcdn.errors import ConfigError, FormatError
+from rcdn.terminal import talk
+
+if TYPE_CHECKING:
+    from rcdn.io import CameraFormat, LensFit, StereoCameras
+    from rcdn.types import Camera, Rig, StereoCalibration
+
+
+def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
+    """The camera of a file, or that of the `name`. Raises ConfigError if it holds several and none is named; FormatError as `read_camera`."""
+    from rcdn.io import read_camera, read_cameras
+
+    if name is None and len(many := read_cameras(path)) > 1:
+        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(many)}")
+    return read_camera(path, name=name)
+
+
+def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> None:
+    """Raise FormatError if the name tells no format, or (`rig`) none that holds many cameras and where they stand."""
+    from rcdn.io import camera_format, rig_format
+
+    if rig:
+        rig_format(path, format)
+        return
+    if not _maps(path, format):
+        camera_format(path, format)
+
+
+def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -> str:
+    """Why a file of this format can't hold what a calibration with the lens `model` (of `rcdn.calibrate`) will find; "" if it can, or if
+    that isn't known yet."""
+    from rcdn.io import check_lens
+
+    if _maps(path, format):
+        return ""
+    try:
+        check_lens(path, _example(model), format, stereo)
+    except FormatError as error:
+        return str(error)
+    return ""
+
+
+def _example(model: str) -> Camera:
+    """A camera with any lens of a `model`; without distortion where it is to be chosen from several."""
+    import numpy as np
+
+    from rcdn.calibration.calibrate import LENSES
+    from rcdn.types import Camera
+
+    kind, numbers = LENSES.get(model, ("pinhole", 0))
+    return Camera(np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), np.full(numbers, 0.01), (640, 480), kind)
+
+
+def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
+    """Write a camera, and say what the file can't hold of it."""
+    from rcdn.io import write_camera, write_maps
+
+    _say_opencv(path, format)
+    if _maps(path, format):
+        write_maps(path, camera)
+    else:
+        _say(path, [write_camera(path, camera, format)])
+
+
+def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
+    """Write two cameras, and say what the file can't hold of them."""
+    from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
+
+    _say_opencv(path, format)
+    if _maps(path, format):
+        write_stereo_maps(path, found)
+        return
+    write_stereo(path, found, format)
+    pair = StereoCameras.of(found)
+    _say(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
+
+
+def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
+    """Write the cameras of a rig, and say what the file can't hold of them."""
+    from rcdn.io import write_rig
+
+    _say(path, write_rig(path, rig, format))
+
+
+def _maps(path: Path, format: CameraFormat | None) -> bool:
+    return format is None and path.suffix.lower() == ".npz"
+
+
+def _say_opencv(path: Path, format: CameraFormat | None) -> None:
+    """A note on a name such as `ros.yaml`, which sounds like another format than the one that it stands for."""
+    from rcdn.io import camera_format
+
+    if _maps(path, format) or format is not None or camera_format(path) != "opencv":
+        return
+    words = re.split(r"[^a-z]+", path.stem.lower())
+    for format_name, part in (("ROS", "camera_info"), ("Kalibr", "camchain")):
+        if format_name.lower() in words:
+            talk.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
+
+
+def _say(path: Path, fits: list[LensFit | None]) -> None:
+    for fit in fits:
+        if fit is not None:
+            talk.note(f"{path}: {fit.text}")

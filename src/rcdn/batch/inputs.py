@@ -1,0 +1,271 @@
+"""What a calibration is given: photographs, folders, patterns, videos, and detections that were saved, all mixed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rcdn.batch import pool
+from rcdn.batch.cache import Cache, file_digest
+from rcdn.batch.paths import expanded
+from rcdn.batch.summary import warning_text
+from rcdn.batch.work import (
+    Failure,
+    Picture,
+    Work,
+    content_of,
+    explain,
+    frame_name,
+    in_thread,
+    looked_up,
+    make_detector,
+    pictures_of,
+)
+from rcdn.errors import ConfigError
+from rcdn.terminal.group import say_error
+from rcdn.terminal.progress import Bar, progress
+
+if TYPE_CHECKING:
+    from rcdn.config import DetectorConfig
+    from rcdn.io import ImageResult
+
+KEPT = 40
+"""Frames to use of a video, at most."""
+SAVED = frozenset({".json", ".vnl"})
+"""Endings of files that hold detections."""
+Numbers = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What was found in all inputs, in their order.
+
+    `images`: of photographs also those without a board, of videos only the frames that were chosen. `failures`: what could not be
+    read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of its frames in
+    `images`. `reused`: how many pictures the cache knew. `saved`: for each picture that only a saved file names, that file's folder.
+    """
+
+    images: tuple[ImageResult, ...]
+    failures: tuple[Failure, ...]
+    notes: tuple[str, ...]
+    frames: Numbers
+    reused: int
+    saved: Mapping[str, Path] = field(default_factory=dict)
+
+
+def gather(
+    inputs: Sequence[str],
+    config: DetectorConfig,
+    *,
+    jobs: int = 0,
+    cache: Cache | None = None,
+    frames: int = KEPT,
+    numbers: Numbers | None = None,
+    size: tuple[int, int] | None = None,
+    make: Callable[[DetectorConfig], Any] = make_detector,
+) -> Gathered:
+    """Detections of all `inputs`: pictures, videos, folders, patterns, and files of detections (.json, corners.vnl).
+
+    `jobs` processes (0: one for each core) compute what the `cache` doesn't know. Of each video at most `frames` frames are used,
+    sharp and different ones; `numbers` gives them instead, video by video, as the other camera of a pair has them
+    (`Gathered.frames`). `size`: the board's (columns, rows), which a corners.vnl doesn't hold; None: guessed.
+
+    A file that fails is reported on stderr and the others go on. Whatever the `jobs` and the cache, the result is the same. Raises
+    ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
+    """
+    run = _Run(expanded(inputs), frames, numbers)
+    if not run.paths:
+        raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
+    run.read_saved(size)
+    jobs = pool.jobs_for(jobs, list(run.shot.values()))
+    config = pool.one_thread(config, jobs)
+    run.detect(Work(partial(make, config), cache), jobs)
+    return run.gathered()
+
+
+@dataclass
+class _Video:
+    """What became of a video: frames in all, and the numbers of those that were looked at."""
+
+    path: Path
+    count: int = 0
+    looked: list[int] = field(default_factory=list)
+
+
+class _Run:
+    def __init__(self, expanded: tuple[list[Path], list[Failure]], frames: int, numbers: Numbers | None) -> None:
+        from rcdn.io import is_video
+
+        self.paths, self.failures = expanded
+        self.shot = {k: p for k, p in enumerate(self.paths) if p.suffix.lower() not in SAVED}
+        self._videos = {k: _Video(p) for k, p in self.shot.items() if is_video(p)}
+        self._images: dict[int, list[ImageResult]] = {k: [] for k in range(len(self.paths))}
+        self._most = frames
+        self._given = dict(zip(self._videos, numbers, strict=False)) if numbers is not None else None
+        self._notes: list[str] = []
+        self._reused = 0
+
+    # ---- detections that were saved
+
+    def read_saved(self, size: tuple[int, int] | None) -> None:
+        for index, path in enumerate(self.paths):
+            if index in self.shot:
+                continue
+            try:
+                self._images[index] = self._saved(path, size)
+            except Exception as error:
+                self._fail(Failure(str(path), explain(error, str(path))), say_error)
+
+    def _saved(self, path: Path, size: tuple[int, int] | None) -> list[ImageResult]:
+        from rcdn.io import read_detections, read_vnl_boards
+
+        if path.suffix.lower() == ".vnl":
+            return read_vnl_boards(path, size)
+        images, errors = read_detections(path)
+        if errors:
+            names = ", ".join(name for name, _ in errors[:3]) + (", …" if len(errors) > 3 else "")
+            self._notes.append(f"{path}: {len(errors)} files could not be read when it was written: {names}")
+        return images
+
+    # ---- pictures and videos
+
+    def detect(self, work: Work, jobs: int) -> None:
+        if not self.shot:
+            return
+        with (
+            progress(len(self.paths)) as bar,
+            closing(in_thread(lambda: self._pictures(jobs == 1, work.cache, bar))) as pictures,
+            closing(pool.compute(self._counted(pictures), work, jobs)) as results,
+        ):
+            for done in results:
+                bar.advance(done.index, done.name)
+                for outcome in done.outcomes:
+                    if isinstance(outcome, Failure):
+                        self._fail(outcome, bar.say)
+                        continue
+                    self._images[done.index].append(outcome)
+                    if outcome.warnings:
+                        bar.warn(warning_text(outcome.path, outcome.warnings))
+        if work.cache is not None:
+            work.cache.prune()
+
+    def _fail(self, failure: Failure, say: Callable[[str], None]) -> None:
+        self.failures.append(failure)
+        say(failure.message)
+
+    def _counted(self, pictures: Iterator[Picture]) -> Iterator[Picture]:
+        for picture in pictures:
+            self._reused += picture.known is not None
+            yield picture
+
+    def _pictures(self, decode: bool, cache: Cache | None, bar: Bar) -> Iterator[Picture]:
+        for index, path in self.shot.items():
+            if index not in self._videos:
+                yield from pictures_of(index, path, decode, cache)
+                continue
+            try:
+                yield from self._video(index, cache, bar)
+            except Exception as error:  # whatever a decoder does, the other files go on
+                yield Picture(index, str(path), None, explain(error, str(path)))
+
+    def _video(self, index: int, cache: Cache | None, bar: Bar) -> Iterator[Picture]:
+        """The frames of a video that are worth a look: those that the cache doesn't know are read from it a second time."""
+        video = self._videos[index]
+        content = content_of(video.path, cache)
+        if self._given is not None:
+            video.looked = sorted(self._given.get(index, ()))
+        else:
+            bar.tell(f"{video.path.name}: looking for sharp frames")
+            video.count, video.looked = _candidates(video.path, content, cache)
+        blank = (Picture(index, frame_name(video.path, number), None, number=number) for number in video.looked)
+        yield from _with_pixels(video.path, [looked_up(p, content, cache) for p in blank])
+
+    # ---- all together
+
+    def gathered(self) -> Gathered:
+        kept: list[tuple[int, ...]] = []
+        for index, video in self._videos.items():
+            kept.append(self._keep_views(index, video))
+        seen: dict[str, ImageResult] = {}
+        for index in range(len(self.paths)):
+            for image in self._images[index]:
+                seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections: once
+        return Gathered(
+            tuple(seen.values()),
+            tuple(self.failures),
+            tuple(self._notes),
+            tuple(kept),
+            self._reused,
+            self._saved_only(),
+        )
+
+    def _saved_only(self) -> dict[str, Path]:
+        read = {os.path.abspath(image.path) for index in self.shot for image in self._images[index]}
+        return {
+            image.path: path.parent
+            for index, path in enumerate(self.paths)
+            if index not in self.shot
+            for image in self._images[index]
+            if os.path.abspath(image.path) not in read
+        }
+
+    def _keep_views(self, index: int, video: _Video) -> tuple[int, ...]:
+        from rcdn.calibration.frames import choose_views
+
+        images = self._images[index]
+        if self._given is None:
+            with_board = sum(bool(i.boards) for i in images)
+            images = self._images[index] = [images[k] for k in choose_views(images, self._most)]
+            if video.looked:
+                self._notes.append(
+                    f"{video.path}: {len(images)} frames are used, of {with_board} with a board, "
+                    f"of {len(video.looked)} sharp and different ones, of {video.count}"
+                )
+        names = {frame_name(video.path, number): number for number in video.looked}
+        return tuple(names[i.path] for i in images)
+
+
+def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, list[int]]:
+    """How many frames the video has, and the numbers of those worth a look."""
+    from rcdn.calibration import frames as choice
+    from rcdn.io import frames
+
+    key = ""
+    if cache is not None and content:
+        key = cache.key(content, "candidates", file_digest(choice.__file__))
+        known = cache.get(key)
+        if isinstance(known, dict) and _are_frames(known.get("frames"), known.get("count")):
+            return known["count"], known["frames"]
+    glances = [choice.glance(grey) for _, grey in frames(path)]
+    numbers = choice.candidates(glances)
+    if cache is not None and key:
+        cache.put(key, {"count": len(glances), "frames": numbers})
+    return len(glances), numbers
+
+
+def _are_frames(numbers: Any, count: Any) -> bool:
+    """True if `numbers` rise, and are of frames of a video that has `count`."""
+    if type(count) is not int or not isinstance(numbers, list) or not all(type(k) is int for k in numbers):
+        return False
+    return all(a < b for a, b in zip([-1, *numbers], [*numbers, count], strict=True))
+
+
+def _with_pixels(path: Path, pictures: Sequence[Picture]) -> Iterator[Picture]:
+    """The frames of one video, rising, each with its pixels unless it is known; what the video doesn't hold is passed over."""
+    from rcdn.io import frames
+
+    wanted = {p.number: p for p in pictures if p.known is None}
+    waiting = list(pictures)
+    if wanted:
+        for number, (_, grey) in enumerate(frames(path)):
+            while waiting and waiting[0].number <= number:
+                picture = waiting.pop(0)
+                yield picture if picture.known is not None else replace(picture, grey=grey)
+            if number >= max(wanted):
+                break
+    yield from (p for p in waiting if p.known is not None)

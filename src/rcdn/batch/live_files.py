@@ -1,0 +1,65 @@
+"""What `rcdn live` writes at the end: the camera in three formats, the calibration and its report, as `rcdn calibrate` makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rcdn.errors import CalibrationError, FormatError
+
+if TYPE_CHECKING:
+    from rcdn.live.folder import Settings
+    from rcdn.live.session import Written
+    from rcdn.types import Board, Calibration
+
+CAMERAS = ("camera.yaml", "camera_info.yaml", "camera.json")
+"""OpenCV's, ROS's, ours"""
+CALIBRATION, REPORT = "calibration.json", "report.html"
+
+
+def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Board], settings: Settings) -> Written:
+    """Calibrate from all `boards` of the pictures `names`, and write into `folder` what came out.
+
+    A format that can't hold the lens is passed over, and told; a camera that the pictures don't settle is not written, as without --force. Raises
+    CalibrationError if there is no camera.
+    """
+    from rcdn.batch.pictures import Pictures
+    from rcdn.calibration import calibrate
+    from rcdn.calibration.next_view import advised
+    from rcdn.calibration.observability import unsettled
+    from rcdn.io import write_calibration
+    from rcdn.live.folder import PICTURES
+    from rcdn.live.session import Written
+    from rcdn.report.calibration import write_report
+    from rcdn.terminal.camera_text import advice_lines, verdict_line
+
+    if settings.spacing is None:
+        raise CalibrationError("the side of a square isn't known")
+    paths = [str(folder / PICTURES / name) for name in names]
+    done = advised(calibrate(boards, settings.spacing, names=paths, model=settings.model, size=settings.size))
+    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice)]
+    files: list[Path] = []
+    if unsettled(done):
+        lines.append("The camera is not written: these pictures don't settle it.")
+    else:
+        files += _cameras(folder, done, lines)
+    write_report(folder / REPORT, done, Pictures(paths))
+    write_calibration(folder / CALIBRATION, done)
+    level = "unsure" if done.verdict is None else done.verdict.level
+    return Written((*files, folder / CALIBRATION, folder / REPORT), level, tuple(lines))
+
+
+def _cameras(folder: Path, done: Calibration, lines: list[str]) -> list[Path]:
+    """Write the camera in all formats that can hold it; what can't is added to `lines`."""
+    from rcdn.io import write_camera
+
+    written = []
+    for name in CAMERAS:
+        try:
+            write_camera(folder / name, done.camera)
+        except FormatError as error:
+            lines.append(f"{name} is not written: {error}")
+        else:
+            written.append(folder / name)
+    return written

@@ -1,0 +1,62 @@
+"""Which pictures of several cameras were taken at one moment: by their names, else by their numbers, else by their order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rcdn.batch.pairs import stems, trailing_numbers
+from rcdn.errors import ConfigError
+
+
+def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
+    """The inputs by the camera's name: one folder with a subfolder (or a video) each, or an input a camera. Raises ConfigError for one camera."""
+    from rcdn.io import is_video
+
+    if len(inputs) == 1 and Path(inputs[0]).is_dir():
+        inside = sorted(Path(inputs[0]).iterdir())
+        inputs = [str(p) for p in inside if p.is_dir() and not p.name.startswith(".")]
+        inputs = inputs or [str(p) for p in inside if is_video(p)]
+    if len(inputs) < 2:
+        raise ConfigError(
+            "--rig takes two inputs or more, one a camera, or one folder that holds a folder or a video of each"
+        )
+    names = [_name(i) for i in inputs]
+    if max(Counter(names).values()) > 1:
+        names = [f"cam{k}" for k in range(len(inputs))]
+    return {name: [i] for name, i in zip(names, inputs, strict=True)}
+
+
+def _name(text: str) -> str:
+    """The folder's name, the file's without its ending, or a pattern's without what stands for anything."""
+    path = Path(text)
+    name = path.name if path.is_dir() else path.stem
+    return name.replace("*", "").replace("?", "").strip("_-. ") or path.parent.name or text
+
+
+def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]:
+    """For each camera its pictures' moments, and the `way` they were told: name, number or order.
+
+    By the file names, else by the last number in them, where most pictures of the smallest set then have partners; else by order, if all
+    cameras have as many. Raises ConfigError if nothing of that works.
+    """
+    ways: list[tuple[str, Callable[[Sequence[str], int], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
+    for way, keys_of in ways:
+        keys = [keys_of(names, 0) for names in pictures]
+        if all(k and all(k) and len(set(k)) == len(k) for k in keys) and _shared(keys):
+            return keys, way
+    if len({len(names) for names in pictures}) == 1:
+        return [[str(k) for k in range(len(names))] for names in pictures], "order"
+    counts = ", ".join(str(len(names)) for names in pictures)
+    raise ConfigError(
+        f"the cameras' pictures ({counts}) don't belong together by name (a/01.png and b/01.png) or by number (a_01.png and b_01.png); give "
+        "names that do, or as many of each in the same order"
+    )
+
+
+def _shared(keys: Sequence[Sequence[str]]) -> bool:
+    """Whether every camera shares a moment with another one, and most of the pictures have a partner."""
+    count = Counter(key for each in keys for key in each)
+    alone = sum(1 for key in count if count[key] == 1)
+    return all(any(count[key] > 1 for key in each) for each in keys) and 2 * alone < len(count)

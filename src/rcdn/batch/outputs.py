@@ -1,0 +1,217 @@
+"""Detections on their way to their files: on the disk meanwhile, so that memory doesn't grow with the pictures."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from rcdn.errors import OutputError, RcdnError
+
+if TYPE_CHECKING:
+    from rcdn.batch.work import Failure
+    from rcdn.io import ImageResult
+    from rcdn.terminal.options import GridSize
+
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""what a disk says that takes no more"""
+
+
+class Outputs:
+    """The files that a run writes at its end, each whole or not at all. Close it, used or not.
+
+    The lines of the pictures wait in a file without a name: nothing is left of it however the run ends. `written`: the files that were.
+    """
+
+    def __init__(self, json: Path | None, vnl: Path | None, board: GridSize | None) -> None:
+        self._json, self._vnl, self._board = json, vnl, board
+        self._spool = Spool([_folder(path) for path in (json, vnl) if path is not None])
+        self.written: list[Path] = []
+
+    @property
+    def wanted(self) -> bool:
+        """True if `add` needs the lines."""
+        return self._json is not None or self._vnl is not None
+
+    def add(self, line: str) -> None:
+        """Keep the line of the next picture. Raises OutputError if no disk that an output goes to takes what there is so far."""
+        from rcdn.io.files import output_error
+
+        path = self._json or self._vnl
+        if path is None:
+            return
+        try:
+            self._spool.add(line.encode("ascii") + b"\n")
+        except OSError as error:
+            raise output_error(path, error) from error
+        if self._spool.refused is not None:
+            raise output_error(path, self._spool.refused)
+
+    def write(self, failures: Sequence[Failure]) -> list[RcdnError]:
+        """Write what is asked for. One file that can't be written doesn't stop the other; returns what went wrong."""
+        from rcdn.io import write_lines, write_vnl
+
+        wrong = [
+            self._try(
+                self._json, lambda path: write_lines(path, self._kept(), ((f.name, f.message) for f in failures))
+            ),
+            self._try(self._vnl, lambda path: write_vnl(path, _Images(self), self._board)),
+        ]
+        return [error for error in wrong if error is not None]
+
+    def close(self) -> None:
+        self._spool.close()
+
+    def _try(self, path: Path | None, write: Callable[[Path], Any]) -> RcdnError | None:
+        from rcdn.io.files import output_error
+
+        if path is None:
+            return None
+        for _ in range(2):
+            try:
+                write(path)
+            except RcdnError as error:
+                cause = error.__cause__
+                if isinstance(cause, OSError) and cause.errno in FULL and self._spool.leave(_folder(path)):
+                    continue  # the lines themselves took the room
+                return error
+            except OSError as error:
+                return output_error(path, error)
+            self.written.append(path)
+            return None
+        return OutputError(f"{path}: can't be written: its disk is full; make room, or write to another disk")
+
+    def _kept(self) -> Iterator[str]:
+        for line in self._spool:
+            yield line[:-1].decode("ascii")
+
+
+class _Images:
+    """The images that wait, read anew each time."""
+
+    def __init__(self, outputs: Outputs) -> None:
+        self._outputs = outputs
+
+    def __iter__(self) -> Iterator[ImageResult]:
+        from rcdn.io import image_of_line
+
+        return map(image_of_line, self._outputs._kept())
+
+
+class Spool:
+    """Lines in a file without a name, in the first of the `folders` whose disk takes them, else where temporary files are.
+
+    Whatever fails, it holds the whole lines that were added, in their order. `refused`: why none of the `folders` takes them any more.
+    """
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = list(dict.fromkeys(folders))
+        self._file: IO[bytes] | None = None
+        self._disk = -1
+        self._end = 0
+        self.refused: OSError | None = None
+
+    def add(self, line: bytes) -> None:
+        """Keep a line. Raises OSError, and doesn't keep it, if no disk takes it."""
+        try:
+            if self._file is None:
+                self._file = _nameless(self._folders[0])
+                self._disk = os.fstat(self._file.fileno()).st_dev
+            _append(self._file, self._end, line)
+        except OSError as error:
+            if self._file is not None:
+                with suppress(OSError):
+                    self._file.truncate(self._end)
+            file = self._move(self._disk, line)
+            if file is None:
+                raise
+            if self._disk not in {_disk(f) for f in self._folders}:
+                self.refused = error
+        self._end += len(line)
+
+    def leave(self, folder: Path) -> bool:
+        """Go from the disk of `folder` to another one, to make room; False if the lines aren't there, or no other disk takes them."""
+        return self._file is not None and self._disk == _disk(folder) and self._move(self._disk, b"") is not None
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __iter__(self) -> Iterator[bytes]:
+        """The lines. Raises OSError."""
+        if self._file is None:
+            return
+        self._file.seek(0)
+        reader, left = io.BufferedReader(self._file), self._end  # type: ignore[type-var]
+        try:
+            while left > 0 and (line := reader.readline()):
+                left -= len(line)
+                yield line
+        finally:
+            with suppress(ValueError):  # it is closed: the lines have moved
+                reader.detach()
+
+    def _move(self, full: int, line: bytes) -> IO[bytes] | None:
+        """Copy all, and `line`, to a disk other than `full`; None if there is none that takes it."""
+        for folder in (*self._folders, _temporary()):
+            if _disk(folder) in (full, -1):
+                continue
+            try:
+                file = _nameless(folder)
+                at = 0
+                for kept in self:
+                    _append(file, at, kept)
+                    at += len(kept)
+                _append(file, at, line)
+            except OSError:
+                continue
+            self.close()
+            self._file, self._disk = file, os.fstat(file.fileno()).st_dev
+            return file
+        return None
+
+
+def _append(file: IO[bytes], at: int, data: bytes) -> None:
+    """Write all of `data` at `at`: a disk that fills up takes a part first."""
+    file.seek(at)
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def _disk(folder: Path) -> int:
+    try:
+        return os.stat(folder).st_dev
+    except OSError:
+        return -1
+
+
+def _nameless(folder: Path) -> IO[bytes]:
+    """A file without a name and without a buffer, whose rest would fail later. Raises OSError."""
+    return tempfile.TemporaryFile(dir=folder, buffering=0)
+
+
+def _folder(path: Path) -> Path:
+    """The folder of `path`, or the nearest above that is there; that of temporary files if `path` is a device or a pipe."""
+    from rcdn.io.files import is_stream
+
+    if is_stream(path):
+        return _temporary()
+    folder = Path(os.path.realpath(path)).parent
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return folder
+
+
+def _temporary() -> Path:
+    """Where temporary files are; the current folder if there is no such place, or all are full."""
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError:
+        return Path.cwd()

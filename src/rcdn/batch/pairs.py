@@ -1,0 +1,121 @@
+"""Which pictures of two cameras were taken at the same moment: by their names, else by their numbers, else by their order."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from rcdn.errors import ConfigError
+from rcdn.terminal.group import many
+
+SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
+"""words that name a camera"""
+SHOWN = 3
+"""names in a sentence, before it says …"""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """`pairs`: (index of the left picture, index of the right one), in the order of the left ones; `way`: `name`, `number` or `order`."""
+
+    pairs: list[tuple[int, int]]
+    way: str
+
+
+def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
+    """The pictures that belong together.
+
+    By the file names but for the word that names the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, else
+    by order if there are as many. Frames of two videos belong together by their numbers. Raises ConfigError if nothing of that works.
+    """
+    for keys in (stems, *(_without(words) for words in SIDES), trailing_numbers):
+        one, two = keys(left, 0), keys(right, 1)
+        if _distinct(one) and _distinct(two):
+            at = {key: k for k, key in enumerate(two)}
+            pairs = [(k, at[key]) for k, key in enumerate(one) if key in at]
+            if 2 * len(pairs) > min(len(left), len(right)):
+                return Pairing(pairs, "number" if keys is trailing_numbers else "name")
+    if len(left) == len(right):
+        return Pairing([(k, k) for k in range(len(left))], "order")
+    raise ConfigError(
+        f"{len(left)} pictures of the left camera and {len(right)} of the right one don't pair by name (a/01.png and b/01.png, or left_01.png and "
+        f"right_01.png); give names that do, or as many of each in the same order, or {_way_out(left, right)}"
+    )
+
+
+def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> str:
+    """How the pictures were paired and how to pair them otherwise; "" where names leave no doubt."""
+    alone = [
+        [n for k, n in enumerate(names) if k not in {p[c] for p in found.pairs}]
+        for c, names in enumerate((left, right))
+    ]
+    if found.way == "name" and not (alone[0] and alone[1]):
+        return ""
+    a, b = found.pairs[0]
+    text = (
+        f"paired by {found.way}, {many(len(found.pairs), 'pair')}: {_short(left[a])} with {_short(right[b])}, and so on"
+    )
+    text += "".join(
+        f"; without a partner on the {side}: {_some(names)}"
+        for side, names in zip(("left", "right"), alone, strict=True)
+        if names
+    )
+    return f"{text}. If that is wrong, {_way_out(left, right, found.pairs[0])}"
+
+
+def _way_out(left: Sequence[str], right: Sequence[str], pair: tuple[int, int] = (0, 0)) -> str:
+    if not left or not right:
+        return "name the pairs: --pairs pairs.txt"
+    example = f"{quoted(_short(left[pair[0]]))} {quoted(_short(right[pair[1]]))}"
+    return f"name the pairs: --pairs pairs.txt, a file with a line for each, such as `{example}`"
+
+
+def _short(name: str) -> str:
+    """A picture's name without its folder; a frame keeps its number."""
+    return re.split(r"[/\\]", name)[-1]
+
+
+def quoted(name: str) -> str:
+    """As a file of pairs takes it."""
+    return f'"{name}"' if re.search(r"[\s,;]", name) else name
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(_short(n) for n in names[:SHOWN]) + (
+        f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    )
+
+
+def _stem(name: str) -> str:
+    path, mark, frame = name.rpartition("#")
+    return f"#{frame}" if mark and path else PurePath(name).stem.lower()
+
+
+def stems(names: Sequence[str], side: int) -> list[str]:
+    """The names without folders and endings; a frame's number."""
+    return [_stem(n) for n in names]
+
+
+def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]]:
+    """Stems without the word of their side, where all have it as a word of its own."""
+
+    def keys(names: Sequence[str], side: int) -> list[str]:
+        pattern = re.compile(
+            rf"(?<![a-z]){words[side]}(?![a-z])" if words[side].isalpha() else rf"(?<!\d){words[side]}(?!\d)"
+        )
+        return [pattern.sub("*", _stem(n), count=1) if pattern.search(_stem(n)) else "" for n in names]
+
+    return keys
+
+
+def trailing_numbers(names: Sequence[str], side: int) -> list[str]:
+    """The last number in each name, "" where there is none."""
+    found = [re.findall(r"\d+", _stem(n)) for n in names]
+    return [str(int(f[-1])) if f else "" for f in found]
+
+
+def _distinct(keys: Sequence[str]) -> bool:
+    return bool(keys) and all(keys) and max(Counter(keys).values()) == 1

@@ -1,0 +1,53 @@
+"""The files that arguments stand for, and where outputs may go."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from rcdn.batch.work import Failure
+from rcdn.errors import ConfigError
+
+
+def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
+    """The files that `arguments` stand for, and a failure for each that stands for none, already said; says which of ours are passed over."""
+    from rcdn.io import find
+    from rcdn.terminal import talk
+    from rcdn.terminal.group import many, one_line, say_error
+
+    found = find(arguments)
+    for _, message in found.errors:
+        say_error(message)
+    if found.own:
+        number, first = len(found.own), one_line(str(found.own[0]))
+        rest = "is passed over: " + first if number == 1 else f"are passed over: {first}, …"
+        talk.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
+    return found.files, [Failure(name, message) for name, message in found.errors]
+
+
+def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
+    """Fail before the work, not after it, if `path` can't or mustn't be written."""
+    if path is None:
+        return
+    from rcdn.io import check_writable, is_video
+    from rcdn.io.files import PICTURE_ENDINGS
+
+    mine = os.path.abspath(path)
+    if is_video(path) or path.suffix.lower() in PICTURE_ENDINGS or any(os.path.abspath(p) == mine for p in inputs):
+        raise ConfigError(
+            f"{option} {path}: that would overwrite a picture (did the shell put a pattern's first file there?); "
+            f"name the file to write after {option}"
+        )
+    check_writable(path)
+
+
+def outside(folder: Path, arguments: Sequence[str], paths: Sequence[Path], option: str = "--overlay") -> list[Path]:
+    """The `paths` that are not in the `folder` of an `option`: what an earlier run wrote there is no input.
+
+    Raises ConfigError if the user named that folder, or something in it, as an input.
+    """
+    mine = Path(os.path.abspath(folder))
+    if any(Path(os.path.abspath(a)).is_relative_to(mine) for a in arguments):
+        raise ConfigError(f"{option} {folder}: pictures in this folder are inputs, too; choose another folder")
+    return [p for p in paths if not Path(os.path.abspath(p)).is_relative_to(mine)]

@@ -1,0 +1,252 @@
+"""Many pictures and several workers: who gets which picture, results in order, and no loss when a worker dies.
+
+Where the workers are is a `Crew`'s matter: processes of this machine (`_processes`), or actors of a Ray cluster (`_ray`).
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from rcdn.batch.work import Done, Failure, Picture, Work
+from rcdn.errors import RcdnError
+
+if TYPE_CHECKING:
+    from rcdn.config import DetectorConfig
+
+FEW = 2
+"""Pictures for which starting processes takes longer than it saves."""
+HAND = 2
+"""Pictures a worker has at once: it computes the first, and reads the other meanwhile."""
+BEHIND = 16
+"""Pictures a worker that may be done while the first of them is not: results that wait for their turn stay few."""
+STILLBORN = 3
+"""Workers in a row that may end before they begin."""
+PATIENCE = 3.0
+"""Seconds that a worker has to end after it was told to."""
+LOST = object()
+"""What is heard of a worker that died."""
+
+
+def usable_cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def jobs_for(jobs: int, paths: Sequence[Path]) -> int:
+    """How many processes to use for these files: `jobs`, or 0 for one a core; but 1 for a few pictures."""
+    from rcdn.io import is_video
+
+    jobs = jobs or usable_cores()
+    if any(is_video(path) for path in paths):
+        return jobs
+    return 1 if len(paths) <= FEW else min(jobs, len(paths))
+
+
+def one_thread(config: DetectorConfig, jobs: int) -> DetectorConfig:
+    """`config` for one of several processes: one thread each, unless the user asked for more."""
+    return config if jobs == 1 or config.threads else replace(config, threads=1)
+
+
+def compute(pictures: Iterable[Picture], work: Work, jobs: int) -> Generator[Done, None, None]:
+    """What `work` makes of each of the `pictures`, in their order; with `jobs` > 1 in that many processes.
+
+    Raises what making the detector raises, and RcdnError if no process can be started. Close the generator to end the processes
+    early; pictures that are not done are lost then.
+    """
+    if jobs == 1:
+        return (work(picture) for picture in pictures)
+    from rcdn.batch.processes import Processes
+
+    return share_out(pictures, work, Processes(work), jobs)
+
+
+def share_out(pictures: Iterable[Picture], work: Work, crew: Crew, jobs: int) -> Generator[Done, None, None]:
+    """`compute` with at most `jobs` workers of the `crew`."""
+    return _Pool(work, crew, jobs).run(pictures)
+
+
+@dataclass(eq=False)
+class Item:
+    """A picture on its way: its `number` in the order; `deaths` of workers that were computing it; `alone`: only it may be computed."""
+
+    number: int
+    picture: Picture
+    deaths: int = 0
+    alone: bool = False
+
+
+class Worker(Protocol):
+    """One that computes, somewhere: `ready` once its detector is made; `items`: what it has, in the order in which it computes."""
+
+    ready: bool
+    items: deque[Item]
+
+    def send(self, picture: Picture) -> None:
+        """Give it a picture. Raises OSError if it is dead."""
+
+    def dismiss(self) -> None:
+        """Tell it to end, whatever it does now."""
+
+    def end(self, deadline: float) -> str:
+        """End it, by force after `deadline` (time.monotonic); why it ended."""
+
+
+class Crew(Protocol):
+    """Where workers come from, and where they are heard. `instead`: the option to try if none can be started."""
+
+    instead: str
+
+    def start(self) -> Worker:
+        """A new worker; it isn't waited for."""
+
+    def hear(self, workers: Sequence[Any]) -> list[tuple[Any, Any]]:
+        """Wait until a worker has something to say: None (it is ready), a Done of its first picture, an error or LOST."""
+
+    def uninterrupted(self) -> Any:
+        """A context in which Ctrl-C waits."""
+
+
+class _Pool:
+    def __init__(self, work: Work, crew: Crew, jobs: int) -> None:
+        self._work = work
+        self._crew = crew
+        self._jobs = jobs
+        self._workers: list[Worker] = []
+        self._new: deque[Item] = deque()
+        self._again: deque[Item] = deque()
+        self._done: dict[int, Done] = {}
+        self._taken = 0
+        self._given = 0
+        self._stillborn = 0
+
+    def run(self, pictures: Iterable[Picture]) -> Generator[Done, None, None]:
+        source = iter(pictures)
+        more = True
+        try:
+            while True:
+                more = more and self._take(source)
+                self._hand_out()
+                while self._given in self._done:
+                    yield self._done.pop(self._given)
+                    self._given += 1
+                if not more and self._given == self._taken:
+                    return
+                if any(w.items or not w.ready for w in self._workers):
+                    for worker, message in self._crew.hear(self._workers):
+                        self._heard(worker, message)
+        finally:
+            self._close()
+
+    def _take(self, source: Iterator[Picture]) -> bool:
+        """Take as many pictures as can be begun soon; False if there are no more."""
+        each = HAND + 1 if any(w.ready for w in self._workers) else 1
+        while self._taken - self._given < BEHIND * self._jobs:
+            if len(self._new) + sum(len(w.items) for w in self._workers) >= each * self._jobs:
+                break
+            picture = next(source, None)
+            if picture is None:
+                return False
+            if self._work.needed(picture):
+                self._new.append(Item(self._taken, picture))
+            else:
+                self._done[self._taken] = self._work(picture)
+            self._taken += 1
+        return True
+
+    def _hand_out(self) -> None:
+        """Give waiting workers something to do, and start one where there is more to do than that."""
+        waiting, room = self._queue()
+        idle = [w for w in self._workers if w.ready and not w.items]
+        wanted = min(len(waiting), room) - len(idle) - sum(not w.ready for w in self._workers)
+        for _ in range(min(wanted, self._jobs - len(self._workers))):
+            self._workers.append(self._crew.start())
+        for worker in idle[:room]:
+            if waiting:
+                self._send(worker, waiting.popleft())
+        if waiting is self._new:
+            self._fill_hands()
+
+    def _queue(self) -> tuple[deque[Item], int]:
+        """What comes next, and how many of it at once. A picture whose worker died goes alone: memory may have run out."""
+        busy = [item for w in self._workers for item in w.items]
+        if any(item.alone for item in busy) or (self._again and busy):
+            return deque(), 0
+        return (self._again, 1) if self._again else (self._new, self._jobs)
+
+    def _fill_hands(self) -> None:
+        """Let workers read ahead; the last pictures wait for whoever is done first."""
+        for worker in list(self._workers):
+            while worker.ready and worker.items and len(worker.items) < HAND and len(self._new) > self._jobs:
+                self._send(worker, self._new.popleft())
+
+    def _send(self, worker: Worker, item: Item) -> None:
+        try:
+            worker.send(item.picture)
+        except OSError:  # it died while it waited: nothing to hold against this picture
+            (self._again if item.alone else self._new).appendleft(item)
+            self._lost(worker)
+        else:
+            worker.items.append(item)
+
+    def _heard(self, worker: Worker, message: Any) -> None:
+        if message is LOST:
+            self._lost(worker)
+        elif isinstance(message, Exception):
+            raise message
+        elif message is None:
+            worker.ready, self._stillborn = True, 0
+        else:
+            self._done[worker.items.popleft().number] = _frozen(message)
+
+    def _lost(self, worker: Worker) -> None:
+        """A worker died. The picture that it computed gets a second chance, and then is given up; it hadn't begun the others."""
+        self._workers.remove(worker)
+        cause = worker.end(time.monotonic() + PATIENCE)
+        if not worker.ready:
+            self._stillborn += 1
+            if self._stillborn >= STILLBORN:
+                raise RcdnError(f"the processes that should compute end at once ({cause}); use {self._crew.instead}")
+        for place, item in enumerate(worker.items):
+            again = replace(item, deaths=item.deaths + (place == 0), alone=True)
+            if again.deaths > 1:
+                self._done[item.number] = _given_up(item.picture)
+            else:
+                self._again.append(again)
+
+    def _close(self) -> None:
+        """End all workers: those that wait see that there is no more, the others are told to."""
+        with self._crew.uninterrupted():
+            for worker in self._workers:
+                worker.dismiss()
+            deadline = time.monotonic() + PATIENCE
+            for worker in self._workers:
+                worker.end(deadline)
+            self._workers.clear()
+
+
+def _given_up(picture: Picture) -> Done:
+    """The same words whatever killed the processes, and wherever they were: they are in the file of detections."""
+    name = picture.name
+    message = (
+        f"{name}: two processes ended while they computed it, most often for too little memory; use a smaller picture"
+    )
+    return Done(picture.index, name, (Failure(name, message),))
+
+
+def _frozen(done: Done) -> Done:
+    """`done` with arrays that nobody can change: on the way between processes they lose that."""
+    from rcdn.io import ImageResult
+
+    return replace(done, outcomes=tuple(_rebuilt(o) if isinstance(o, ImageResult) else o for o in done.outcomes))
+
+
+def _rebuilt(result: Any) -> Any:
+    return replace(result, corners=replace(result.corners), boards=tuple(replace(b) for b in result.boards))

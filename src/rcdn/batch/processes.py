@@ -1,0 +1,156 @@
+"""Workers that are processes of this machine, each with its own detector."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from multiprocessing import connection, get_context
+from typing import Any
+
+from rcdn import interrupts
+from rcdn.batch.pool import LOST, Item
+from rcdn.batch.work import Picture, Work
+from rcdn.children import end_with_parent
+from rcdn.errors import RcdnError
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Process:
+    """One process; see `rcdn.batch.pool.Worker`."""
+
+    def __init__(self, work: Work) -> None:
+        context = get_context("spawn")  # fork would copy the locks of other threads: OpenCV's, ONNX Runtime's
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, work), name="rcdn-worker", daemon=True)
+        try:
+            with no_interrupts():
+                self.process.start()
+        finally:
+            theirs.close()  # then only the process holds its end, and its death ends our reading
+        self.ready = False
+        self.items: deque[Item] = deque()
+
+    def send(self, picture: Picture) -> None:
+        self.pipe.send(picture)
+
+    def dismiss(self) -> None:
+        if self.items or not self.ready:
+            self.process.terminate()
+        self.pipe.close()
+
+    def end(self, deadline: float) -> str:
+        self.pipe.close()
+        self.process.join(max(0.0, deadline - time.monotonic()))
+        if self.process.exitcode is None:
+            self.process.kill()
+            self.process.join()
+        code = self.process.exitcode
+        self.process.close()
+        return _cause(code)
+
+
+class Processes:
+    """Starts processes that do `work`; see `rcdn.batch.pool.Crew`."""
+
+    instead = "--jobs 1"
+
+    def __init__(self, work: Work) -> None:
+        self._work = work
+
+    def start(self) -> Process:
+        return Process(self._work)
+
+    def hear(self, workers: Sequence[Process]) -> list[tuple[Process, Any]]:
+        speaking = connection.wait([w.pipe for w in workers])
+        return [(w, _message(w)) for w in workers if w.pipe in speaking]
+
+    def uninterrupted(self) -> contextlib.AbstractContextManager[None]:
+        return no_interrupts()
+
+
+def _message(worker: Process) -> Any:
+    try:
+        return worker.pipe.recv()
+    except (EOFError, OSError):
+        return LOST
+
+
+def _cause(code: int | None) -> str:
+    if code is not None and code < 0:
+        with contextlib.suppress(ValueError):
+            name = signal.Signals(-code).name
+            return f"{name}: most often too little memory" if name == "SIGKILL" else name
+    return f"exit code {code}"
+
+
+@contextlib.contextmanager
+def no_interrupts() -> Iterator[None]:
+    """Ctrl-C comes afterwards; a process that is started meanwhile never gets it: the first one decides."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # or the start would do it, and lift the mask
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with (
+            interrupts.held()
+        ):  # the mask is this thread's only: another one gets the signal, and Python handles it here
+            yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+# ---- in the process
+
+
+def _serve(pipe: Any, work: Work) -> None:
+    """Say None when ready, or why not; then answer each picture with a Done until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave)
+    end_with_parent()
+    for name in _THREADS:  # before numpy comes: the cores are shared out already
+        os.environ.setdefault(name, "1")
+    with contextlib.suppress(EOFError, OSError):  # the first process is gone, or needs nothing more
+        try:
+            one_thread()
+            work.prepare()
+        except Exception as error:
+            pipe.send(error if isinstance(error, RcdnError) else RcdnError(f"{type(error).__name__}: {error}"))
+            return
+        pipe.send(None)
+        arrived: queue.SimpleQueue[Picture | None] = queue.SimpleQueue()  # no more than the first process hands out
+        threading.Thread(target=_read, args=(pipe, work, arrived), name="rcdn-reader", daemon=True).start()
+        while (picture := arrived.get()) is not None:
+            pipe.send(work(picture))
+
+
+def _read(pipe: Any, work: Work, arrived: queue.SimpleQueue[Picture | None]) -> None:
+    """Read each picture that comes while the one before it is computed; None at the end."""
+    try:
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                arrived.put(work.loaded(pipe.recv()))
+    finally:
+        arrived.put(None)
+
+
+def one_thread() -> None:
+    """Have OpenCV use one thread: others share the cores."""
+    import cv2
+
+    cv2.setNumThreads(1)
+
+
+def _leave(*_: object) -> None:
+    """SIGTERM: clean up (a file that is being written), then go."""
+    sys.exit(128 + signal.SIGTERM)

@@ -1,0 +1,132 @@
+"""The work of `rcdn pose --rig`: boards of all cameras found, and each moment's board placed by all that saw it."""
+
+from __future__ import annotations
+
+import json as json_module
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from rcdn.batch.behind import make_two_sided, two_sided
+from rcdn.batch.cache import Cache
+from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.config import DetectorConfig
+from rcdn.errors import ConfigError, RcdnError
+from rcdn.terminal import talk
+from rcdn.terminal.group import FAILED, one_line, say_error
+from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, side, sizes_of
+
+if TYPE_CHECKING:
+    from rcdn.batch.inputs import Gathered
+    from rcdn.types import Board, Rig, RigPoseEstimate
+
+EVERY = 10**9
+"""frames of a video: all that are sharp and different"""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """How boards are found; `size` (columns, rows) of those to take, or None."""
+
+    config: DetectorConfig
+    store: Cache | None
+    jobs: int
+    size: tuple[int, int] | None
+
+    def gather(self, inputs: Sequence[str]) -> Gathered:
+        """The boards in `inputs`, those too whose codes are seen from behind."""
+        from rcdn.batch.inputs import gather
+
+        return gather(
+            inputs,
+            self.config,
+            jobs=self.jobs,
+            cache=two_sided(self.store),
+            frames=EVERY,
+            size=self.size,
+            make=make_two_sided,
+        )
+
+
+def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks: Looks, json: Path | None) -> None:
+    """Say where each moment's board stands in the frame of the rig of a file, and write it as JSON."""
+    from rcdn.calibration import estimate_rig_pose
+    from rcdn.calibration.coded import kind_of
+    from rcdn.io import read_rig, write_text
+
+    rig = read_rig(path)
+    cameras = _named(rig, cameras_in(inputs), path)
+    found = {name: looks.gather(each) for name, each in cameras.items()}
+    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], looks.size))
+    failed, records = any(got.failures for got in found.values()), []
+    for moment, boards in _moments(found, looks.size).items():
+        try:
+            done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
+        except RcdnError as error:
+            say_error(f"{moment}: {error}")
+            failed = True
+            continue
+        talk.say(_line(moment, done))
+        records.append(_record(moment, done))
+    if not records:
+        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+    if json is not None:
+        lines = ",\n".join(json_module.dumps(r) for r in records)
+        write_text(
+            json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "rig_poses": [\n{lines}\n]}}\n'
+        )
+    if failed or not records:
+        raise typer.Exit(FAILED)
+
+
+def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, list[str]]:
+    """The inputs by the names of the rig's cameras: those of the inputs, or, if there are as many, in their order."""
+    if set(cameras) <= set(rig.names):
+        return dict(cameras)
+    if len(cameras) == len(rig):
+        talk.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
+        return dict(zip(rig.names, cameras.values(), strict=True))
+    raise ConfigError(
+        f"--rig {path}: has cameras {', '.join(rig.names)}, but the inputs are {', '.join(cameras)}; name folders or videos as the cameras, "
+        "or give one a camera in that order"
+    )
+
+
+def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dict[str, dict[str, Board]]:
+    """By moment and camera the largest board of a picture, of a `size` if one is asked for; moments at which nobody saw one aren't in it."""
+    keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
+    if way != "name":
+        talk.note(f"note: pictures belong together by {way}")
+    out: dict[str, dict[str, Board]] = {}
+    for (name, got), each in zip(found.items(), keys, strict=True):
+        for moment, image in zip(each, got.images, strict=True):
+            boards = [b for b in image.boards if size is None or (b.complete and sorted(b.size) == sorted(size))]
+            if boards:
+                out.setdefault(moment, {})[name] = max(boards, key=lambda b: (b.target is not None, len(b)))
+    return dict(sorted(out.items()))
+
+
+def _line(moment: str, pose: RigPoseEstimate) -> str:
+    x, y, z = (pose.T_rig_board if pose.T_rig_target is None else pose.T_rig_target)[:3, 3]
+    std = pose.std
+    out = "".join(f"  without {name}: {why}" for name, why in pose.left_out.items())
+    return (
+        f"{one_line(moment)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  rms {pose.rms:.3f} px  by "
+        f"{', '.join(pose.residuals)}{out}"
+    )
+
+
+def _record(moment: str, pose: RigPoseEstimate) -> dict[str, Any]:
+    target = {} if pose.T_rig_target is None else {"T_rig_target": pose.T_rig_target.tolist()}
+    return {
+        "moment": moment,
+        "cameras": list(pose.residuals),
+        "left_out": dict(pose.left_out),
+        "T_rig_board": pose.T_rig_board.tolist(),
+        **target,
+        "cov": pose.cov.tolist(),
+        "rms": pose.rms,
+    }

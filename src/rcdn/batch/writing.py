@@ -1,0 +1,34 @@
+"""Several files to write: what can't be written is told, a line each, and the others are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from rcdn.batch.work import explain
+from rcdn.errors import OutputError, RcdnError
+from rcdn.terminal.group import say_error
+
+
+def write_each(tasks: Iterable[tuple[Path | None, Callable[[Path], object]]]) -> list[Path]:
+    """Call each function with its path, if that is given; the paths that were written. Whatever one raises, the others go on."""
+    written = []
+    for path, write in tasks:
+        if path is None:
+            continue
+        try:
+            write(path)
+        except OutputError as error:  # it names the file
+            say_error(str(error))
+        except RcdnError as error:
+            say_unwritten(path, str(error))
+        except Exception as error:
+            say_error(explain(error, f"{path} is not written"))
+        else:
+            written.append(path)
+    return written
+
+
+def say_unwritten(path: Path, reason: str) -> None:
+    """Say that this file is not written, and why."""
+    say_error(f"{path} is not written: {reason}")

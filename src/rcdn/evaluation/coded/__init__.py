@@ -1,7 +1,0 @@
-"""Numbers on boards that carry codes: photographs, degraded ones, videos, rendered boards, and pictures without codes."""
-
-from rcdn.evaluation.coded.goals import goals, record
-from rcdn.evaluation.coded.readers import contestants
-from rcdn.evaluation.coded.run import PARTS, Plan, parts_of, settings_of, shown, table
-
-__all__ = ["PARTS", "Plan", "contestants", "goals", "parts_of", "record", "settings_of", "shown", "table"]

@@ -1,7 +1,0 @@
-"""Rendered boards with exact truth, one factor at a time: `rcdn evaluate sweep`."""
-
-from rcdn.evaluation.sweep.pictures import picture, scene
-from rcdn.evaluation.sweep.run import contestants, settings_of, table
-from rcdn.evaluation.sweep.settings import FACTORS, Setting
-
-__all__ = ["FACTORS", "Setting", "contestants", "picture", "scene", "settings_of", "table"]

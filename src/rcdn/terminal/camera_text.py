@@ -1,0 +1,136 @@
+"""What `rcdn calibrate` and `rcdn pose` print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rcdn.geometry.spline_grid import largest_shift
+from rcdn.terminal.group import one_line
+from rcdn.types.shown import decimals
+
+if TYPE_CHECKING:
+    from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
+
+
+def verdict_line(verdict: Verdict | None) -> list[str]:
+    """The verdict, which is said first; nothing where there is none."""
+    from rcdn.calibration.verdict import headline
+
+    return [] if verdict is None else [headline(verdict)]
+
+
+def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
+    """What else to tell: the gravest reason stands in the first line already."""
+    from rcdn.calibration.verdict import sentences
+
+    said = () if verdict is None else sentences(verdict)[:1]
+    return [f"- {text}" for text in advice if text not in said]
+
+
+def camera_lines(calibration: Calibration) -> list[str]:
+    """The camera with standard deviations, how well it fits, and the models it was chosen from."""
+    c = calibration
+    used, corners = c.used_views, sum(int(v.used.sum()) for v in c.used_views)
+    width, height = c.camera.image_size
+    board = "" if c.size is None else f", board {c.size[0]}×{c.size[1]}"
+    board += "" if c.target is None else f" ({c.target})"
+    lines = [
+        f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {len(c.views)} views, {corners} corners"
+        f" ({c.outliers} left out){board}"
+    ]
+    few = c.camera.coefficients
+    values = _values(c.camera.parameters[:few], c.std[:few])
+    lines += [f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names[:few], values, strict=True)]
+    if (correction := c.camera.correction) is not None:
+        rows, columns, _ = correction.control.shape
+        lines.append(
+            f"  and a smooth correction of {columns}×{rows} control points, up to {largest_shift(c.camera):.2f} px"
+        )
+    lines.append(f"RMS {c.rms:.3f} px; {_held_out(c)}")
+    if len(c.models) > 1:
+        lines.append(
+            f"models, × the RMS of {c.models[0].model}: " + ", ".join(_model(m, c.models[0]) for m in c.models)
+        )
+    if c.shape is not None:
+        lines.append(
+            f"board: corners {1e3 * c.shape.print_error:.3f} mm off their places in its plane, bent by {1e3 * c.shape.bend:.2f} mm"
+        )
+    return lines
+
+
+def _held_out(c: Calibration) -> str:
+    """As a multiple of the RMS: both on the corners on which models were compared, of which the chosen one may leave some out."""
+    if np.isnan(c.held_out):
+        return "too few pictures to hold any out"
+    from rcdn.calibration.facts import multiple
+
+    return f"in pictures held out {multiple(c.held_out, c.models[0].rms):.2f} times that"
+
+
+def _model(score: ModelScore, chosen: ModelScore) -> str:
+    """`brown 1.00 (held out 1.03)`; a model that can't beat a simpler one isn't tried on pictures held out."""
+    from rcdn.calibration.facts import multiple
+
+    held = "" if np.isnan(score.held_out) else f" (held out {multiple(score.held_out, chosen.rms):.2f})"
+    return f"{score.model} {multiple(score.rms, chosen.rms):.2f}{held}"
+
+
+def _values(values: Array, std: Array) -> list[str]:
+    """`value ± deviation`, with the digits that the deviation leaves."""
+    digits = [decimals(s) for s in std]
+    texts = [f"{v:.{d}f}" for v, d in zip(values, digits, strict=True)]
+    before = max(t.index(".") for t in texts)
+    return [f"{' ' * (before - t.index('.'))}{t} ± {s:.{d}f}" for t, s, d in zip(texts, std, digits, strict=True)]
+
+
+def left_out_lines(calibration: Calibration) -> list[str]:
+    """A line for each view that was left out, with the reason."""
+    return [f"left out: {one_line(v.name)}: {v.reason}" for v in calibration.left_out]
+
+
+def cut_lines(calibration: Calibration) -> list[str]:
+    """What the picture's border has left of boards that look complete, each with the pictures in which it did."""
+    from rcdn.calibration.cut import cut_text
+
+    if calibration.size is None:
+        return []
+    names: dict[str, list[str]] = {}
+    for view in calibration.used_views:
+        if text := cut_text(view.ij, view.xy, calibration.camera.image_size, calibration.size):
+            names.setdefault(text, []).append(one_line(view.name))
+    cols, rows = calibration.size
+    return [f"{text}, of {cols}×{rows}: {', '.join(mine)}" for text, mine in names.items()]
+
+
+def stereo_lines(stereo: StereoCalibration) -> list[str]:
+    """Where the right camera stands, and how well both fit."""
+    std = np.sqrt(np.diag(stereo.cov))
+    t = stereo.T_right_left[:3, 3]
+    turn = np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1)))
+    place = ", ".join(f"{v:.5f} ± {s:.5f}" for v, s in zip(t, std[3:], strict=True))
+    rows = (
+        f"corners off their epipolar lines {stereo.epipolar:.3f} px"
+        if stereo.epipolar == stereo.epipolar
+        else "no corner seen by both"
+    )
+    return [
+        "left: " + camera_lines(stereo.left)[0],
+        "right: " + camera_lines(stereo.right)[0],
+        f"baseline {stereo.baseline:.5f} m, cameras turned by {turn:.3f}°; T_right_left: t = ({place}) m",
+        f"RMS {stereo.rms:.3f} px, {rows}",
+    ]
+
+
+def pose_line(name: str, pose: PoseEstimate) -> str:
+    """A board's place in one line: of its corner (0, 0), or of the origin of its target's own tools."""
+    x, y, z = pose.t if pose.T_cam_target is None else pose.T_cam_target[:3, 3]
+    std = pose.std
+    turn = np.degrees(np.arccos(np.clip(abs(pose.R[2, 2]), 0, 1)))
+    doubt = "  AMBIGUOUS: a second pose fits as well" if pose.ambiguous else ""
+    return (
+        f"{one_line(name)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  tilt {turn:.1f}° (± "
+        f"{np.degrees(std[:2].max()):.2f}°)  rms {pose.rms:.3f} px{doubt}"
+    )

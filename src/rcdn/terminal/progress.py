@@ -1,0 +1,47 @@
+"""A progress bar for those who watch, and silence in a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rcdn.terminal.group import one_line, say_error, say_warning
+from rcdn.terminal.talk import is_quiet
+
+
+@dataclass(frozen=True)
+class Bar:
+    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it, `warn(message)` of a warning.
+
+    `tell(text)`: what goes on now.
+    """
+
+    advance: Callable[[int, str], None]
+    say: Callable[[str], None]
+    warn: Callable[[str], None]
+    tell: Callable[[str], None]
+
+
+@contextmanager
+def progress(total: int) -> Iterator[Bar]:
+    """A progress bar on stderr if that is a terminal; nothing in a pipe, or where nothing is to be said."""
+    if not sys.stderr.isatty() or is_quiet():
+        yield Bar(lambda done, name: None, say_error, say_warning, lambda text: None)
+        return
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    columns = BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}")
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
+        yield Bar(
+            lambda done, name: bar.update(task, completed=done, description=escape(one_line(Path(name).name))),
+            lambda message: bar.console.print(Text(f"error: {one_line(message)}", style="red"), soft_wrap=True),
+            lambda message: bar.console.print(Text(f"warning: {one_line(message)}", style="yellow"), soft_wrap=True),
+            lambda text: bar.update(task, description=escape(one_line(text))),
+        )

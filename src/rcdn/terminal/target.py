@@ -1,0 +1,113 @@
+"""`--target`: which boards are looked for, on every verb that finds some."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from rcdn.errors import ConfigError, RcdnError
+from rcdn.terminal.options import GridSize, PatternName
+from rcdn.terminal.spacing import Length, Lengths
+
+if TYPE_CHECKING:
+    from rcdn.types import Print, PuzzleBoard
+    from rcdn.types import Target as Coded
+
+MEASURED = 0.05
+"""part by which a print that was measured may differ from what its file says"""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What --target says: the codes that are read (`DetectorConfig.target`); of a plain board its `size` in inner corners and whether it is a
+    `deltille`; of a file the `spacing`, m. `text` is what was given."""
+
+    text: str
+    reads: Literal["auto", "plain"] | Coded
+    size: GridSize | None = None
+    deltille: bool = False
+    spacing: float | None = None
+
+    def __str__(self) -> str:
+        return self.text  # what the help names as the default
+
+    def pattern(self, given: PatternName) -> PatternName:
+        """What boards are made of by --pattern and --target. Raises ConfigError if they contradict."""
+        if given is PatternName.deltille and not self.deltille and self.text not in ("auto", "plain"):
+            raise ConfigError(
+                f"--pattern deltille and --target {self.text} contradict each other; leave one of them out"
+            )
+        return PatternName.deltille if self.deltille else given
+
+    def board(self, given: GridSize | None) -> GridSize | None:
+        """The board's inner corners by --board or --target. Raises ConfigError if they differ."""
+        if given is None or self.size is None or given == self.size:
+            return given or self.size
+        raise ConfigError(
+            f"--board {given.cols}x{given.rows} and --target {self.text} contradict each other; leave one of them out"
+        )
+
+    def length(self, given: Length | Lengths | None) -> Length | Lengths:
+        """The spacing by --spacing, or by the target's file. Raises ConfigError if neither says it, or if they are far apart."""
+        if given is None and self.spacing is None:
+            raise ConfigError(
+                "--spacing is missing: the side of one square or tag, such as 25mm; or a --target FILE that says it"
+            )
+        if isinstance(given, Lengths):
+            return given
+        if given is not None:
+            if self.spacing is not None and not abs(given - self.spacing) <= MEASURED * self.spacing:
+                raise ConfigError(
+                    f"--spacing {given.text} is {float(given):g} m, but {self.text} says {self.spacing:g} m; leave --spacing out, or mend the file"
+                )
+            return given
+        length = Length(self.spacing or 0.0)
+        length.text, length.unit = f"{self.spacing:g}m", True
+        return length
+
+
+DEFAULT = Told("auto", "auto")
+"""nothing was told: what the preset says"""
+
+
+def parse_target(text: str | Told) -> Told:
+    """What `text` says: `auto`, `plain`, a target in one word, or the path of its YAML file. Raises typer.BadParameter."""
+    if isinstance(text, Told):  # a default
+        return text
+    word = text.strip()
+    if word == "auto" or word == "plain":
+        return Told(word, "auto" if word == "auto" else "plain")
+    from rcdn.targets.specification import read_specification
+    from rcdn.types import Printed
+
+    try:
+        said = read_specification(word)
+    except RcdnError as error:
+        raise typer.BadParameter(str(error)) from error
+    target, spacing = (said.target, said.spacing) if isinstance(said, Printed) else (said, None)
+    return _told(word, target, spacing)
+
+
+def _told(text: str, target: Print | PuzzleBoard, spacing: float | None) -> Told:
+    from rcdn.types import Checkerboard, Deltille, PuzzlePart
+
+    if isinstance(target, Deltille):
+        return Told(text, "plain", deltille=True, spacing=spacing)
+    if isinstance(target, Checkerboard):
+        return Told(text, "plain", GridSize(target.columns, target.rows), spacing=spacing)
+    return Told(text, target.whole if isinstance(target, PuzzlePart) else target, spacing=spacing)
+
+
+Target = Annotated[
+    Told,
+    typer.Option(
+        parser=parse_target,
+        metavar="WHICH",
+        help="auto: read the codes of ChArUco boards, AprilGrids and PuzzleBoards, if there are any; nobody has to say which. plain: take all "
+        "boards for plain ones. One "
+        "target alone, of which smaller parts are certain: charuco:8x8:DICT_4X4_50:0.75, aprilgrid:6x6:tag36h11:0.3, puzzleboard, "
+        "checkerboard:9x6, or the YAML file of one, which `rcdn board --yaml` or Kalibr's users write.",
+    ),
+]
