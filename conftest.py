@@ -2,10 +2,16 @@
 
 import os
 import signal
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+if find_spec("jaxtyping") and find_spec("beartype"):
+    from tests import shape_checks
+
+    shape_checks.install()
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: none takes more threads for its linear algebra
     os.environ.setdefault("OMP_NUM_THREADS", "1")

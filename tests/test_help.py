@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoints, entry_points
 
 import pytest
 from typer.testing import CliRunner
@@ -40,6 +40,17 @@ def test_every_verb_has_one_whole_line_of_80_columns():
     verbs = [line for line in lines if re.match(r"  \w", line)]
     assert len(verbs) == len(app.registered_commands) + len(entry_points(group=VERBS))
     assert all(line.endswith(".") and not line.endswith("...") and len(line) <= 80 for line in verbs), verbs
+
+
+def test_verbs_of_a_package_that_is_not_installed_say_which_it_is(monkeypatch):
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: EntryPoints(()))
+    for verb in ("evaluate", "bench"):
+        told = CliRunner().invoke(app, [verb, "--help"])
+        assert told.exit_code == 2
+        assert told.stderr == f"error: rcdn {verb} is in another package: pip install rcdn-lab\n"
+    assert not {"evaluate", "bench"} & {
+        v for verbs in groups(CliRunner().invoke(app, ["--help"]).stdout).values() for v in verbs
+    }
 
 
 # ---- completion

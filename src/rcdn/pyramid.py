@@ -19,6 +19,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest, within
 from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.types import Array, Board, Corners
+from rcdn.types.arrays import Bool, Float, Shaped
 
 SMALL_PICTURE = 330 * 250
 """px; a picture up to this size is looked at enlarged, too, unless its boards are plainly seen"""
@@ -62,7 +63,7 @@ class View:
     box: tuple[int, int, int, int]
     scale: float = 1.0
 
-    def of(self, grey: Array) -> Array:
+    def of(self, grey: Shaped[Array, "h w"]) -> Array:
         """The view of `grey` (H, W)."""
         x0, y0, x1, y1 = self.box
         part = grey[y0:y1, x0:x1]
@@ -78,12 +79,12 @@ class View:
         size = tuple(max(1, round(n * self.scale)) for n in (x1 - x0, y1 - y0))
         return np.asarray(cv2.resize(larger, size, interpolation=cv2.INTER_AREA))
 
-    def ratio(self) -> Array:
+    def ratio(self) -> Float[Array, " 2"]:
         """Pixels of the view for one of the picture, (2,); not quite `scale`, since views have whole sizes."""
         x0, y0, x1, y1 = self.box
         return np.array([max(1, round(n * self.scale)) / n for n in (x1 - x0, y1 - y0)])
 
-    def to_picture(self, xy: Array) -> Array:
+    def to_picture(self, xy: Array) -> Float[Array, "n 2"]:
         """Positions (N, 2) of the view in the picture."""
         if self.scale == 1:
             return np.asarray(xy + np.array(self.box[:2], float))
@@ -103,7 +104,7 @@ def whole_views(shape: tuple[int, ...]) -> list[View]:
     return views
 
 
-def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View | None:
+def closer_view(xy: Float[Array, "n 2"], boards: list[Board], shape: tuple[int, ...]) -> View | None:
     """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None.
 
     Corners in `boards` of larger squares, or between their corners, don't count.
@@ -131,7 +132,7 @@ def closer_view(xy: Array, boards: list[Board], shape: tuple[int, ...]) -> View 
     return View((int(x0), int(y0), int(x1), int(y1)), 2.0)
 
 
-def pictures_of(grey: Array, views: list[View]) -> list[Array]:
+def pictures_of(grey: Shaped[Array, "h w"], views: list[View]) -> list[Array]:
     """What the views of a whole picture `grey` (H, W) show. Each reduced one is made of the one before it, which is quicker."""
     out: list[Array] = []
     for view in views:
@@ -151,7 +152,7 @@ def halved_first(views: list[View]) -> View | None:
     return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
 
-def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -> Array:
+def shown_nearby(response: Float[Array, "h w"], boards: list[Board], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) near what a coarser view shows by its `response` (h, w) and `boards`."""
     side = 2 * SURE_REACH + 1
     cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
@@ -161,14 +162,14 @@ def shown_nearby(response: Array, boards: list[Board], shape: tuple[int, ...]) -
     return cells
 
 
-def shown_faintly(response: Array, shape: tuple[int, ...]) -> Array:
+def shown_faintly(response: Float[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) where the `response` (h, w) of a coarser view is faint but dense, as in squares that are nearly
     too small for it."""
     share = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
     return _cells_under((share >= round(255 * FAINT_SHARE)).view(np.uint8), shape)
 
 
-def _cells_under(mask: Array, shape: tuple[int, ...]) -> Array:
+def _cells_under(mask: Shaped[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) whose middles are marked in the `mask` (h, w) uint8 of a view of it."""
     at = []
     for fine, coarse in zip(shape, mask.shape, strict=True):
@@ -205,23 +206,23 @@ def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
     return cells
 
 
-def _mark(cells: Array, low: Array, high: Array) -> None:
+def _mark(cells: Array, low: Array, high: Float[Array, " 2"]) -> None:
     """Put to True, in place, the `cells` that a box from `low` to `high` (2,) px touches."""
     (x0, y0), (x1, y1) = (np.maximum(n, 0).astype(int) for n in (low // CELL, high // CELL + 1))
     cells[y0:y1, x0:x1] = True
 
 
-def _at_the_frame(rim: Array, second: Array, shape: tuple[int, ...]) -> Array:
+def _at_the_frame(rim: Float[Array, "n 2"], second: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
     """(n,) bool: which next corners beyond a `rim` (n, 2) px would lie neither half a square or more within a picture (H, W) nor outside of it."""
     return ~_in_frame(rim + NEXT[1] * (rim - second), shape) & _in_frame(rim + NEXT[0] * (rim - second), shape)
 
 
-def _in_frame(xy: Array, shape: tuple[int, ...]) -> Array:
+def _in_frame(xy: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
     """(N,) bool: which positions (N, 2) px lie in a picture (H, W)."""
     return np.asarray(((xy >= 0) & (xy <= np.array(shape[1::-1]) - 1)).all(axis=1))
 
 
-def _answered(xy: Array, rim: Array, second: Array, scale: float) -> Array:
+def _answered(xy: Float[Array, "n 2"], rim: Array, second: Array, scale: float) -> Bool[Array, " n"]:
     """(n,) bool: at which of the next corners beyond a `rim` (n, 2) px, as the `second` line behind it continues, one of `xy` (N, 2) px
     lies, as seen in a view of `scale`."""
     step = np.linalg.norm(rim - second, axis=1)
@@ -250,7 +251,7 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
     return out
 
 
-def may_go_on(view: View, xy: Array, boards: list[Board], shape: tuple[int, ...] | None = None) -> bool:
+def may_go_on(view: View, xy: Shaped[Array, "n 2"], boards: list[Board], shape: tuple[int, ...] | None = None) -> bool:
     """May one of the complete boards of the picture be fuller in a view with strong peaks `xy` (N, 2) px of it?
 
     It may if there are peaks at more than half of the places where the next corners beyond a side would be; or at one that is `at_the_frame` of the
@@ -263,7 +264,7 @@ def may_go_on(view: View, xy: Array, boards: list[Board], shape: tuple[int, ...]
     return bool((np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any())
 
 
-def unexplained(view: View, xy: Array, boards: list[Board]) -> Array:
+def unexplained(view: View, xy: Float[Array, "n 2"], boards: list[Board]) -> Array:
     """Which peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool.
 
     Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
@@ -276,7 +277,7 @@ def unexplained(view: View, xy: Array, boards: list[Board]) -> Array:
     return left
 
 
-def _clear(left: Array, places: PointCells, grid: Array, more: float = 0.0) -> None:
+def _clear(left: Bool[Array, " n"], places: PointCells, grid: Array, more: float = 0.0) -> None:
     """Put `left` (N,), in place, to False for those `places` (N, 2) that lie further inside a board's `grid` (rows, columns, 2) than half way from
     its rim to its next corners + `more` px."""
     rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
@@ -345,7 +346,7 @@ def _twins(boards: list[Board]) -> list[list[int]]:
     return out
 
 
-def _inside(board: Board, xy: Array) -> Array:
+def _inside(board: Board, xy: Array) -> Bool[Array, " n"]:
     """(N,) bool: which positions lie within the hull of a board's corners."""
     return depth(cv2.convexHull(board.xy.astype(np.float32)), xy) >= -EDGE
 

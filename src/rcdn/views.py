@@ -39,6 +39,7 @@ from rcdn.pyramid import (
     whole_views,
 )
 from rcdn.types import AprilGrid, Array, Board, Corners, Warnings
+from rcdn.types.arrays import Shaped
 
 STRAY = (0.5, 0.005)
 """px, + squares: by how much a corner of a halved view may move in the picture itself. One that moves further lies on something else in one of them,
@@ -111,7 +112,11 @@ class Views:
         return plainly_seen(seen.boards, seen.strong, self.grey.shape, seen.view.scale)
 
     def _look(
-        self, view: View, part: Array, known: list[Board] | None = None, coarser: ViewResult | None = None
+        self,
+        view: View,
+        part: Shaped[Array, "h w"],
+        known: list[Board] | None = None,
+        coarser: ViewResult | None = None,
     ) -> ViewResult:
         """What one view, the picture `part` (h, w), shows; beside complete boards that are `known`, if it shows more than these.
 

@@ -23,6 +23,7 @@ from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
+from rcdn.types.arrays import Bool, Float, Int, Shaped
 
 Sized = TypeVar("Sized", bound=_Sized)
 __all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
@@ -39,7 +40,7 @@ ROOM = 4096
 
 
 def find_boards(
-    grey: Array,
+    grey: Shaped[Array, "h w"],
     candidates: Candidates,
     least: int = 9,
     scale: float = 1.0,
@@ -97,7 +98,7 @@ def find_pieces(grey: Array, candidates: Candidates, boards: list[Board]) -> lis
     return [as_board(field, candidates, Grid(at, field.xy)) for at in grids]
 
 
-def _parts(field: Field, grids: list[dict[Label, int]], free: Array) -> tuple[list[Grid], dict[Grid, int]]:
+def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"]) -> tuple[list[Grid], dict[Grid, int]]:
     """The grids, each pruned and completed, and what fell off them; and how many peaks were waiting when a grid was left as it was.
 
     `free` (N,) bool: corners that are in no grid, updated in place.
@@ -144,7 +145,7 @@ def _finish(field: Field, grid: Grid, free: Array) -> None:
             free[list(again.values())] = False
 
 
-def _complete(field: Field, grid: Grid, free: Array, pruned: bool = False) -> tuple[list[Grid], bool]:
+def _complete(field: Field, grid: Grid, free: Bool[Array, " n"], pruned: bool = False) -> tuple[list[Grid], bool]:
     """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place; returns what fell off.
 
     `pruned`: nothing fell off when that was done last, so that there is nothing to prune unless a corner is added. Returns whether that is so, too.
@@ -201,7 +202,14 @@ def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> 
     return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
 
 
-def _labelled(field: Field, candidates: Candidates, xy: Array, index: Array, ij: Array, turn: Orientation) -> Board:
+def _labelled(
+    field: Field,
+    candidates: Candidates,
+    xy: Float[Array, "n 2"],
+    index: Int[Array, " m"],
+    ij: Int[Array, "m 2"],
+    turn: Orientation,
+) -> Board:
     """A board of the corners `index` (M,), rows of `xy` (N, 2), labelled `ij` (M, 2)."""
     order = np.lexsort((ij[:, 0], ij[:, 1]))
     index, ij = index[order], ij[order]

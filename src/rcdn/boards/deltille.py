@@ -30,6 +30,7 @@ from rcdn.geometry.elementary import arctan2
 from rcdn.geometry.matrices import affine
 from rcdn.geometry.near import nearest, within
 from rcdn.types import Array, Board, Status
+from rcdn.types.arrays import Bool, Int, Shaped
 
 NEAR = 0.22
 """a corner may lie this share of the shortest step from its prediction"""
@@ -40,7 +41,9 @@ SUPPORT, SHORTEST = 3, 3.0
 ROUNDS = 60
 
 
-def find_deltilles(grey: Array, candidates: Candidates, least: int = 9, scale: float = 1.0) -> list[Board]:
+def find_deltilles(
+    grey: Shaped[Array, "h w"], candidates: Candidates, least: int = 9, scale: float = 1.0
+) -> list[Board]:
     """Deltilles among six-sector corners (`six_candidates`), the one with most corners first; [] if there is none.
 
     `grey` (H, W); `least`: fewest corners of a board, which also needs six whole triangles;
@@ -161,7 +164,7 @@ def _inside(xy: Array, shape: tuple[int, ...]) -> Array:
     return np.asarray(((xy >= 3) & (xy <= np.array(shape[::-1]) - 4)).all(axis=1))
 
 
-def _axes_fit(axes: Array, du: Array, dv: Array) -> Array:
+def _axes_fit(axes: Array, du: Array, dv: Array) -> Bool[Array, " k"]:
     """(K,) bool: is there an axis (K, 3) along each of the lattice's directions, nearer than half way to the next one?"""
     angle = np.stack([arctan2(s[:, 1], s[:, 0]) for s in (du, dv, dv - du)], axis=1)
     turn = np.abs((angle[:, :, None] - axes[:, None] + np.pi / 2) % np.pi - np.pi / 2)
@@ -192,7 +195,7 @@ def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Bo
     return Board(field.xy[corner], new, (width, height), response, status, "ambiguous_120", pattern="deltille")
 
 
-def ordered(ij: Array, xy: Array, colour: int) -> Array:
+def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
 
     `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 dark. In the labels returned they are dark. A third of

@@ -11,12 +11,13 @@ from rcdn.geometry.elementary import exp
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
+from rcdn.types.arrays import Float
 
 _sample, _contrast, _steps = bind("rcdn_sample"), bind("rcdn_edge_contrast"), bind("rcdn_edge_steps")
 _crossings = bind("rcdn_crossings")
 
 
-def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
+def edge_contrast(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l 2"]) -> Float[Array, "l 3"]:
     """What separates the two sides of each link, (L, 3) grey levels: one mean difference for each third of its length.
 
     `start`, `end` (L, 2) px. Positive: the side at rising angle (clockwise on the screen) from the direction start → end is brighter.
@@ -27,7 +28,7 @@ def edge_contrast(grey: Array, start: Array, end: Array) -> Array:
     return out
 
 
-def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
+def edge_sharpness(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l 2"]) -> float:
     """How sudden the edges of links are: the step within 0.2 of a link's length, share of that within 0.6; their median.
 
     `start`, `end` (L, 2) px. Near 1 for a printed edge in focus, 0.33 for a ramp, 0.38 where grey levels wave like a sine.
@@ -40,7 +41,7 @@ def edge_sharpness(grey: Array, start: Array, end: Array) -> float:
     return median(near / np.where(np.abs(far) > 1e-6, far, np.inf))
 
 
-def sample_grey(grey: Array, xy: Array) -> Array:
+def sample_grey(grey: Array, xy: Float[Array, "... 2"]) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
     out = np.empty(xy.shape[:-1])
     _sample(grey, _plane(xy).reshape(-1, 2), out.reshape(-1))
@@ -73,7 +74,9 @@ def _slope_taps() -> Array:
 _AT, _TAPS = np.linspace(-SPAN, SPAN, STEPS, dtype=np.float32), _slope_taps()
 
 
-def crossings(grey: Array, xy: Array, du: Array, dv: Array, colour: Array) -> tuple[Array, Array]:
+def crossings(
+    grey: Array, xy: Float[Array, "n 2"], du: Float[Array, "n 2"], dv: Float[Array, "n 2"], colour: Float[Array, " n"]
+) -> tuple[Array, Array]:
     """Where a board's two edges cross near a spot that the board predicts, and how plainly they are seen.
 
     `xy` (N, 2) px the spots; `du`, `dv` (N, 2) px the board's steps there; `colour` (N,) ±1: the square towards (+u, +v) is bright or

@@ -21,6 +21,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Bool, Float, Int
 
 _usual = bind("rcdn_grid_usual")
 ROUNDS = 8
@@ -67,7 +68,7 @@ class _Seen:
         self.at = np.concatenate([self.at, as_labels(at)])
         self.strength = np.concatenate([self.strength, strength])
 
-    def shares(self, at: Array, strength: Array) -> Array:
+    def shares(self, at: Int[Array, "k 2"], strength: Float[Array, "k 2"]) -> Array:
         """`strength` (K, 2) at labels `at` (K, 2) against the median of those within two squares; 0 where nothing is seen."""
         usual, at = np.empty((len(at), 2)), as_labels(at)
         _usual(self.at, np.ascontiguousarray(self.strength), at, usual)
@@ -75,7 +76,7 @@ class _Seen:
         return np.where(fine, strength / np.where(fine, usual, 1), 0)
 
 
-def fill(field: Field, grid: Grid, sign: int, free: Array) -> None:
+def fill(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> None:
     """Add corners to `grid`, in place, and put those right that lie beside their crossing.
 
     Where a candidate that is `free` (N,) bool lies on a crossing it is taken, and is free no more; otherwise the crossing's position is
@@ -187,7 +188,9 @@ def _accepted(
     return out
 
 
-def _candidates(field: Field, grid: Grid, spots: Spots, xy: Array, some: Array, free: Array) -> list[int | None]:
+def _candidates(
+    field: Field, grid: Grid, spots: Spots, xy: Array, some: Int[Array, " j"], free: Array
+) -> list[int | None]:
     """The free candidate on the crossing `xy` of each of `some` (J,) spots, or None."""
     reach = np.maximum(REACH_PX, ANSWERED * spots.guess.pitch[some])
     field.look(xy[some], reach + SLACK)

@@ -17,6 +17,7 @@ from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
 from rcdn.types import Array, Status
+from rcdn.types.arrays import Bool, Float, Int
 
 _links = bind("rcdn_links")
 _boxed = bind("rcdn_inside")
@@ -65,16 +66,16 @@ class Field:
         return PointCells(self.xy.copy())
 
     @cached_property
-    def _moved(self) -> Array:
+    def _moved(self) -> Float[Array, " 1"]:
         """(1,) px: how far a corner has moved from there, at most."""
         return np.zeros(1)
 
     @cached_property
-    def asked(self) -> Array:
+    def asked(self) -> Int[Array, " 1"]:
         """(1,) int: in how many rounds grids have asked for corners beside them."""
         return np.zeros(1, np.int64)
 
-    def near(self, some: Array, spots: Array, margin: float) -> Array:
+    def near(self, some: Bool[Array, " n"], spots: Float[Array, "k 2"], margin: float) -> Array:
         """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
         low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
         if len(self.xy) <= FEW or self._cells.share(low, high) > WIDE:
@@ -84,7 +85,7 @@ class Field:
         at = self.xy[rows]
         return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
 
-    def look(self, spots: Array, reach: Array) -> None:
+    def look(self, spots: Float[Array, "k 2"], reach: Float[Array, " k"]) -> None:
         """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
@@ -112,7 +113,7 @@ class Field:
         return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
     @property
-    def quality(self) -> Array:
+    def quality(self) -> Float[Array, " n"]:
         """Response × fit (N,): how much each corner is an X-corner, by the network and by the rings around it."""
         return self.response * self.fit
 
@@ -124,7 +125,7 @@ class Field:
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
 
 
-def _apart(xy: Array, known: Array) -> Array:
+def _apart(xy: Array, known: Float[Array, "n 2"]) -> Bool[Array, " k"]:
     """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
     fresh = nearest(known, xy)[0][:, 0] >= SAME
     for one, other in pairs(xy, SAME).tolist():
@@ -133,7 +134,7 @@ def _apart(xy: Array, known: Array) -> Array:
     return np.asarray(fresh)
 
 
-def links(field: Field) -> Array:
+def links(field: Field) -> Int[Array, "n 4"]:
     """Mutual links (N, 4): the neighbour in each slot (SLOTS), −1 for none.
 
     A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: an X-corner's neighbours are its negatives), and
@@ -156,7 +157,7 @@ def links(field: Field) -> Array:
     return out
 
 
-def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Array, Array]:
+def near_pairs(xy: Float[Array, "n 2"], usable: Float[Array, " k"], count: int) -> tuple[Array, Array, Array, Array]:
     """Each corner of `usable` (K,), numbers of rows of `xy` (N, 2), and its `count` nearest among them: from, to, distance px, direction (M,) rad."""
     distance, near = nearest(xy[usable], xy[usable], count + 1)
     row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
@@ -165,21 +166,21 @@ def near_pairs(xy: Array, usable: Array, count: int) -> tuple[Array, Array, Arra
     return i, j, distance[row, rank], arctan2(step[:, 1], step[:, 0])
 
 
-def slot_of(axes: Array, angle: Array) -> Array:
+def slot_of(axes: Float[Array, "m k"], angle: Float[Array, " m"]) -> Array:
     """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
     turn = cos_sin(angle[:, None] - axes)[0]
     axis = np.abs(turn).argmax(axis=1)
     return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 
 
-def mutual(out: Array, i: Array, j: Array, length: Array, slot: Array) -> Array:
+def mutual(out: Float[Array, "n s"], i: Array, j: Array, length: Array, slot: Array) -> Array:
     """`out` (N, S), −1 for none, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
     i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
     _mutual(i, j, length, slot, np.empty(out.shape), np.empty_like(out), out)
     return out
 
 
-def cells(field: Field, neighbour: Array) -> Array:
+def cells(field: Field, neighbour: Array) -> Int[Array, "q 4"]:
     """Quadrilaterals (Q, 4) of links, corners a, b, c, d turning clockwise on the screen, each once, convex and not absurdly skewed."""
     count = len(neighbour)
     room = 4 * int(np.count_nonzero(neighbour >= 0))

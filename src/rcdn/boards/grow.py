@@ -14,6 +14,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Bool, Int
 
 
 class _Rim(NamedTuple):
@@ -92,7 +93,7 @@ SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
 
 
-def grow(field: Field, grid: Grid, free: Array) -> None:
+def grow(field: Field, grid: Grid, free: Bool[Array, " n"]) -> None:
     """Add corners to `grid`, nearest to their prediction first, until nothing changes. `free` (N,) bool: corners that may be taken; updated.
 
     A corner is taken if it lies within 0.28 of a square of its prediction (0.24 if it is weak), its axes and colours fit the
@@ -178,7 +179,7 @@ class _Growth:
         row = np.flatnonzero(nearest(added, spots)[0][:, 0] <= np.sqrt(2) * WIDEST + 1e-9)
         return labels, members, spots[row], guess.take(row)
 
-    def _near(self, labels: Array, members: Array, spots: Array, guess: Predictions) -> tuple[Array, ...]:
+    def _near(self, labels: Array, members: Array, spots: Int[Array, "k 2"], guess: Predictions) -> tuple[Array, ...]:
         """What the open `spots` (K, 2) may be offered: u, v and corners (M, 3); their distance from the prediction (M,), squares; do their own axes
         and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for none. Of
         these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.

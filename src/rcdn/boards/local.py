@@ -11,6 +11,7 @@ import numpy as np
 from rcdn.boards.graph import Label
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int
 
 _around = bind("rcdn_grid_around")
 _predict = bind("rcdn_grid_predict")
@@ -33,12 +34,12 @@ class Grid:
         return len(self.at)
 
     @property
-    def labels(self) -> Array:
+    def labels(self) -> Int[Array, "m 2"]:
         """Of its corners, (M, 2) int64, in the order of `at`."""
         return as_labels(self.at)
 
     @property
-    def corners(self) -> Array:
+    def corners(self) -> Int[Array, " m"]:
         """Their numbers, (M,) int64, in the order of `at`."""
         return np.fromiter(self.at.values(), np.int64, len(self.at))
 
@@ -74,14 +75,14 @@ class Grid:
         return beside(self.labels, self.xy[self.corners])
 
 
-def predictions(labels: Array, xy: Array, spots: Array) -> Predictions:
+def predictions(labels: Int[Array, "m 2"], xy: Float[Array, "m 2"], spots: Int[Array, "k 2"]) -> Predictions:
     """`Grid.predictions` at `spots` (K, 2) of the corners `labels`, `xy` (M, 2)."""
     guess = Predictions.room(len(spots))
     _predict(labels, xy, spots, *guess)
     return guess
 
 
-def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
+def beside(labels: Int[Array, "m 2"], xy: Float[Array, "m 2"]) -> tuple[Array, Predictions]:
     """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
@@ -89,14 +90,14 @@ def beside(labels: Array, xy: Array) -> tuple[Array, Predictions]:
     return spots[:count], guess.take(slice(count))
 
 
-def as_labels(spots: Iterable[Label] | Array) -> Array:
+def as_labels(spots: Iterable[Label] | Array) -> Int[Array, "k 2"]:
     """(K, 2) int64 of the labels of spots."""
     if isinstance(spots, np.ndarray):
         return np.ascontiguousarray(spots, np.int64).reshape(-1, 2)
     return np.fromiter(chain.from_iterable(spots), np.int64).reshape(-1, 2)
 
 
-def windows(labels: Array, spots: Labels, reach: int) -> Array:
+def windows(labels: Int[Array, "m 2"], spots: Labels, reach: int) -> Array:
     """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
     spots = as_labels(spots)
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
@@ -123,17 +124,17 @@ class Predictions(NamedTuple):
         return Predictions(self.maps[index], self.support[index], self.pitch[index])
 
     @property
-    def xy(self) -> Array:
+    def xy(self) -> Float[Array, "k 2"]:
         """Positions (K, 2) px."""
         return self.maps[:, :2]
 
     @property
-    def du(self) -> Array:
+    def du(self) -> Float[Array, "k 2"]:
         """Steps (K, 2) px along u."""
         return self.maps[:, 2:4]
 
     @property
-    def dv(self) -> Array:
+    def dv(self) -> Float[Array, "k 2"]:
         """Steps (K, 2) px along v."""
         return self.maps[:, 4:]
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from rcdn.geometry.matrices import affine
 from rcdn.types import Array, Orientation
+from rcdn.types.arrays import Int
 
 
 def orientation(cols: int, rows: int) -> Orientation:
@@ -27,7 +28,7 @@ def turned(ij: Array, quarters: int) -> Array:
     return np.asarray(out - out.min(axis=0))
 
 
-def ordered(ij: Array, xy: Array, colour: int) -> Array:
+def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
 
     `colour`: +1 if the square between (0, 0) and (1, 1) of `ij`'s lattice (that is, of even u + v) is bright, −1 dark.

@@ -17,6 +17,7 @@ from rcdn.boards.local import Grid
 from rcdn.corners import Candidates
 from rcdn.corners.histogram import edge_directions
 from rcdn.types import Array, Board
+from rcdn.types.arrays import Float, Shaped
 
 DIRECTIONS = (2, 4)
 """A corner with fewer or more edge directions starts no board."""
@@ -34,7 +35,7 @@ CELL = 4
 Labels = dict[Label, int]
 
 
-def find_boards_paper(grey: Array, candidates: Candidates, least: int = CELL) -> list[Board]:
+def find_boards_paper(grey: Shaped[Array, "h w"], candidates: Candidates, least: int = CELL) -> list[Board]:
     """Boards among the corners above the threshold by the paper's growth, the one with most corners first.
 
     As `find_boards`: `grey` (H, W), `least` the fewest corners of a board, labels by docs/conventions.md, [] for no board. The
@@ -53,7 +54,7 @@ def find_boards_paper(grey: Array, candidates: Candidates, least: int = CELL) ->
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
-def recover(xy: Array, angles: Array, count: Array) -> list[Labels]:
+def recover(xy: Float[Array, "n 2"], angles: Array, count: Array) -> list[Labels]:
     """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of `edge_directions`.
 
     First all boards that grow by lines from 3 × 3 corners, then those that grow by cells among the corners that are left: a corner at

@@ -11,6 +11,7 @@ from rcdn.boards.grow import SHOWN, SHOWN_WEAK
 from rcdn.boards.local import Grid, windows
 from rcdn.boards.validate import STEPS, is_full
 from rcdn.types import Array
+from rcdn.types.arrays import Bool, Float, Int
 
 FEW = 2
 """corners that are no evidence for a column by themselves: a dark background makes as many where it meets a white margin as a square would"""
@@ -20,7 +21,7 @@ CLEAR = 0.4
 """squares to the frame within which a crossing may go unseen"""
 
 
-def cut_at_rim(field: Field, grid: Grid, sign: int, free: Array) -> bool:
+def cut_at_rim(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> bool:
     """Drop outermost columns and rows of one or two corners if at as many of their other places, and two at least, the board is seen to end.
 
     In place; `free` (N,) bool: corners that are in no board, updated. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
@@ -32,7 +33,7 @@ def cut_at_rim(field: Field, grid: Grid, sign: int, free: Array) -> bool:
     return len(grid) < before
 
 
-def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Array) -> bool:
+def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Int[Array, " 2"]) -> bool:
     """Drop the line of corners on the side from which the step `inward` (2,) leads into the grid, if it is none of the board's."""
     labels = grid.labels
     depth = labels @ inward
@@ -50,7 +51,7 @@ def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Array) -
     return True
 
 
-def _ends(field: Field, grid: Grid, sign: int, spots: Array, inward: Array) -> Array:
+def _ends(field: Field, grid: Grid, sign: int, spots: Int[Array, "k 2"], inward: Array) -> Array:
     """How plainly the picture shows at each of the empty `spots` (K, 2), a step before a corner each, that the board ends there: 0, ½ or 1.
 
     The edge that leads there from the corner is seen, about as plainly as the one on the corner's other side, but no crossing at its end. It
@@ -71,7 +72,7 @@ def _ends(field: Field, grid: Grid, sign: int, spots: Array, inward: Array) -> A
     return np.where(crossed, 0.0, shown)
 
 
-def _share(contrast: Array, usual: Array) -> Array:
+def _share(contrast: Float[Array, "k 3"], usual: Float[Array, " k"]) -> Array:
     """The least of the thirds of `contrast` (K, 3), share of what is `usual` (K,)."""
     return (contrast / np.where(usual == 0, np.inf, usual)[:, None]).min(axis=1)
 
@@ -84,7 +85,7 @@ class _Known:
         self.has, self.xy = rows >= 0, grid.xy[grid.corners[rows]]
 
 
-def _clear(grey: Array, maps: Array) -> Array:
+def _clear(grey: Array, maps: Float[Array, "k 6"]) -> Bool[Array, " k"]:
     """Which predicted corners (K,), of `maps` (K, 6) as in `Predictions`, lie far enough from the picture's frame."""
     height, width = grey.shape
     reach = CLEAR * np.maximum(np.abs(maps[:, 2:4]), np.abs(maps[:, 4:]))

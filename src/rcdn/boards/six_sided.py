@@ -11,6 +11,7 @@ from rcdn.boards.triangles import STEPS, Field
 from rcdn.corners.six_sector import ring, six_axes
 from rcdn.geometry.elementary import log
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
 """steps to where a lattice may go on: a shadow's edge takes a line of corners with it"""
@@ -46,7 +47,9 @@ TINY, TINY_LEAST = 8.0, 20
 """px of the picture; a board of shorter steps must have so many corners"""
 
 
-def six_sided(grey: Array, xy: Array, du: Array, dv: Array, sign: int) -> Array:
+def six_sided(
+    grey: Array, xy: Float[Array, "k 2"], du: Float[Array, "k 2"], dv: Float[Array, "k 2"], sign: int
+) -> Float[Array, " k"]:
     """Contrast (K,) of corners at `xy` (K, 2) whose six sectors alternate as the lattice says, steps of the logarithm of the grey level; 0 of others.
 
     `du`, `dv` (K, 2) px: the lattice's steps there; `sign`: colour of the sector between them. Sectors must alternate near the corner
@@ -67,12 +70,12 @@ def six_sided(grey: Array, xy: Array, du: Array, dv: Array, sign: int) -> Array:
     return np.asarray(np.where(out[0] > 0, out[1], 0.0))
 
 
-def shortest(guess: Predictions) -> Array:
+def shortest(guess: Predictions) -> Float[Array, " k"]:
     """Shortest of the lattice's three steps (K,), px."""
     return np.asarray(np.min([np.linalg.norm(s, axis=1) for s in (guess.du, guess.dv, guess.dv - guess.du)], axis=0))
 
 
-def usual_contrast(field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array) -> Array:
+def usual_contrast(field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array) -> Int[Array, " k"]:
     """Median contrast (K,) of the labelled corners within two steps of each spot, by the steps there."""
     near = grid.around(spots, 2)
     rows, columns = np.nonzero(near >= 0)

@@ -13,6 +13,7 @@ from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int, Shaped
 
 _prune = bind("rcdn_grid_prune")
 _excess = bind("rcdn_grid_excess")
@@ -55,7 +56,7 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
     return [Grid(dict(sorted(at.items())), grid.xy) for at in rest]
 
 
-def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Array:
+def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Shaped[Array, " k"]:
     """Distances (K,) of labelled corners from where their neighbours predict them ÷ what is allowed; 2 where they can't."""
     labels = grid.labels
     rows = {spot: row for row, spot in enumerate(grid.at)}
@@ -94,7 +95,7 @@ FEW, FEW_FAINT = 16, 0.6
 """a board of fewer corners needs this median response whatever is usual: staggered tiles have saddles with 0.55"""
 
 
-def plain(grid: Grid, response: Array, usual: float) -> bool:
+def plain(grid: Grid, response: Float[Array, " n"], usual: float) -> bool:
     """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
     own = median(response[grid.corners])
     return own >= FAINT * usual and (len(grid) >= FEW or own >= FEW_FAINT)
@@ -124,6 +125,6 @@ def cell_count(grid: Grid) -> int:
     return int((ahead(grid.labels) >= 0).all(axis=1).sum())
 
 
-def ahead(labels: Array) -> Array:
+def ahead(labels: Int[Array, "m 2"]) -> Int[Array, "m 3"]:
     """Rows (M, 3) of the next of `labels` (M, 2) along u, along v, and along both; −1 for none."""
     return windows(labels, labels, 1)[:, (5, 7, 8)]

@@ -31,6 +31,7 @@ from rcdn.types import (
     ModelScore,
     Pose,
 )
+from rcdn.types.arrays import Int
 from rcdn.types.ranges import grid_size
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -184,7 +185,7 @@ def _fits(
     return fits
 
 
-def _pictures(task: Usable) -> Array:
+def _pictures(task: Usable) -> Int[Array, " f"]:
     """(F,) the number of each view's picture."""
     first = np.unique(task.corners.frame, return_index=True)[1]
     return np.asarray(task.picture[first])

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
+from rcdn.types.arrays import Float, Int
 
 Size = tuple[int, int]
 GRID = 0.25
@@ -31,7 +32,7 @@ class Labelled:
     main: bool = True
 
     @property
-    def places(self) -> Array:
+    def places(self) -> Float[Array, "m 2"]:
         """(M, 2) m: where the corners lie on the printed plane."""
         return self.plane.points(self.ij) * self.spacing
 
@@ -76,7 +77,7 @@ def fits(size: Size, whole: Size) -> bool:
     return all(a <= b for a, b in zip(sorted(size), sorted(whole), strict=True))
 
 
-def turn_labels(ij: Array, size: Size, turn: int) -> Array:
+def turn_labels(ij: Array, size: Size, turn: int) -> Int[Array, "n 2"]:
     """Labels (N, 2) of a board of `size` after `turn` quarters."""
     for _ in range(turn):
         ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from rcdn.types import Array, Calibration
+from rcdn.types.arrays import Float
 
 LOOSE_FOCAL = 0.05
 """standard deviation of the logarithm of the focal length from which on it counts as unknown"""
@@ -79,7 +80,7 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
     return tuple(Unsettled(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
 
 
-def deviations(calibration: Calibration) -> Array:
+def deviations(calibration: Calibration) -> Float[Array, " 4"]:
     """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), by the calibration's covariance, which is that of the scatter
     between views. Infinite where there are fewer than 2.
     """

@@ -6,9 +6,10 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board
+from rcdn.types.arrays import Float
 
 
-def outline(board: Board) -> Array:
+def outline(board: Board) -> Float[Array, "4 2"]:
     """(4, 2) corners of the board's grid, in order around it, in diagonals of the image."""
     cols, rows = board.size
     box = board.ij.min(axis=0) + np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])
@@ -17,7 +18,7 @@ def outline(board: Board) -> Array:
     return np.asarray(np.clip(xy, -0.5 * wh, 1.5 * wh) / np.linalg.norm(wh))
 
 
-def distances(outlines: Array, one: Array) -> Array:
+def distances(outlines: Array, one: Array) -> Float[Array, " n"]:
     """(N,) root mean square distance of the corners of each outline from those of `one`.
 
     The least over the four turns: where a board's labels begin is often arbitrary.

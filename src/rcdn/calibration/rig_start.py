@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration.rig import hypothesis, matrix, most_agreed, nearest
 from rcdn.geometry import rotation
 from rcdn.types import Array, Calibration
+from rcdn.types.arrays import Float
 
 Key = tuple[str, int]
 """(moment, number of the board's target)"""
@@ -103,7 +104,9 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
     return out
 
 
-def _differences(order: list[int], edges: Sequence[Edge], weight: Array, told: Array) -> Array:
+def _differences(
+    order: list[int], edges: Sequence[Edge], weight: Array, told: Float[Array, "e 3"]
+) -> Float[Array, "c 3"]:
     """(C, 3) values, 0 of the first camera, whose differences over the edges are as `told` (E, 3), by weighted least squares."""
     at = {c: k for k, c in enumerate(order)}
     A = np.zeros((len(edges), len(order)))

@@ -10,6 +10,7 @@ from rcdn.calibration.board_points import flat_points
 from rcdn.errors import present
 from rcdn.geometry import transform
 from rcdn.types import Array, BoardView, Calibration
+from rcdn.types.arrays import Float, Int
 
 SAME_PLACE = 0.02
 """of the picture's longer side: views whose boards lie closer than this, corner by corner (RMS), show the same"""
@@ -37,7 +38,7 @@ def measure_views(calibration: Calibration) -> ViewFacts:
     return ViewFacts(len(views), len(set(places(calibration, views).tolist())), tilt, tilt_spread(views))
 
 
-def tilts(calibration: Calibration) -> Array:
+def tilts(calibration: Calibration) -> Float[Array, " v"]:
     """(V,) degrees by which each used board is tilted against the sensor."""
     normals = np.array([v.pose.R[2, 2] for v in calibration.used_views if v.pose is not None])
     return np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1)))
@@ -57,7 +58,7 @@ def tilt_spread(views: list[BoardView]) -> float:
     return float(np.degrees(np.sqrt(max(least, 0.0))))
 
 
-def places(calibration: Calibration, views: list[BoardView]) -> Array:
+def places(calibration: Calibration, views: list[BoardView]) -> Int[Array, " v"]:
     """(V,) a number for each view, the same for views that show the board in the same place: near-duplicates of a picture."""
     spots = np.array([_outline(calibration, v) for v in views])
     near = SAME_PLACE * max(calibration.camera.image_size)
@@ -69,7 +70,7 @@ def places(calibration: Calibration, views: list[BoardView]) -> Array:
     return group
 
 
-def _outline(calibration: Calibration, view: BoardView) -> Array:
+def _outline(calibration: Calibration, view: BoardView) -> Float[Array, "4 2"]:
     """(4, 2) where the corners of the view's part of the board lie, px of a lens without distortion (so that none folds back)."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     ends = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])

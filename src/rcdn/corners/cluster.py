@@ -6,12 +6,13 @@ import numpy as np
 
 from rcdn.config import Cluster
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int, Shaped
 
 STARTS = 10
 ITERATIONS = 100
 
 
-def cluster_mask(xy: Array, rule: Cluster) -> Array:
+def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
     """Which of `xy` (N, 2) px stay: boolean (N,), False in clusters of at most `rule.drop` points.
 
     Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own.
@@ -24,7 +25,7 @@ def cluster_mask(xy: Array, rule: Cluster) -> Array:
     return np.bincount(label)[label] > rule.drop
 
 
-def kmeans(xy: Array, k: int, seed: int) -> Array:
+def kmeans(xy: Float[Array, "n 2"], k: int, seed: int) -> Int[Array, " n"]:
     """Labels (N,) of the best (smallest sum of squares) of `STARTS` k-means++ runs on `xy` (N, 2)."""
     rng = np.random.default_rng(seed)
     runs = [_lloyd(xy, _plus_plus(xy, k, rng)) for _ in range(STARTS)]

@@ -11,6 +11,7 @@ from rcdn.corners.cluster import cluster_mask
 from rcdn.corners.nms import nms
 from rcdn.corners.threshold import threshold_value
 from rcdn.types import Array, Warnings
+from rcdn.types.arrays import Bool, Float
 
 RESCUE, RESCUE_SHARE = 0.15, 0.41
 """least top response of a map without any response above the usual level that is still looked at, and the threshold's share of it"""
@@ -31,13 +32,13 @@ class Maxima:
         """Those at `index` (integers or a boolean mask)."""
         return Maxima(self.xy[index], self.score[index], self.level, self.rescued)
 
-    def strong(self, config: DetectorConfig) -> Array:
+    def strong(self, config: DetectorConfig) -> Bool[Array, " n"]:
         """(N,) bool: which may start a board."""
         return np.asarray(self.score >= self.level * config.seed)
 
 
 def find_maxima(
-    response: Array, config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
+    response: Float[Array, "h w"], config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
 ) -> Maxima:
     """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look.
 

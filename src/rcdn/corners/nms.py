@@ -10,6 +10,7 @@ from rcdn.config import Nms
 from rcdn.corners.sieve import every_cell
 from rcdn.native import bind
 from rcdn.types import Array, Warnings, allowed
+from rcdn.types.arrays import Float, Int
 
 ROOM = 4096
 """candidates that are usual"""
@@ -19,7 +20,9 @@ _candidates = bind("rcdn_candidates")
 _suppress = bind("rcdn_suppress")
 
 
-def candidates(response: Array, threshold: float, peaks: bool = False, cells: Array | None = None) -> Array:
+def candidates(
+    response: Float[Array, "h w"], threshold: float, peaks: bool = False, cells: Array | None = None
+) -> Array:
     """Pixels of `response` (H, W) that are at least `threshold`, as (N, 2) integer (x, y), row by row.
 
     `peaks`: only those that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf leaves none. `cells`: as in
@@ -84,7 +87,7 @@ def _strongest(score: Array, limit: int) -> Array:
     return np.sort(np.concatenate((above, equal)))
 
 
-def _greedy(xy: Array, shape: tuple[int, ...], mask: Array) -> Array:
+def _greedy(xy: Int[Array, "n 2"], shape: tuple[int, ...], mask: Array) -> Array:
     """Indices of the survivors among `xy` (N, 2), which come strongest first."""
     keep = np.zeros(len(xy), np.uint8)
     _suppress(np.ascontiguousarray(xy, np.int64), *shape, mask.astype(np.uint8), keep)

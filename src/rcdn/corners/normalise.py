@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.errors import ConfigError, shown
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Shaped
 
 KINDS = ("minmax", "local")
 WINDOW = 25
@@ -40,7 +41,7 @@ class Normaliser:
         return np.asarray((part.astype(np.float32) - np.float32(self.low)) * np.float32(scale))
 
 
-def normaliser(grey: Array, kind: str) -> Normaliser:
+def normaliser(grey: Shaped[Array, "h w"], kind: str) -> Normaliser:
     """The normaliser of a picture `grey` (H, W).
 
     `minmax`: the 0.1 and 99.9 percentiles go to 0 and 1 (hot pixels don't count), not clipped; a flat picture becomes zeros.
@@ -53,7 +54,7 @@ def normaliser(grey: Array, kind: str) -> Normaliser:
     raise ConfigError(f"normalisation must be 'minmax' or 'local', not {shown(kind)}")
 
 
-def normalise(grey: Array, kind: str) -> Array:
+def normalise(grey: Array, kind: str) -> Float[Array, "h w"]:
     """The whole picture normalised, (H, W) float32; see `normaliser`."""
     return normaliser(grey, kind)(grey)
 

@@ -7,17 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from rcdn.types import Array
+from rcdn.types.arrays import Shaped
 
 CHUNK = 1 << 20
 """Pixels held at once by the functions that gather windows: bounds the memory whatever the number of corners."""
 
 
-def plain(grey: Array) -> Array:
+def plain(grey: Shaped[Array, "h w"]) -> Array:
     """`grey` (H, W) as kernels take it: uint8 stays, all else becomes float32; contiguous. No copy where that's possible."""
     return np.ascontiguousarray(grey, np.uint8 if grey.dtype == np.uint8 else np.float32)
 
 
-def gather(image: Array, centres: Array, half: int) -> Array:
+def gather(image: Shaped[Array, "h w"], centres: Shaped[Array, "n 2"], half: int) -> Array:
     """Windows of `image` (H, W) around `centres` (N, 2) integer (x, y), with the border pixels repeated outside.
 
     Returns (N, 2 half + 1, 2 half + 1), rows first, in the image's dtype. Centres may lie outside the image.

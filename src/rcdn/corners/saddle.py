@@ -16,6 +16,7 @@ from rcdn.geometry.elementary import exp
 from rcdn.geometry.matrices import inverse, product
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int, Shaped
 
 _kernel = bind("rcdn_surface_fit")
 
@@ -62,7 +63,7 @@ def _gaussian(half: int, sigma: float) -> Array:
     return exp(-(square[:, None] + square) / (2 * sigma * sigma))
 
 
-def _matrix(weights: Array, kernel: Array) -> Array:
+def _matrix(weights: Array, kernel: Array) -> Float[Array, "5 n"]:
     """(5, n): raw window → a1..a5 (`Fit`), fitted with `weights`, symmetric ones, after smoothing by `kernel`."""
     half = len(weights) // 2
     y, x = (v.ravel().astype(float) for v in np.mgrid[-half : half + 1, -half : half + 1])
@@ -80,7 +81,7 @@ def _matrix(weights: Array, kernel: Array) -> Array:
     return out.reshape(5, -1)
 
 
-def surface_fit(grey: Array, seeds: Array, fit: Fit) -> Array:
+def surface_fit(grey: Array, seeds: Shaped[Array, "n 2"], fit: Fit) -> Float[Array, "n 2"]:
     """Saddles (N, 2) px of `grey` (H, W; uint8 or float) near integer `seeds` (N, 2); NaN where the fit fails.
 
     SPEC 5.1 after ROCHADE. Where the saddle is more than `fit.slack` from the window's centre, the window moves to
@@ -92,7 +93,7 @@ def surface_fit(grey: Array, seeds: Array, fit: Fit) -> Array:
     return surface_fits(grey, seeds, (fit,), np.zeros(len(seeds), np.int64))
 
 
-def surface_fits(grey: Array, seeds: Array, fits: tuple[Fit, ...], which: Array) -> Array:
+def surface_fits(grey: Array, seeds: Array, fits: tuple[Fit, ...], which: Int[Array, " n"]) -> Array:
     """As `surface_fit`, each corner by its own of `fits`: `which` (N,)."""
     seeds = np.ascontiguousarray(seeds, np.int64).reshape(-1, 2)
     xy = np.empty(seeds.shape)

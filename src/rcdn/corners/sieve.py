@@ -6,6 +6,7 @@ import numpy as np
 
 from rcdn.native import bind, constants
 from rcdn.types import Array
+from rcdn.types.arrays import Bool, Shaped
 
 CELL = constants("network")["CELL"]
 """px"""
@@ -23,7 +24,7 @@ from 30 levels on, and in 1 to 3 % (rendered boards, photographs)"""
 _sieve = bind("rcdn_sieve")
 
 
-def cells_with_saddles(grey: Array, share: float = SHARE) -> Array:
+def cells_with_saddles(grey: Shaped[Array, "h w"], share: float = SHARE) -> Array:
     """Which cells of 4×4 px an X-corner's response may peak in, (⌈H/4⌉, ⌈W/4⌉) bool, of a picture `grey` (H, W), uint8 or float32.
 
     An X-corner is a saddle of the grey levels. The picture is halved and smoothed (both 2 px wide or so), and a local peak of −det of the Hessian
@@ -45,6 +46,6 @@ def _marked(grey: Array, share: float, steep_floor: float = STEEP_FLOOR) -> Arra
     return out
 
 
-def every_cell(grey: Array) -> Array:
+def every_cell(grey: Array) -> Bool[Array, "h w"]:
     """All cells of a picture or map (H, W), (⌈H/4⌉, ⌈W/4⌉) bool."""
     return np.ones([-(-n // CELL) for n in grey.shape], bool)

@@ -10,6 +10,7 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.undistort import HALF_VIEW, ray_test, undistorted_camera
 from rcdn.types import Array, Camera
+from rcdn.types.arrays import Bool, Float
 
 ALONG = 200
 """points along each side of a picture that are looked at"""
@@ -41,7 +42,7 @@ def flat_camera(camera: Camera, balance: float = 0.0) -> Camera:
     return _with_K(inner, f, centre)
 
 
-def seen(camera: Camera, rays: Array) -> Array:
+def seen(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
     """(...,) bool: whether rays (..., 3) end on a pixel of the picture of `camera`."""
     width, height = camera.image_size
     xy = project(camera, rays)
@@ -50,13 +51,13 @@ def seen(camera: Camera, rays: Array) -> Array:
         return np.asarray(inside & ray_test(camera)(camera, rays))
 
 
-def in_picture(map_x: Array, map_y: Array, size: tuple[int, int]) -> Array:
+def in_picture(map_x: Array, map_y: Array, size: tuple[int, int]) -> Bool[Array, "h w"]:
     """(H, W) bool: where maps of `undistortion_maps` lead to a pixel of a picture of `size` (width, height)."""
     low, high = -0.5 - ROUNDING, (size[0] - 0.5 + ROUNDING, size[1] - 0.5 + ROUNDING)
     return np.asarray((map_x >= low) & (map_x <= high[0]) & (map_y >= low) & (map_y <= high[1]))
 
 
-def largest_rectangle(mask: Array) -> tuple[int, int, int, int]:
+def largest_rectangle(mask: Float[Array, "h w"]) -> tuple[int, int, int, int]:
     """(left, top, right, bottom), right and bottom exclusive, of a rectangle of `mask` (H, W) bool that holds nothing but True.
 
     The largest one of a coarse grid of cells that are all True, grown pixel by pixel as far as it goes; empty (0, 0, 0, 0) if there is none.
@@ -133,7 +134,7 @@ def _with_K(camera: Camera, f: float, centre: Array) -> Camera:
     return replace(camera, K=np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]))
 
 
-def _rim(size: tuple[int, int], beyond: float) -> Array:
+def _rim(size: tuple[int, int], beyond: float) -> Float[Array, "n 2"]:
     """Points (N, 2) around a picture, px, `beyond` the centres of its outermost pixels."""
     x, y = (np.linspace(-beyond, side - 1 + beyond, ALONG) for side in size)
     sides = [(x, np.full(ALONG, y[k])) for k in (0, -1)] + [(np.full(ALONG, x[k]), y) for k in (0, -1)]

@@ -7,11 +7,12 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
+from rcdn.types.arrays import Float
 
 _homography = bind("rcdn_homography")
 
 
-def homography(src: Array, dst: Array) -> Array:
+def homography(src: Float[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Array, "3 3"]:
     """Homography (3, 3) that takes `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
 
     Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points, LinAlgError
@@ -26,7 +27,7 @@ def homography(src: Array, dst: Array) -> Array:
     return H
 
 
-def apply_homography(H: Array, points: Array) -> Array:
+def apply_homography(H: Float[Array, "3 3"], points: Float[Array, "... 2"]) -> Array:
     """`points` (..., 2) through `H` (3, 3)."""
     points = np.asarray(points, float)
     w = points @ H[2, :2] + H[2, 2]

@@ -11,6 +11,7 @@ from rcdn.geometry.inverse import before_fold, unfolded
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.spline_grid import folds
 from rcdn.types import Array, Camera
+from rcdn.types.arrays import Bool
 
 HALF_VIEW = 55.0
 """degrees off the axis: how far the undistorted picture goes at most; beyond, a flat picture is nothing but stretched edges"""
@@ -73,7 +74,7 @@ def _block(
     return np.where(sees(camera, rays)[..., None], project(camera, rays), NOWHERE).astype(np.float32)
 
 
-def _reached(camera: Camera, rays: Array) -> Array:
+def _reached(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
     """(...,) bool: whether the pixels that rays (..., 3) reach see these rays; beyond the lens's fold they see others."""
     gap = np.linalg.norm(_unit(unproject(camera, project(camera, rays))) - _unit(rays), axis=-1)
     return np.asarray(gap < 1e-6)

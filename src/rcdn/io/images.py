@@ -18,6 +18,7 @@ from rcdn.io.marks import Mark, marked
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Shaped
 from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
@@ -30,7 +31,7 @@ _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes that are read at once
 
 
-def read_image(path: str | Path) -> Array:
+def read_image(path: str | Path) -> Float[Array, "h w"]:
     """Read a picture file as grey (H, W): uint8 from 8-bit files, else float32 in 0..255.
 
     Pixels as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not composited; of
@@ -43,7 +44,7 @@ def read_image(path: str | Path) -> Array:
     return as_grey(decode(_read_bytes(path), path), str(path))
 
 
-def read_pixels(path: str | Path) -> Array:
+def read_pixels(path: str | Path) -> Float[Array, "h w"]:
     """A picture file as it is stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as `read_image`."""
     return _channels(decode(_read_bytes(path), path), str(path))
 
@@ -55,7 +56,7 @@ def read_named_image(path: str | Path) -> Array:
     return read_image(path)
 
 
-def as_grey(image: Any, name: str = "image") -> Array:
+def as_grey(image: Any, name: str = "image") -> Shaped[Array, "h w"]:
     """An image array as grey (H, W): uint8, or float32 in 0..255. `name` is what errors call it.
 
     `image`: (H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA, as cv2.imread gives it; colour → Rec. 601 luma, alpha
@@ -77,7 +78,7 @@ def as_grey(image: Any, name: str = "image") -> Array:
     return _stretch(grey)
 
 
-def grey_of(image: Any) -> Array:
+def grey_of(image: Any) -> Shaped[Array, "h w"]:
     """A picture as grey (H, W), whatever it comes as: `read_image` of a path; `as_grey` of an array, whose colours are BGR, and of a PIL
     image, whose colours are RGB, of any mode. Raises ImageError as these do."""
     if isinstance(image, str | os.PathLike):
@@ -257,7 +258,7 @@ def _plain_dtype(image: Array, name: str) -> Array:
     return np.ascontiguousarray(image, dtype=np.uint8 if small else np.float32)
 
 
-def _luma(image: Array) -> Array:
+def _luma(image: Array) -> Shaped[Array, "h w"]:
     """Grey (H, W) by Rec. 601: 0.299 R + 0.587 G + 0.114 B, of the same dtype."""
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 

@@ -14,6 +14,7 @@ from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
 from rcdn.precision.surroundings import Surroundings
 from rcdn.types import Array, Board, Status
+from rcdn.types.arrays import Bool, Float, Shaped
 
 __all__ = ["sharpen"]
 
@@ -33,7 +34,9 @@ DOUBTFUL = 3.0
 """standard deviation of a corner whose fit failed, × the board's median"""
 
 
-def sharpen(grey: Array, board: Board, geometry: bool = True, around: Surroundings | None = None) -> Board:
+def sharpen(
+    grey: Shaped[Array, "h w"], board: Board, geometry: bool = True, around: Surroundings | None = None
+) -> Board:
     """The same board with its corners where a model of the picture says, and their `sigma` (M,), px an axis.
 
     `grey` (H, W), 0..255; `geometry`: corners also learn from the smoothness of their board; `around`: what is
@@ -58,12 +61,12 @@ def sharpen(grey: Array, board: Board, geometry: bool = True, around: Surroundin
     return replace(board, xy=xy, sigma=_sigma(cov))
 
 
-def _sigma(cov: Array) -> Array:
+def _sigma(cov: Array) -> Float[Array, " m"]:
     """Standard deviations (M,) along an axis, of covariances (M, 2, 2)."""
     return np.sqrt((cov[:, 0, 0] + cov[:, 1, 1]) / 2)
 
 
-def _good(board: Board, fit: Fit, plane: Array | None) -> Array:
+def _good(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
     """Fits (M,) that may be believed."""
     pitch = nearest_pitch(board.xy)
     move = np.linalg.norm(fit.xy - board.xy, axis=1)
@@ -76,7 +79,7 @@ def _good(board: Board, fit: Fit, plane: Array | None) -> Array:
     return good & ~_astray(board, fit, plane)
 
 
-def _astray(board: Board, fit: Fit, plane: Array | None) -> Array:
+def _astray(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
     """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
     xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
     alone, every = lattice(board.ij, xy, 0.0, plane), np.arange(len(xy))

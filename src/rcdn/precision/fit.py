@@ -18,6 +18,7 @@ from rcdn.precision.spread import SHARE, spreads
 from rcdn.precision.surroundings import PLAIN, Print, Surroundings
 from rcdn.precision.window import frames
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int, Shaped
 
 BLURS = np.array([0.5, 0.8, 1.2, 2.0, 3.2, 5.0])
 """px that the fit may start from"""
@@ -89,7 +90,9 @@ class Round:
     scores: Array
 
 
-def fit_corners(grey: Array, ij: Array, xy: Array, around: Surroundings | None = None) -> Fit:
+def fit_corners(
+    grey: Shaped[Array, "h w"], ij: Int[Array, "n 2"], xy: Float[Array, "n 2"], around: Surroundings | None = None
+) -> Fit:
     """Fit every corner of a board with labels `ij` (N, 2) near `xy` (N, 2) px of `grey` (H, W).
 
     In the rounds after the first, windows and maps start from the corners of the one before, and blur, bleed and light of the
@@ -122,7 +125,9 @@ def fit_corners(grey: Array, ij: Array, xy: Array, around: Surroundings | None =
     return Fit(xy, _covariance(maps, ij, xy, done, plane), done.state, done.variance, done.kept)
 
 
-def levels(grey: Array, frame: Array, maps: Lattice, blurs: Array, drawn: Print = PLAIN) -> Array:
+def levels(
+    grey: Array, frame: Array, maps: Lattice, blurs: Float[Array, " k"], drawn: Print = PLAIN
+) -> Float[Array, "k n 3"]:
     """Residual variance, grey level and contrast (K, N, 3) of straight edges of `blurs` (K,) px in each of N windows `frame`."""
     out = np.empty((len(blurs), len(frame), 3))
     _levels(grey, maps.maps, drawn, frame, blurs, out)
@@ -157,7 +162,7 @@ def fit_round(
     return Round(state, *found)
 
 
-def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Array:
+def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Float[Array, "n 2 2"]:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2

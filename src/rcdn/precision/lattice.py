@@ -12,6 +12,7 @@ from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int
 
 _neighbours = bind("rcdn_lattice_neighbours")
 _lattice = bind("rcdn_lattice")
@@ -69,7 +70,9 @@ class Lattice:
         _map(self.maps, which, xy.reshape(each), uv.reshape(each), slopes.reshape(*each, 2))
         return uv, slopes
 
-    def pixels(self, which: Array, uv: Array, start: Array, repeats: int = 4) -> Array:
+    def pixels(
+        self, which: Int[Array, " k"], uv: Float[Array, "k 2"], start: Float[Array, "k 2"], repeats: int = 4
+    ) -> Float[Array, "k 2"]:
         """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
 
         Raises LinAlgError where a map folds.
@@ -81,7 +84,9 @@ class Lattice:
         return xy
 
 
-def lattice(ij: Array, xy: Array, own: float = 1.0, plane: Array | None = None) -> Lattice:
+def lattice(
+    ij: Int[Array, "n 2"], xy: Float[Array, "n 2"], own: float = 1.0, plane: Float[Array, "n 2"] | None = None
+) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
     `plane` (N, 2): where labels lie on the board, squares, if not where they say.
 
@@ -125,7 +130,7 @@ def _rectifier(plane: Array, xy: Array) -> Array:
     return np.ascontiguousarray(np.vstack([affine(xy, plane), [0, 0, 1]]))
 
 
-def neighbours(ij: Array, reach: int = REACH) -> Array:
+def neighbours(ij: Array, reach: int = REACH) -> Int[Array, "n k"]:
     """Indices (N, K) int32 of the corners within `reach` squares, itself included, column by column; -1 where there is none."""
     ij = np.ascontiguousarray(ij - ij.min(axis=0), np.int64)
     grid = np.empty(ij.max(axis=0) + 1 + 2 * reach, np.int32)

@@ -11,6 +11,7 @@ from rcdn.native import bind
 from rcdn.precision.lattice import neighbours
 from rcdn.precision.model import BLEED, BLUR, CONTRAST, COUNT, CURVE, LIGHT, MEAN, TURN
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Int
 
 LOUD = 3.0
 """standard deviations from the prior beyond which a corner's own pixels are believed"""
@@ -45,7 +46,9 @@ def first_prior(state: Array) -> Prior:
     return Prior(state.copy(), sd)
 
 
-def board_prior(ij: Array, state: Array, variance: Array, before: Prior, plane: Array | None = None) -> Prior:
+def board_prior(
+    ij: Int[Array, "n 2"], state: Array, variance: Array, before: Prior, plane: Array | None = None
+) -> Prior:
     """What the corners at `ij` (N, 2) have in common, and how far they really stray from it (empirical Bayes).
 
     `state`, `variance` (N, COUNT): the first round's parameters and their variances, given `before`; `plane`: as of `lattice`. Blur and bleed are
@@ -66,7 +69,7 @@ def board_prior(ij: Array, state: Array, variance: Array, before: Prior, plane: 
     return Prior(mean, sd)
 
 
-def board_mean(ij: Array, state: Array, plane: Array | None = None) -> Array:
+def board_mean(ij: Int[Array, "n 2"], state: Array, plane: Array | None = None) -> Array:
     """What the corners at `ij` (N, 2) have in common: the means (N, COUNT) of `board_prior`."""
     return _mean(neighbours(ij, 1), state, ij if plane is None else plane)
 
@@ -87,7 +90,7 @@ def _least(state: Array) -> Array:
     return least
 
 
-def _spread(stray: Array, variance: Array, least: Array) -> Array:
+def _spread(stray: Float[Array, "n k 2"], variance: Array, least: Float[Array, " k"]) -> Float[Array, "n k 2"]:
     """Standard deviation of the true values about the prior's mean, (N, K, 2): common to both parameters of a pair and to all corners but those that
     stray. `stray` (N, K, 2) how far they do; `least` (K,).
     """
@@ -96,7 +99,7 @@ def _spread(stray: Array, variance: Array, least: Array) -> Array:
     return np.where(stray > LOUD * np.sqrt(variance + common), stray, np.sqrt(common))
 
 
-def _light(near: Array, state: Array, plane: Array) -> Array:
+def _light(near: Int[Array, "n 9"], state: Array, plane: Float[Array, "n 2"]) -> Float[Array, "n 4"]:
     """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9) at `plane` (N, 2)."""
     slopes = np.empty((len(state), 4))
     _slopes(np.ascontiguousarray(plane, float), near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.synthetic.scene import Cover, Light, Sensor
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Shaped
 
 F32 = np.float32
 
@@ -63,7 +64,9 @@ def motion_kernel(length: float, angle: float) -> Array:
     return np.asarray(k / k.sum())
 
 
-def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array, unsure: float = 0.6) -> Array:
+def legible(
+    image: Array, sensor: Sensor, xy: Float[Array, "n 2"], pitch: Float[Array, " n"], unsure: float = 0.6
+) -> Array:
     """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told after optics and noise, (N,) bool.
 
     The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure:
@@ -81,7 +84,7 @@ def legible(image: Array, sensor: Sensor, xy: Array, pitch: Array, unsure: float
     return np.asarray((contrast >= 6) & (bound <= unsure))
 
 
-def focus(image: Array, sensor: Sensor) -> Array:
+def focus(image: Array, sensor: Sensor) -> Float[Array, "h w"]:
     """Irradiance (H, W) float32 to the exact grey levels (H, W) float32 that a sensor without noise would see."""
     border = cv2.BORDER_REFLECT_101
     if sensor.blur > 0:
@@ -96,7 +99,7 @@ def focus(image: Array, sensor: Sensor) -> Array:
     return np.asarray(image * F32(255))
 
 
-def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Array:
+def expose(image: Array, sensor: Sensor, rng: np.random.Generator) -> Shaped[Array, "h w"]:
     """Irradiance (H, W) float32 to grey levels (H, W) uint8."""
     grey = focus(image, sensor)
     if sensor.noise or sensor.shot:

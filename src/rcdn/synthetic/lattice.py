@@ -6,6 +6,7 @@ import numpy as np
 
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Shaped
 from rcdn.types.plane import ROW
 
 STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
@@ -26,7 +27,7 @@ def steps(spec: BoardSpec) -> Array:
     return STEPS if spec.pattern == "checker" else STEPS_DELTILLE
 
 
-def middle(spec: BoardSpec) -> Array:
+def middle(spec: BoardSpec) -> Float[Array, " 2"]:
     """(2,) the middle of the inner corners in the sheet's plane, squares or edges."""
     if spec.pattern == "checker":
         return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])
@@ -38,7 +39,7 @@ def upright(spec: BoardSpec, u: Array, v: Array) -> tuple[Array, Array]:
     return (u, v) if spec.pattern == "checker" else (u + v * np.float32(0.5), v)
 
 
-def from_upright(spec: BoardSpec, uv: Array) -> Array:
+def from_upright(spec: BoardSpec, uv: Array) -> Shaped[Array, "... 2"]:
     """Labels (..., 2), whole or not, from coordinates of `upright`."""
     if spec.pattern == "checker":
         return uv

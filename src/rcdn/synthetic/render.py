@@ -14,13 +14,16 @@ from rcdn.synthetic.pattern import F32, sheet
 from rcdn.synthetic.scene import BoardSpec, BoardTruth, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array
+from rcdn.types.arrays import Float, Shaped
 
 Window = tuple[int, int, int, int]
 LEAST_PITCH = {"checker": 4.0, "deltille": 7.0}
 """px between neighbours under which a corner is neither demanded nor forbidden; six sectors need more of them than four"""
 
 
-def render(scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()) -> Array:
+def render(
+    scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()
+) -> Shaped[Array, "h w"]:
     """The picture of a scene, (H, W) uint8.
 
     `window` (x, y, width, height) renders that part of the frame only; `samples`² sub-samples a pixel, each low-passed
@@ -34,7 +37,9 @@ def render(scene: Scene, window: Window | None = None, samples: int = 4, images:
     return expose(irradiance(scene, window, samples, images), scene.sensor, np.random.default_rng(scene.seed))
 
 
-def irradiance(scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()) -> Array:
+def irradiance(
+    scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()
+) -> Float[Array, "h w"]:
     """What reaches the sensor before optics and noise, (H, W) float32; arguments as in `render`."""
     x0, y0, width, height = window or (0, 0, scene.width, scene.height)
     x, y = np.meshgrid(np.arange(x0, x0 + width, dtype=float), np.arange(y0, y0 + height, dtype=float))

@@ -11,6 +11,7 @@ from rcdn.targets.marker import Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified
 from rcdn.types import AprilGrid, Array
+from rcdn.types.arrays import Bool, Float, Int
 
 SAMPLES = 32
 FRAMES = (Frame(2, filling=True), Frame(1, filling=True))
@@ -86,7 +87,7 @@ def gap_of(grid: Array) -> float:
     return float(np.median(known)) if len(known) else 0.3
 
 
-def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Array:
+def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Bool[Array, " 4"]:
     """Whether the next tags beyond the right, upper, left and lower side, (4,) bool, would lie outside of the picture (H, W): they may be there."""
     out = []
     for turns in range(4):  # each side in turn becomes the right one
@@ -97,7 +98,7 @@ def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Array:
     return np.array(out)
 
 
-def _lifted(cells: Array) -> Array:
+def _lifted(cells: Array) -> Float[Array, "r c s s"]:
     """Tags (R, C, S, S) over the small dark squares around them, contrast 1 (white gaps beside them)."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = cells[:, :, part, part].mean(axis=(2, 3))
@@ -142,14 +143,14 @@ def _numberings(
     return out
 
 
-def _choices_of(told: AprilGrid, width: int, height: int) -> Array:
+def _choices_of(told: AprilGrid, width: int, height: int) -> Int[Array, "m 2"]:
     """Columns and the number of the tag at the bottom left, (M, 2), of all places of width × height tags on a board."""
     rows = told.rows or MOST_COLUMNS
     place = [(c, r) for r in range(rows - height + 1) for c in range(told.columns - width + 1)]
     return np.array([(told.columns, told.first_id + r * told.columns + c) for c, r in place]).reshape(-1, 2)
 
 
-def _choices(gain: Array, column: Array, up: Array, width: int) -> Array:
+def _choices(gain: Array, column: Array, up: Array, width: int) -> Int[Array, "m 2"]:
     """Columns and the number of the tag at the bottom left, (M, 2), that the surest tags suggest."""
     surest = np.argsort(-gain.max(axis=1))[:8]
     tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]

@@ -16,6 +16,7 @@ from rcdn.boards.local import Grid, Predictions
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, Charuco, Status
+from rcdn.types.arrays import Bool, Float, Shaped
 
 ROUNDS = 12
 SEEN = 0.3
@@ -32,7 +33,7 @@ CUBIC = 40
 """corners that settle one of degree 3, else it is of 2"""
 
 
-def completed(grey: Array, board: Board) -> Board:
+def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     """The read `board` with the corners that are seen where its others predict them, within its print; without those that lie elsewhere.
 
     `grey` (H, W), 0..255.
@@ -65,7 +66,7 @@ def completed(grey: Array, board: Board) -> Board:
     return _of_grid(board, grid)
 
 
-def _printed(board: Board, spots: Array) -> Array:
+def _printed(board: Board, spots: Float[Array, "k 2"]) -> Bool[Array, " k"]:
     """(K,) bool: which places `spots` (K, 2) lie within the print; where its end isn't known, within what was seen."""
     low, high = board.ij.min(axis=0), board.ij.max(axis=0)
     if isinstance(board.target, Charuco):
@@ -109,7 +110,7 @@ def _drop_astray(grid: Grid) -> None:
         del grid.at[list(grid.at)[worst]]
 
 
-def _off_surface(ij: Array, xy: Array) -> Array:
+def _off_surface(ij: Array, xy: Float[Array, "n 2"]) -> Float[Array, " n"]:
     """Distances (N,), squares, of corners at `xy` (N, 2) px from a homography of their labels and a polynomial of low degree."""
     plane = homography(ij, xy)
     flat = apply_homography(plane, ij.astype(float))
@@ -123,7 +124,7 @@ def _off_surface(ij: Array, xy: Array) -> Array:
     return np.asarray(np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(area, 1e-9)))
 
 
-def _usual(grey: Array, at: Array, guess: Predictions) -> tuple[int, Array]:
+def _usual(grey: Array, at: Float[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
     """The colouring, ±1, under which edges cross at known corners `at` (K, 2), and their usual strengths (2,); 0 if they don't."""
     best, usual = 0, np.zeros(2)
     for sign in (-1, 1):
@@ -139,7 +140,9 @@ def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array,
     return crossings(grey, guess.xy, guess.du, guess.dv, colour)
 
 
-def _seen(grey: Array, at: Array, guess: Predictions, sign: int, usual: Array) -> dict[tuple[int, int], Array]:
+def _seen(
+    grey: Array, at: Float[Array, "k 2"], guess: Predictions, sign: int, usual: Array
+) -> dict[tuple[int, int], Array]:
     """Positions (2,) px of those of the spots `at` (K, 2) where both edges are seen to cross."""
     offset, strength = _look(grey, at, guess, sign)
     xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv

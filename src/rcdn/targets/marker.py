@@ -11,6 +11,7 @@ import numpy as np
 
 from rcdn.geometry.elementary import erf
 from rcdn.types import Array
+from rcdn.types.arrays import Float
 
 RATIOS = np.arange(0.40, 0.971, 0.02)
 """sides of a marker, squares"""
@@ -57,7 +58,7 @@ class _Part(NamedTuple):
     y: Array
 
 
-def _dot(one: list[_Part], two: list[_Part]) -> Array:
+def _dot(one: list[_Part], two: list[_Part]) -> Float[Array, " k"]:
     """Products (K,) of two sums of such pictures, summed over all places."""
     products = [a.sign * b.sign * (a.x * b.x).sum(axis=1) * (a.y * b.y).sum(axis=1) for a in one for b in two]
     return np.asarray(np.sum(products, axis=0))
@@ -88,7 +89,7 @@ def _models(side: int, frame: Frame, aspect: int) -> _Models:
     return _Models(ratio, along_x, along_y, (around, inside), gram)
 
 
-def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearance | None:
+def appearance(mean: Float[Array, "s s"], side: int, frame: Frame, aspect: float) -> Appearance | None:
     """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
     `aspect`: width over height of the squares in the picture, where the blur is round.
 
@@ -116,7 +117,13 @@ def appearance(mean: Array, side: int, frame: Frame, aspect: float) -> Appearanc
     return Appearance(float(ratio[best]), (float(along_x[best]), float(along_y[best])), float(white[best]))
 
 
-def modules(squares: Array, look: Appearance, side: int, frame: Frame, open_sides: Array | None = None) -> Array:
+def modules(
+    squares: Float[Array, "k s s"],
+    look: Appearance,
+    side: int,
+    frame: Frame,
+    open_sides: Float[Array, "k 4"] | None = None,
+) -> Float[Array, "k n n"]:
     """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
 
     `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
@@ -165,7 +172,7 @@ def _unblurring(samples: int, look: Appearance, side: int, frame: Frame) -> tupl
     return unblurred, np.array(beyond)
 
 
-def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, Array]:
+def _unmixing(x: Float[Array, " s"], ratio: float, blur: float, count: int) -> tuple[Array, Array]:
     """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool; and what takes
     these to modules (count, ·)."""
     edges = 0.5 + ratio * (np.arange(count + 1) / count - 0.5)
@@ -175,7 +182,7 @@ def _unmixing(x: Array, ratio: float, blur: float, count: int) -> tuple[Array, A
     return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
 
 
-def evidence(values: Array, border: int, trusted: Array | None = None) -> Array:
+def evidence(values: Array, border: int, trusted: Float[Array, " k"] | None = None) -> Float[Array, "k n n"]:
     """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
 
     The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)
@@ -203,14 +210,14 @@ def _middles(samples: int) -> Array:
     return np.asarray((np.arange(samples) + 0.5) / samples)
 
 
-def _box(x: Array, width: Array | float, blur: Array) -> Array:
+def _box(x: Float[Array, " s"], width: Array | float, blur: Float[Array, " k"]) -> Array:
     """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about the middle: (K, S)."""
     s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
     step = erf((x - 0.5 + half) / s)
     return np.asarray(0.5 * (step + step[:, ::-1]))
 
 
-def _around_parts(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
+def _around_parts(x: Array, ratio: Float[Array, " k"], along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
     """The white around black markers of sides `ratio` (K,) under blurs (K,), as sums of products."""
     across, down = _box(x, 1.0, along_x), _box(x, 1.0, along_y)
     if frame.filling:
@@ -219,7 +226,7 @@ def _around_parts(x: Array, ratio: Array, along_x: Array, along_y: Array, frame:
     return [_Part(1.0, across, down), _Part(1.0, 1 - across, 1 - down), marker]
 
 
-def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Array:
+def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Float[Array, "k s s"]:
     """The same as pictures (K, S, S)."""
     parts = _around_parts(x, ratio, along_x, along_y, frame)
     return np.asarray(np.sum([p.sign * p.y[:, :, None] * p.x[:, None, :] for p in parts], axis=0))

@@ -8,9 +8,10 @@ import numpy as np
 
 from rcdn.targets.read import identified
 from rcdn.types import Array, Board, Target
+from rcdn.types.arrays import Shaped
 
 
-def mirrored_target(grey: Array, board: Board, told: Target | None = None) -> Target | None:
+def mirrored_target(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None) -> Target | None:
     """The target that the codes of a board are certain to be in the mirror image of its picture `grey` (H, W); None if none is.
 
     `told`: the only target that it may be.

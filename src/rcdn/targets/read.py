@@ -16,12 +16,13 @@ from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares, wider
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
+from rcdn.types.arrays import Float, Int, Shaped
 
 SAMPLES = 32
 """a square's side on the raster"""
 
 
-def identified(grey: Array, board: Board, told: Target | None = None, part: bool = False) -> Board:
+def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None, part: bool = False) -> Board:
     """The board with its `target` and `ids`, its labels being places on the target; the same board if it carries no code that is certain.
 
     `grey` (H, W), 0..255; `told`: the only target that it may be; `part`: the board may go on where its corners end.
@@ -60,7 +61,7 @@ def check_told(target: Target) -> None:
         dictionary_of(target.family)
 
 
-def _dark(squares: Array, marked: Array, inner: Array) -> Array:
+def _dark(squares: Array, marked: Array, inner: Array) -> Float[Array, "r c"]:
     """Grey (R, C) of the squares without markers beside each square, mean of up to four; of the whole board where there is none."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = squares[:, :, part, part].mean(axis=(2, 3))
@@ -92,7 +93,7 @@ def _placed(board: Board, reading: Reading) -> Board:
     return _relabelled(board, reading, index)
 
 
-def _relabelled(board: Board, reading: Reading, index: Array) -> Board:
+def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Board:
     """The board whose grid has the corners `index` (R, C), −1 for none, turned as its target is labelled, row by row again."""
     index, target = np.rot90(index, reading.turns), reading.target
     row, column = np.nonzero(index >= 0)

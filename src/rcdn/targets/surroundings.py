@@ -12,6 +12,7 @@ from rcdn.targets.layout import markers_in
 from rcdn.targets.placement import Placement, placement
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard
+from rcdn.types.arrays import Shaped
 
 QUADRANTS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 """squares around a corner, as steps from the one before it"""
@@ -25,7 +26,7 @@ STEPS = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
 """to the next corners"""
 
 
-def surroundings(grey: Array, board: Board) -> Surroundings | None:
+def surroundings(grey: Shaped[Array, "h w"], board: Board) -> Surroundings | None:
     """What is printed around the corners of a board that was read in the picture `grey` (H, W); None if it is nothing but squares, or not known."""
     if isinstance(board.target, Charuco):
         placed = placement(grey, board, board.target)

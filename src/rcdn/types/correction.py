@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
+from rcdn.types.arrays import Float, Int
 from rcdn.types.base import Array, Value, freeze, shape_of
 
 DEGREE = 3
@@ -38,13 +39,13 @@ class LensCorrection(Value):
             raise RcdnError(f"LensCorrection.extent must hold two positive numbers, not {self.extent.tolist()}")
 
     @property
-    def cells(self) -> Array:
+    def cells(self) -> Int[Array, " 2"]:
         """(2,) number of cells of the domain along x and y."""
         rows, columns, _ = self.control.shape
         return np.array([columns - DEGREE, rows - DEGREE])
 
     @property
-    def sides(self) -> Array:
+    def sides(self) -> Float[Array, " 2"]:
         """(2,) sides of a cell in u along x and y."""
         return np.asarray(2 * self.extent / self.cells)
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from rcdn.errors import RcdnError, shown
+from rcdn.types.arrays import Int, Shaped
 from rcdn.types.base import Array
 
 Pattern = Literal["checker", "deltille", "aprilgrid"]
@@ -16,7 +17,7 @@ ROW = 0.5 * 3**0.5
 """height of a triangle of a deltille, the distance of its rows, edges"""
 
 
-def plane_points(ij: Array, pattern: Pattern = "checker", gap: float | None = None) -> Array:
+def plane_points(ij: Shaped[Array, "... 2"], pattern: Pattern = "checker", gap: float | None = None) -> Array:
     """Where labels `ij` (..., 2) lie on their board, (..., 2), in squares; of a deltille in edges of its triangles, of tags in sides of a tag.
 
     A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Tags begin at even labels and are
@@ -48,7 +49,7 @@ class Plane:
         if self.gap is not None and not 0 < self.gap < np.inf:
             raise RcdnError(f"Plane.gap must be a positive number of tags' sides, not {shown(self.gap)}")
 
-    def points(self, ij: Array) -> Array:
+    def points(self, ij: Int[Array, "... 2"]) -> Array:
         """Where labels `ij` (..., 2) lie, (..., 2), in squares, edges of triangles, or sides of tags; see `plane_points`."""
         return plane_points(ij, self.pattern, self.gap)
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
+from rcdn.types.arrays import Float, Int
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
@@ -31,20 +32,20 @@ class Checkerboard:
     def __str__(self) -> str:
         return f"checkerboard of {self.columns}x{self.rows} inner corners"
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at labels `ij` (N, 2)."""
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0])
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
         ids = numbers(ids, self.columns * self.rows, self)
         return np.stack([ids % self.columns, ids // self.columns], axis=1)
 
-    def places(self) -> Array:
+    def places(self) -> Int[Array, "n 2"]:
         """The labels (N, 2) of all its corners, rising by their numbers."""
         return grid_of(self.columns, self.rows)
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where labels `ij` (..., 2) lie on the board, (..., 2), in squares."""
         return plane_points(ij)
 
@@ -67,21 +68,21 @@ class Deltille:
     def __str__(self) -> str:
         return f"deltille of {self.columns}x{self.rows} inner corners"
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at labels `ij` (N, 2)."""
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0] + ij[:, 1] // 2)
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
         ids = numbers(ids, self.columns * self.rows, self)
         row = ids // self.columns
         return np.stack([ids % self.columns - row // 2, row], axis=1)
 
-    def places(self) -> Array:
+    def places(self) -> Int[Array, "n 2"]:
         """The labels (N, 2) of all its corners, rising by their numbers."""
         return self.ij_of(np.arange(self.columns * self.rows))
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where labels `ij` (..., 2) lie on the board, (..., 2), in sides of a triangle."""
         return plane_points(ij, "deltille")
 
@@ -118,11 +119,11 @@ class PuzzlePart:
         """What a picture of it is read as."""
         return PuzzleBoard()
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at places `ij` (N, 2) of the code."""
         return self.whole.ids(ij)
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
         """The places (N, 2) on the code of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that the part hasn't."""
         ij = self.whole.ij_of(ids)
         inside = ((ij >= (self.column, self.row)) & (ij < (self.column + self.columns, self.row + self.rows))).all(
@@ -132,11 +133,11 @@ class PuzzlePart:
             raise RcdnError(f"ids holds {np.asarray(ids)[~inside][0]}, which is no corner of the {self}")
         return ij
 
-    def places(self) -> Array:
+    def places(self) -> Float[Array, "n 2"]:
         """The places (N, 2) on the code of all its corners, rising by their numbers."""
         return grid_of(self.columns, self.rows) + np.array([self.column, self.row])
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where places `ij` (..., 2) of the code lie, (..., 2), in squares from the first corner of the code."""
         return plane_points(ij)
 
@@ -166,7 +167,7 @@ class Printed:
             )
 
     @property
-    def ids(self) -> Array:
+    def ids(self) -> Int[Array, " n"]:
         """The numbers (N,) of all corners, as the target's own tools count them, rising."""
         return self.target.ids(self.target.places())
 
@@ -178,6 +179,6 @@ class Printed:
         ij = self.target.places() if ids is None else self.ij_of(ids)
         return self.target.plane(ij) * self.spacing
 
-    def ij_of(self, ids: Any) -> Array:
+    def ij_of(self, ids: Any) -> Int[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that the target hasn't."""
         return self.target.ij_of(np.asarray(ids))

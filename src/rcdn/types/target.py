@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
+from rcdn.types.arrays import Float, Int
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
@@ -43,21 +44,21 @@ class Charuco:
         )
         return " ".join((f"ChArUco {self.columns}x{self.rows or '?'} {self.dictionary}", *extra))
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
         """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
         wide = self.columns - 1
         ids = numbers(ids, None if self.rows is None else wide * (self.rows - 1), self)
         return np.stack([ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Array:
+    def places(self) -> Float[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
         return grid_of(self.columns - 1, _rows_of(self) - 1)
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from its first corner."""
         return plane_points(ij)
 
@@ -75,20 +76,20 @@ class PuzzleBoard:
     def __str__(self) -> str:
         return "PuzzleBoard"
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
         """The places (N, 2), both below 501, of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
         ids = numbers(ids, PUZZLE**2, self)
         return np.stack([ids % PUZZLE, ids // PUZZLE], axis=1)
 
-    def places(self) -> Array:
+    def places(self) -> Float[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers."""
         return grid_of(PUZZLE, PUZZLE)
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from the first corner of the code."""
         return plane_points(ij)
 
@@ -114,21 +115,21 @@ class AprilGrid:
         extra = f" from tag {self.first_id}" if self.first_id else ""
         return f"AprilGrid {self.columns}x{self.rows or '?'} {self.family}{extra}"
 
-    def ids(self, ij: Array) -> Array:
+    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
 
-    def ij_of(self, ids: Array) -> Array:
+    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
         """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
         wide = 2 * self.columns
         ids = numbers(ids, None if self.rows is None else 2 * wide * self.rows, self)
         return np.stack([wide - 1 - ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Array:
+    def places(self) -> Float[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
         return self.ij_of(np.arange(4 * self.columns * _rows_of(self)))
 
-    def plane(self, ij: Array) -> Array:
+    def plane(self, ij: Int[Array, "... 2"]) -> Array:
         """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
         return plane_points(ij, "aprilgrid", self.gap)
 
@@ -141,7 +142,7 @@ def grid_of(columns: int, rows: int) -> Array:
     return np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
 
 
-def numbers(ids: Array, count: int | None, target: object) -> Array:
+def numbers(ids: Int[Array, " n"], count: int | None, target: object) -> Array:
     """`ids` (N,) as whole numbers. Raises RcdnError if a corner of the `target` has another number than 0 to `count` − 1 (None: any)."""
     ids = np.asarray(ids)
     if ids.ndim != 1 or (ids.size and ids.dtype.kind not in "iu"):

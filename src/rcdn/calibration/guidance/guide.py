@@ -22,6 +22,7 @@ from rcdn.calibration.start import Seen, poses
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
+from rcdn.types.arrays import Float, Shaped
 from rcdn.types.ranges import grid_size, whole_size
 
 FEWEST_CORNERS = 12
@@ -118,7 +119,7 @@ class Guide:
             self._boards = {k: b for k, b in self._boards.items() if k != name}
             return self._replanned(self._plan.known.size, self._plan.known.plane)
 
-    def look(self, board: Board | None, time: float, grey: Array | None = None) -> Look:
+    def look(self, board: Board | None, time: float, grey: Shaped[Array, "h w"] | None = None) -> Look:
         """Judge the board of the frame at `time` s (rising), None if there is none; `grey` (H, W) uint8: the frame, in whose pixels
         the board's corners count, for its sharpness and exposure (None: they aren't judged)."""
         if board is None or len(board) < FEWEST_CORNERS:
@@ -207,7 +208,7 @@ class _Now:
         return cls(Held.of(middle, centre, T[:3, :3]), _gain(seen, state))
 
 
-def _gain(points: Array, state: Plan) -> float:
+def _gain(points: Float[Array, "n 3"], state: Plan) -> float:
     """Share of the wanted view's gain that a view which sees `points` (N, 3) would bring."""
     forecast, wanted = state.forecast, state.progress.wanted
     if forecast is None or wanted is None or not 0 < wanted.after < wanted.before:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from rcdn.types import Array, Board
+from rcdn.types.arrays import Float, Shaped
 
 REACH, LONGEST = 0.4, 12.0
 """how far a profile reaches to both sides of an edge: a share of the edge's length, and px at most"""
@@ -38,7 +39,7 @@ class Quality:
     clipped: float
 
 
-def quality(grey: Array, board: Board) -> Quality:
+def quality(grey: Shaped[Array, "h w"], board: Board) -> Quality:
     """Of `board` in the picture `grey` (H, W) uint8, whose pixels its corners count in."""
     measured = [_across(grey, *_edges(board, step)) for step in ((1, 0), (0, 1))]
     blurs = [m.blur for m in measured if np.isfinite(m.blur)]
@@ -58,7 +59,7 @@ def _edges(board: Board, step: tuple[int, int]) -> tuple[Array, Array]:
     return board.xy[index[:, 0]], board.xy[index[:, 1]]
 
 
-def _across(grey: Array, start: Array, end: Array) -> Quality:
+def _across(grey: Array, start: Array, end: Float[Array, "e 2"]) -> Quality:
     """The mean profile across the edges from `start` to `end` (E, 2)."""
     if not len(start):
         return Quality(float("nan"), float("nan"), float("nan"))

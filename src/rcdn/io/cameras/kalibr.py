@@ -23,6 +23,7 @@ from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow, load
 from rcdn.io.fields import numbers, rigid, take, two_whole_numbers
 from rcdn.types import Array, Camera
+from rcdn.types.arrays import Float
 
 TITLE = "Kalibr's camchain"
 _OTHERS = "opencv, ros, colmap, mrcal or json"
@@ -46,7 +47,9 @@ def _lens(camera: Camera, others: str) -> tuple[str, Array]:
     return "radtan", d[:4]
 
 
-def entry(camera: Camera, index: int, overlaps: Sequence[int], T: Array | None = None, others: str = _OTHERS) -> str:
+def entry(
+    camera: Camera, index: int, overlaps: Sequence[int], T: Float[Array, "4 4"] | None = None, others: str = _OTHERS
+) -> str:
     """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own.
 
     Raises FormatError for a lens that a camchain can't hold, with the `others` to write instead."""
