@@ -63,12 +63,6 @@ def _cluster(address: str, jobs: int) -> Iterator[Any]:
         os.environ.setdefault(name, value)  # read when Ray is imported, and by the processes that it starts
     import ray
 
-    with contextlib.suppress(ImportError):  # it may go: it is private
-        from ray._private import worker
-
-        worker._worker_logs_enabled = (
-            False  # Ray would print each death to standard output, and has no public switch for that
-        )
     ours: dict[str, Any] = {"num_cpus": jobs or None, "include_dashboard": False} if address == LOCAL else {}
     try:
         _reach(address)
@@ -78,7 +72,9 @@ def _cluster(address: str, jobs: int) -> Iterator[Any]:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise RcdnError(f"--engine ray: no cluster at {address}: {reason}; check --address and RAY_ADDRESS") from error
     try:
-        yield ray
+        # Ray prints each death of a worker there, whatever it was asked; and detections may go there when all is done
+        with open(os.devnull, "w") as nothing, contextlib.redirect_stdout(nothing):
+            yield ray
     finally:
         with no_interrupts():
             ray.shutdown()
