@@ -105,7 +105,8 @@ if __name__ == "__main__":
     os.setpgrp()
     with ray._cluster(ray.LOCAL, 1) as ray:
         ray.get(ray.remote(work).remote())
-        print(*sorted(set(listening())))
+        found = sorted(set(listening()))
+    print(*found)
 """
 
 

@@ -64,20 +64,22 @@ def _cluster(address: str, jobs: int) -> Iterator[Any]:
     import ray
 
     ours: dict[str, Any] = {"num_cpus": jobs or None, "include_dashboard": False} if address == LOCAL else {}
-    try:
-        _reach(address)
-        with no_interrupts():
-            ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL, **ours)
-    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise RcdnError(f"--engine ray: no cluster at {address}: {reason}; check --address and RAY_ADDRESS") from error
-    try:
-        # Ray prints each death of a worker there, whatever it was asked; and detections may go there when all is done
-        with open(os.devnull, "w") as nothing, contextlib.redirect_stdout(nothing):
+    # Ray prints each death of a worker to standard output, whatever it was asked, some only at its end; and detections may go there
+    with open(os.devnull, "w") as nothing, contextlib.redirect_stdout(nothing):
+        try:
+            _reach(address)
+            with no_interrupts():
+                ray.init(address=address, log_to_driver=False, logging_level=logging.CRITICAL, **ours)
+        except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+            raise RcdnError(
+                f"--engine ray: no cluster at {address}: {reason}; check --address and RAY_ADDRESS"
+            ) from error
+        try:
             yield ray
-    finally:
-        with no_interrupts():
-            ray.shutdown()
+        finally:
+            with no_interrupts():
+                ray.shutdown()
 
 
 def _reach(address: str) -> None:
