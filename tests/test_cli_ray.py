@@ -62,7 +62,8 @@ def test_a_killed_worker_loses_nothing_and_the_bytes_are_the_local_engine_s(tmp_
             f"{BROKEN} 6 4": 1, f"{KILL_ONCE} 6 9": 2, f"{KILL} 6 15": 2,
         }  # fmt: skip
         found[engine] = [
-            (home / f"{engine}.json").read_bytes(), (home / f"{engine}.vnl").read_bytes(), done.stderr, done.stdout
+            (home / f"{engine}.json").read_bytes(), (home / f"{engine}.vnl").read_bytes(), done.stderr,
+                done.stdout.splitlines()[:-1],
         ]  # fmt: skip
     assert found["ray"] == found["local"]
     images, errors = read_detections(home / "ray.json")

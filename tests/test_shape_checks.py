@@ -8,12 +8,12 @@ import pytest
 pytest.importorskip("jaxtyping")
 pytest.importorskip("beartype")
 from jaxtyping import TypeCheckError
+from tests.shape_checks import checked
 
 from rcdn.metrics import match
 from rcdn.precision.smooth import smooth
 from rcdn.types import Camera
 from rcdn.types.target import Charuco
-from tests.shape_checks import checked
 
 
 def test_functions_with_shapes_are_replaced_wherever_they_are_imported():
