@@ -169,7 +169,8 @@ class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
     `pattern`: what boards are made of: squares (`checker`) or triangles (`deltille`, docs/decisions/0013-deltille.md). Of deltilles, `auto`
-    is the network that has learnt them, corners are refined by their antisymmetry whatever `refine` says, and `sharpen` does nothing.
+    is the network that has learnt them; corners are refined by their antisymmetry and aren't fitted once more, and codes aren't read, so
+    other values of `refine`, `sharpen` and `target` than the usual ones raise ConfigError.
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
     `rescue`: where the adaptive threshold finds nothing, 0.41 of the largest response is the threshold, if that stands out from the map
     (over 0.15, and 20 times the 99th percentile); the corners are then marked LOW_CONFIDENCE.
@@ -179,7 +180,7 @@ class DetectorConfig:
     `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
     `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards where there are any (docs/coded-boards.md); `plain`, which the
     preset `paper` has, takes all boards for plain ones. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target alone: smaller parts of it
-    are certain, since fewer answers compete. Of deltilles no codes are read.
+    are certain, since fewer answers compete.
     `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
     `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
@@ -220,10 +221,7 @@ class DetectorConfig:
         _one_of(self, "recovery", get_args(Recovery))
         _one_of(self, "pattern", ("checker", "deltille"))
         _check_target(self.target)
-        _require(
-            self.pattern == "checker" or self.recovery == "graph",
-            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
-        )
+        self._check_pattern()
         _one_of(self, "device", get_args(Device))
         _flags(self, "pyramid", "rescue")
         _bounded(self, "border", 0, MANY)
@@ -231,6 +229,21 @@ class DetectorConfig:
         _bounded(self, "weak", 0.01, 1)
         _bounded(self, "min_corners", 1, MANY, whole=True)
         _bounded(self, "threads", 0, THREADS, whole=True)
+
+    def _check_pattern(self) -> None:
+        """Raises ConfigError for settings that boards of triangles can't use."""
+        if self.pattern == "checker":
+            return
+        _require(
+            self.recovery == "graph",
+            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
+        )
+        usable = {
+            "refine": self.refine == Refine(), "sharpen": self.sharpen in (None, Sharpen()),
+            "target": self.target in ("auto", "plain"),
+        }  # fmt: skip
+        for name, fits in usable.items():
+            _require(fits, f"DetectorConfig.{name} has no meaning for a deltille; leave it out")
 
     def __repr__(self) -> str:
         """The nearer preset with what differs from it: Python that makes an equal value."""

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def match(found: Float[Array, "n 2"], truth: Float[Array, "m 2"], radius: float) -> tuple[Array, Array]:
+def match(found: Real[Array, "n 2"], truth: Real[Array, "m 2"], radius: float) -> tuple[Array, Array]:
     """One-to-one pairs closer than `radius` px, nearest first (greedy by distance, the strict protocol).
 
     `found` (N, 2), `truth` (M, 2). Returns index pairs (P, 2) into found and truth, and their distances (P,).
@@ -32,7 +32,7 @@ def match(found: Float[Array, "n 2"], truth: Float[Array, "m 2"], radius: float)
     return np.array(pairs, int).reshape(-1, 2), np.array(gaps)
 
 
-def nearest(found: Array, truth: Array, radius: float) -> Float[Array, " n"]:
+def nearest(found: Array, truth: Array, radius: float) -> Real[Array, " n"]:
     """(N,) True where some truth lies closer than `radius` px: by the paper's reading a duplicate counts as true."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):
@@ -47,7 +47,7 @@ def precision_recall(scores: Array, hits: Array, total: int) -> tuple[Array, Arr
     return true / np.arange(1, len(true) + 1), true / max(total, 1)
 
 
-def counted(found: Float[Array, "n 2"], truth: Array, blind: Array, radius: float, reach: float) -> Array:
+def counted(found: Real[Array, "n 2"], truth: Array, blind: Array, radius: float, reach: float) -> Array:
     """`found` (N, 2) without those closer than `reach` px to a `blind` spot (K, 2), if no corner of `truth` is closer than `radius`.
 
     Corners that are neither demanded nor forbidden are such spots.

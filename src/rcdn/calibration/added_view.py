@@ -16,7 +16,7 @@ from rcdn.calibration.sight import out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEGLIGIBLE = 1e-12
 """× the largest eigenvalue of a covariance of unit diagonal: what lies below is no freedom"""
@@ -34,7 +34,7 @@ class Information:
     own: Array
 
     @classmethod
-    def of(cls, camera: Camera, points: Float[Array, "c n 3"], weight: Float[Array, "c n"]) -> Information:
+    def of(cls, camera: Camera, points: Real[Array, "c n 3"], weight: Real[Array, "c n"]) -> Information:
         """Of views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point isn't seen."""
         flat = points.reshape(-1, 3)
         _, by_point, by_camera = project_with_slopes(camera, flat)
@@ -92,8 +92,8 @@ def share_told(calibration: Calibration, prior: Prior) -> float:
 
 
 def variances(
-    prior: Prior, more: Information, by_camera: Float[Array, "g 2 p"], by_motion: Float[Array, "g 2 6"]
-) -> Float[Array, "c g"]:
+    prior: Prior, more: Information, by_camera: Real[Array, "g 2 p"], by_motion: Real[Array, "g 2 6"]
+) -> Real[Array, "c g"]:
     """(C, G) px²: variance of projections at G points, mean of both axes, with each of C views added.
 
     `by_camera` (G, 2, P) and `by_motion` (G, 2, 6): derivatives of the projection. The mean motion is then one over one view more.
@@ -134,7 +134,7 @@ class Forecast:
         before = float(np.nanmax(projection_uncertainty(calibration, points)))
         return cls(calibration.camera, prior, weight, by_camera, by_motion, before)
 
-    def after(self, points: Float[Array, "c n 3"], seen: Float[Array, "c n"]) -> Float[Array, " c"]:
+    def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> Real[Array, " c"]:
         """(C,) px: with each of C views that see `points` (C, N, 3), m, camera coordinates; `seen` (C, N): for how many corners each
         stands, 0 where it isn't seen."""
         worst = []

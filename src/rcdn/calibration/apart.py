@@ -17,7 +17,7 @@ from rcdn.calibration.shape import FEWEST_SHAPED, shape_basis
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.errors import RcdnError
 from rcdn.types import Array, BoardView, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 AGREEING = 0.75
 """share of the views that their own camera must rest on"""
@@ -79,7 +79,7 @@ def _corners(calibration: Calibration, views: Sequence[BoardView]) -> tuple[Corn
     return replace(corners, basis=np.concatenate(basis)), sigma, True
 
 
-def significance(groups: Sequence[CameraGroup]) -> Float[Array, " 4"]:
+def significance(groups: Sequence[CameraGroup]) -> Real[Array, " 4"]:
     """(4,) the largest difference of two groups in fx, fy, cx and cy, in standard deviations of it."""
     pairs = [(a, b) for k, a in enumerate(groups) for b in groups[k + 1 :]]
     gaps = [np.abs(a.camera.parameters - b.camera.parameters) / np.hypot(a.std, b.std) for a, b in pairs]

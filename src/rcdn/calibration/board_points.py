@@ -7,7 +7,7 @@ import numpy as np
 from rcdn.errors import present
 from rcdn.geometry import project, transform
 from rcdn.types import Array, BoardView, Calibration, Pattern, Plane
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 ASKED = 3
@@ -35,7 +35,7 @@ def side_of(calibration: Calibration, view: BoardView) -> float:
 
 def flat_points(
     calibration: Calibration, view: BoardView, ij: Int[Array, "... 2"] | None = None
-) -> Float[Array, "... 2"]:
+) -> Real[Array, "... 2"]:
     """(..., 2) m: where the view's corners, or the labels `ij` (..., 2), lie on its perfect board."""
     return plane_of(calibration, view).points(view.ij if ij is None else ij) * side_of(calibration, view)
 
@@ -45,7 +45,7 @@ def has_shape(calibration: Calibration, view: BoardView) -> bool:
     return calibration.shape is not None and view.settled and view.target == calibration.target
 
 
-def board_points(calibration: Calibration, view: BoardView, plane: Plane | None = None) -> Float[Array, "m 3"]:
+def board_points(calibration: Calibration, view: BoardView, plane: Plane | None = None) -> Real[Array, "m 3"]:
     """(M, 3) m: the view's corners in its board's axes, with the board's shape where it is known which corner is which."""
     flat = (plane or plane_of(calibration, view)).points(view.ij) * side_of(calibration, view)
     points = np.column_stack([flat, np.zeros(len(flat))])

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation
 from rcdn.types import LENS, Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 DENOMINATOR = 1.0
 """prior standard deviation of k4, k5 and k6 of a rational lens: numerator and denominator may share a factor that no picture tells"""
@@ -44,12 +44,12 @@ class Prior:
     mean: Array
     precision: Array
 
-    def cost(self, values: Float[Array, " k"]) -> float:
+    def cost(self, values: Real[Array, " k"]) -> float:
         """Twice the negative logarithm of its density at `values` (K,), up to a constant."""
         off = values - self.mean
         return float(off @ self.precision @ off)
 
-    def gradient(self, values: Array) -> Float[Array, " k"]:
+    def gradient(self, values: Array) -> Real[Array, " k"]:
         """(K,) half the derivative of `cost`."""
         return np.asarray(self.precision @ (values - self.mean))
 
@@ -77,7 +77,7 @@ class State:
         return (*(len(c.parameters) for c in self.cameras), 6 * (len(self.cameras) - 1), self.shape.size)
 
     @property
-    def values(self) -> Float[Array, " k"]:
+    def values(self) -> Real[Array, " k"]:
         """(K,) the shared parameters; the rig's are motions from where it is, 0."""
         places = np.zeros(self.counts[-2])
         return np.concatenate([*(c.parameters for c in self.cameras), places, self.shape.ravel()])
@@ -87,7 +87,7 @@ class State:
         """The `prior`, or that of the lens models."""
         return lens_prior(self) if self.prior is None else self.prior
 
-    def moved(self, by_frame: Float[Array, "f 6"], shared: Float[Array, " k"]) -> State:
+    def moved(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> State:
         """After small motions `by_frame` (F, 6) of the poses and the change `shared` (K,) of what all share."""
         *lenses, places, shape = np.split(shared, np.cumsum(self.counts)[:-1])
         cameras = tuple(c.with_parameters(c.parameters + d) for c, d in zip(self.cameras, lenses, strict=True))
@@ -129,7 +129,7 @@ def with_fixed(state: State, fixed: Collection[str]) -> State:
     return replace(state, cameras=(replace(camera, K=K),), prior=Prior(mean, precision))
 
 
-def _move(T: Array, motions: Array) -> Float[Array, "f 4 4"]:
+def _move(T: Array, motions: Array) -> Real[Array, "f 4 4"]:
     """Poses (F, 4, 4) after motions (F, 6): a rotation about the origin of the camera, then a shift."""
     out, R = T.copy(), rotation(motions[:, :3])
     out[:, :3, :3] = R @ T[:, :3, :3]
@@ -137,7 +137,7 @@ def _move(T: Array, motions: Array) -> Float[Array, "f 4 4"]:
     return out
 
 
-def residuals(state: State, corners: Corners3) -> Float[Array, "n 2"]:
+def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
     """(N, 2) observed − projected, px; NaN where the camera can't see."""
     points, xy = _placed(state, corners)[1], np.full((len(corners), 2), np.nan)
     for c, camera in enumerate(state.cameras):
@@ -179,7 +179,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     return xy, by_frame, shared
 
 
-def _motion_jacobian(points: Float[Array, "n 3"]) -> Float[Array, "n 3 6"]:
+def _motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
     """∂point/∂motion (N, 3, 6) of `points` (N, 3)."""
     out = np.zeros((len(points), 3, 6))
     out[:, :, :3] = -cross_matrix(points)

@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.calibration.sight import off_axis
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Array, Camera, Plane
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 PLACES = (0.12, 0.31, 0.5, 0.69, 0.88)
 """where the board's middle may be, shares of the frame's width and height"""
@@ -45,7 +45,7 @@ def board_corners(size: tuple[int, int], plane: Plane, spacing: float) -> tuple[
 
 
 def candidates(
-    camera: Camera, size: tuple[int, int], plane: Plane, spacing: float, distances: Float[Array, " d"]
+    camera: Camera, size: tuple[int, int], plane: Plane, spacing: float, distances: Real[Array, " d"]
 ) -> Candidates:
     """All poses of a board of `size` (columns, rows) corners with sides of `spacing` m: places × `distances` (D,) m × tilts."""
     width, height = camera.image_size
@@ -73,19 +73,19 @@ def candidates(
     return Candidates(T.reshape(-1, 4, 4), *spread)
 
 
-def _facing(rays: Float[Array, "k 3"]) -> Float[Array, "k 3 3"]:
+def _facing(rays: Real[Array, "k 3"]) -> Real[Array, "k 3 3"]:
     """(K, 3, 3) the least rotations that take the z axis to unit `rays` (K, 3)."""
     axis = np.stack([-rays[:, 1], rays[:, 0], 0 * rays[:, 0]], axis=-1)
     sine = np.linalg.norm(axis, axis=1)
     return rotation(axis * (np.arctan2(sine, rays[:, 2]) / np.maximum(sine, 1e-12))[:, None])
 
 
-def placed(T: Float[Array, "c 4 4"], board: Float[Array, "n 2"]) -> Float[Array, "c n 3"]:
+def placed(T: Real[Array, "c 4 4"], board: Real[Array, "n 2"]) -> Real[Array, "c n 3"]:
     """(C, N, 3) camera coordinates of `board` (N, 2) under poses `T` (C, 4, 4)."""
     return np.asarray(board @ T[:, :3, :2].transpose(0, 2, 1) + T[:, None, :3, 3])
 
 
-def in_frame(camera: Camera, points: Float[Array, "c n 3"]) -> Bool[Array, "c n"]:
+def in_frame(camera: Camera, points: Real[Array, "c n 3"]) -> Bool[Array, "c n"]:
     """(C, N) bool: the corner at `points` (C, N, 3), m, camera coordinates, is in the frame, and its ray no farther off the axis than any of
     the frame's: not beyond a fold."""
     width, height = camera.image_size
@@ -97,7 +97,7 @@ def in_frame(camera: Camera, points: Float[Array, "c n 3"]) -> Bool[Array, "c n"
     return np.asarray(inside & (angle <= widest))
 
 
-def frame_grid(image_size: tuple[int, int]) -> Float[Array, "g 2"]:
+def frame_grid(image_size: tuple[int, int]) -> Real[Array, "g 2"]:
     """(G, 2) px: points evenly over the frame, its rim included, row by row."""
     x, y = (np.linspace(0, n - 1, k) for n, k in zip(image_size, GRID, strict=True))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -10,7 +10,7 @@ from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
 from rcdn.calibration.solver import solve
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FOLDS = 5
 FEWEST = 4
@@ -60,7 +60,7 @@ def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, li
     return int(np.flatnonzero(held <= SIMPLER * np.nanmin(held))[0]), trials
 
 
-def held_out(state: State, task: Task, free: Array) -> Float[Array, "n 2"]:
+def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
     """(N, 2) residuals px, k-fold by picture: calibrate from the others, solve the poses of those held out, and take their residuals (the
     paper's pose error, section 4.4). NaN with fewer than FEWEST pictures, and of corners left out."""
     held = np.full((len(task.corners), 2), np.nan)
@@ -76,7 +76,7 @@ def held_out(state: State, task: Task, free: Array) -> Float[Array, "n 2"]:
     return held
 
 
-def rms(gaps: Float[Array, "n 2"], weight: Array) -> float:
+def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:
     """Root mean squared length of `gaps` (N, 2) of corners with a weight, px; NaN if there are none, infinite if one can't be seen."""
     mine = gaps[weight > 0]
     if not len(mine) or np.isnan(mine).all():

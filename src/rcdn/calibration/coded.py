@@ -15,7 +15,7 @@ from rcdn.calibration.labels import Labelled, Size, fits, orientation_of, settle
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 Spacing = float | Mapping[str, float]
 """m: the side of a square (of a triangle, of a tag), or that of each kind of board by its name"""
@@ -147,7 +147,7 @@ def kind_name(found: Geometry) -> str:
     return found.plane.pattern if found.target is None else found.target.kind
 
 
-def frame_of(target: Target, spacing: float) -> Float[Array, "4 4"]:
+def frame_of(target: Target, spacing: float) -> Real[Array, "4 4"]:
     """T_board_target (4, 4): takes the coordinates of the target's own tools to those of its labels, m.
 
     OpenCV's ChArUco boards begin at their outer corner at the top left, one square before the first inner one. Kalibr's AprilGrids begin at the

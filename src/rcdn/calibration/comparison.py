@@ -18,7 +18,7 @@ from rcdn.calibration.difference import (
 )
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 Where = Literal["seen", "frame"]
 FEWEST = 20
@@ -87,13 +87,13 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     )
 
 
-def _hull(calibration: Calibration) -> Float[Array, "k 2"]:
+def _hull(calibration: Calibration) -> Real[Array, "k 2"]:
     """(K, 2) px, the convex hull of the used corners; empty if there are too few."""
     xy = np.concatenate([v.xy[v.used] for v in calibration.used_views] or [np.zeros((0, 2))])
     return cv2.convexHull(xy.astype(np.float32))[:, 0].astype(float) if len(xy) > 2 else np.zeros((0, 2))
 
 
-def _within(hull: Float[Array, "k 2"], points: Float[Array, "n 2"]) -> Bool[Array, " n"]:
+def _within(hull: Real[Array, "k 2"], points: Real[Array, "n 2"]) -> Bool[Array, " n"]:
     """(N,) bool: `points` (N, 2) in the convex polygon `hull` (K, 2) or on its rim."""
     edges = np.roll(hull, -1, axis=0) - hull
     away = points[:, None] - hull

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, usual_size
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Side = Literal["left", "right", "upper", "lower"]
 
@@ -21,7 +21,7 @@ HIDDEN = 0.7
 """share of the next line's corners that must be hidden: of a board that went on, the others would have been found"""
 
 
-def cut_sides(ij: Int[Array, "m 2"], xy: Float[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
+def cut_sides(ij: Int[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
     """The borders of the picture behind which a full grid of labels `ij` (M, 2) at `xy` (M, 2) px may go on.
 
     () if there are none, and for grids with holes or in one line. The next row or column of corners, extrapolated by the homography of the three
@@ -43,7 +43,7 @@ def cut_sides(ij: Int[Array, "m 2"], xy: Float[Array, "m 2"], image_size: tuple[
     return tuple(dict.fromkeys(found))
 
 
-def _hidden_by(ij: Array, xy: Array, line: Float[Array, "l 2"], image_size: tuple[int, int]) -> list[Side]:
+def _hidden_by(ij: Array, xy: Array, line: Real[Array, "l 2"], image_size: tuple[int, int]) -> list[Side]:
     """The border that hides most of the corners `line` (L, 2), labels beside those of `ij`; [] if they could be seen."""
     H = homography(ij, xy)
     beyond = apply_homography(H, line)

@@ -17,7 +17,7 @@ from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
 from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 GRID = 60
 """points along the longer side of the frame at which cameras are compared by default"""
@@ -39,7 +39,7 @@ class Difference:
     points: Array
 
     @property
-    def lengths(self) -> Float[Array, " n"]:
+    def lengths(self) -> Real[Array, " n"]:
         """(N,) px."""
         return np.asarray(np.linalg.norm(self.vectors, axis=1))
 
@@ -76,7 +76,7 @@ class Agreement:
         return self.probability >= CHANCE
 
 
-def difference(a: Camera, b: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array, Array]:
+def difference(a: Camera, b: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Where `b` sees what `a` sees at `pixels` (N, 2), minus `pixels`: (N, 2) px; and the rotation vector (3,), rad, that was taken out.
 
     The rotation takes the axes of `a` to those of `b` and makes the sum of squared lengths of the vectors least: plain least squares, every pixel
@@ -99,7 +99,7 @@ def difference(a: Camera, b: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array
     return displacement(a, b, turn, pixels), turn
 
 
-def displacement(a: Camera, b: Camera, turn: Float[Array, " 3"], pixels: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+def displacement(a: Camera, b: Camera, turn: Real[Array, " 3"], pixels: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
     """(N, 2) px: where `b` sees the rays of `a` at `pixels` (N, 2), rotated by the vector `turn` (3,), minus `pixels`; NaN without a ray."""
     rays = _unit(unproject(a, pixels)) @ rotation(turn).T
     seen = project(b, rays)
@@ -109,7 +109,7 @@ def displacement(a: Camera, b: Camera, turn: Float[Array, " 3"], pixels: Float[A
 
 
 def camera_difference(
-    a: Camera, b: Camera, points: Float[Array, "n 2"] | None = None, fit: Float[Array, "m 2"] | None = None
+    a: Camera, b: Camera, points: Real[Array, "n 2"] | None = None, fit: Real[Array, "m 2"] | None = None
 ) -> Difference:
     """The difference of two cameras at `points` (N, 2) px, by default a grid over the part of the frame that both lenses see.
 
@@ -120,7 +120,7 @@ def camera_difference(
     return Difference(turn, vectors if fit is None else displacement(a, b, turn, points), points)
 
 
-def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Float[Array, "n 2"]:
+def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Real[Array, "n 2"]:
     """(N, 2) px: middles of nearly square cells over the frame, `longer` along its longer side, where both lenses see."""
     width, height = a.image_size
     side = max(width, height) / longer
@@ -130,7 +130,7 @@ def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Float[Array, "n 2"]
     return np.asarray(points[~(hidden[0] | hidden[1])])
 
 
-def agreement(a: Calibration, b: Calibration, found: Difference, inside: Float[Array, " n"] | None = None) -> Agreement:
+def agreement(a: Calibration, b: Calibration, found: Difference, inside: Real[Array, " n"] | None = None) -> Agreement:
     """`found`, the difference of `a.camera` and `b.camera`, beside what the two calibrations state, as if they had no picture in common.
 
     First-order propagation of both covariances through the projection and through the rotation, which was fitted over the points of `found`
@@ -154,7 +154,7 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Float[A
     return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chdtrc(freedom, freedom * square)))
 
 
-def _freedom(rows: Float[Array, "m p"]) -> float:
+def _freedom(rows: Real[Array, "m p"]) -> float:
     """Degrees of freedom of the mean square of `rows` (M, P) times P independent standard normal variables."""
     weights = np.linalg.eigvalsh(rows.T @ rows)
     return float(weights.sum() ** 2 / (weights**2).sum())
@@ -176,7 +176,7 @@ def _unit(rays: Array) -> Array:
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def _rotation_between(rays: Float[Array, "n 3"], theirs: Array) -> Array:
+def _rotation_between(rays: Real[Array, "n 3"], theirs: Array) -> Array:
     """The rotation vector that takes unit `rays` (N, 3) nearest to `theirs` (Kabsch, Acta Cryst. A32, 1976)."""
     u, _, vt = np.linalg.svd(theirs.T @ rays)
     R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
@@ -186,7 +186,7 @@ def _rotation_between(rays: Float[Array, "n 3"], theirs: Array) -> Array:
     return np.asarray(axis * (angle / sine if sine > 1e-12 else 1.0))
 
 
-def _least_squares(camera: Camera, rays: Float[Array, "n 3"], pixels: Float[Array, "n 2"], start: Array) -> Array:
+def _least_squares(camera: Camera, rays: Real[Array, "n 3"], pixels: Real[Array, "n 2"], start: Array) -> Array:
     """The rotation vector near `start` after which `camera` sees `rays` (N, 3) nearest to `pixels` (N, 2).
 
     Solved for a small rotation after `start`, by central differences, which every lens model has.

@@ -16,7 +16,7 @@ import numpy as np
 from rcdn.calibration.outlines import distances, outline
 from rcdn.io import ImageResult
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LOOKS, VIEWS = 150, 40
 """candidates of a video, and frames that are kept, at most"""
@@ -89,7 +89,7 @@ def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
     return sorted(chosen)
 
 
-def _largest_near(energy: Array) -> Float[Array, " n"]:
+def _largest_near(energy: Array) -> Real[Array, " n"]:
     """(N,) the largest energy within NEAR frames."""
     padded = np.pad(energy, NEAR, constant_values=-np.inf)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR + 1).max(axis=1))
@@ -117,7 +117,7 @@ def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:
     return sorted(index[k] for k in chosen)
 
 
-def _worth(boards: Sequence[Board]) -> Float[Array, " n"]:
+def _worth(boards: Sequence[Board]) -> Real[Array, " n"]:
     """(N,) in [0, 1]: less for imprecise corners and for few of them; 0 for blurred boards."""
     sigma = np.array([_median_sigma(board) for board in boards])
     known = sigma[np.isfinite(sigma)]

@@ -18,7 +18,7 @@ from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 RIDGE = 1e-10
 """of a normal matrix with a unit diagonal"""
@@ -44,7 +44,7 @@ class ViewInformation:
         step = _solve(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
         return ViewInformation(self.score - self.information @ step, self.information, self.prior)
 
-    def deviations(self, directions: Array | None = None) -> Float[Array, " q"]:
+    def deviations(self, directions: Array | None = None) -> Real[Array, " q"]:
         """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a jackknife over views, linearised."""
         H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
         moved = _solve(H - self.information, g - self.score) - _solve(H, g)
@@ -86,7 +86,7 @@ def view_information(calibration: Calibration) -> ViewInformation:
     return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
 
 
-def _fixed(calibration: Calibration, info: ViewInformation) -> Float[Array, "p p"]:
+def _fixed(calibration: Calibration, info: ViewInformation) -> Real[Array, "p p"]:
     """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy where they vary as one."""
     cov, camera = calibration.cov, calibration.camera
     usual = np.diag(info.information.sum(axis=0))
@@ -97,7 +97,7 @@ def _fixed(calibration: Calibration, info: ViewInformation) -> Float[Array, "p p
     return out
 
 
-def of_state(state: State, corners: Corners3, weight: Float[Array, " n"]) -> ViewInformation:
+def of_state(state: State, corners: Corners3, weight: Real[Array, " n"]) -> ViewInformation:
     """The same of a `state` of one camera: each frame a view, its corners with `weight` (N,) 1 / px (0: left out)."""
     many = len(state.cameras[0].parameters)
     xy, by_pose, by_shared = linearise(state, corners)
@@ -124,7 +124,7 @@ class Difference:
     freedom: Array
 
 
-def group_difference(info: ViewInformation, directions: Float[Array, "p q"], splits: Float[Array, "n v"]) -> Difference:
+def group_difference(info: ViewInformation, directions: Real[Array, "p q"], splits: Bool[Array, "n v"]) -> Difference:
     """How the views of `splits` (n, V) bool differ from the others along `directions` (P, q); what else the camera has is common to both.
 
     Deviations are those of a jackknife over views, in which each group has its own share; degrees of freedom after Welch (1947) and Satterthwaite.
@@ -142,7 +142,7 @@ def group_difference(info: ViewInformation, directions: Float[Array, "p q"], spl
     return Difference(every, np.sqrt(variance), freedom)
 
 
-def _joint(info: ViewInformation, directions: Array, inside: Array, without: int | None) -> Float[Array, "n q"]:
+def _joint(info: ViewInformation, directions: Array, inside: Array, without: int | None) -> Real[Array, "n q"]:
     """(n, q) the least-squares change along `directions` of the views inside, beside a change of all; `without` one view."""
     keep = np.ones(len(info))
     if without is not None:
@@ -160,7 +160,7 @@ def _joint(info: ViewInformation, directions: Array, inside: Array, without: int
     return _solve(H, right)[:, many:]
 
 
-def gains(info: ViewInformation, splits: Float[Array, "n v"]) -> Float[Array, " n"]:
+def gains(info: ViewInformation, splits: Real[Array, "n v"]) -> Real[Array, " n"]:
     """(n,) by how much the sum of whitened squares falls if the views of each of `splits` (n, V) get a camera of their own, all parameters.
 
     `info` is linearised at its optimum (`at_optimum`).
@@ -172,12 +172,12 @@ def gains(info: ViewInformation, splits: Float[Array, "n v"]) -> Float[Array, " 
     return np.einsum("np,np->n", score, _solve(part - part @ _solve_all(H, part), score))
 
 
-def _solve(H: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
+def _solve(H: Real[Array, "... n n"], right: Real[Array, "... n"]) -> Real[Array, "... n"]:
     """Solutions (..., n) of symmetric `H` (..., n, n) for `right` (..., n); scaled, with a small ridge."""
     return _solve_all(H, right[..., None])[..., 0]
 
 
-def _solve_all(H: Array, right: Array) -> Float[Array, "... n m"]:
+def _solve_all(H: Array, right: Array) -> Real[Array, "... n m"]:
     """The same of several right sides (..., n, m)."""
     scale = 1 / np.sqrt(np.maximum(np.einsum("...ii->...i", H), 1e-300))
     scaled = H * scale[..., :, None] * scale[..., None, :] + RIDGE * np.eye(H.shape[-1])

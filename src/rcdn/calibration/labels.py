@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Size = tuple[int, int]
 GRID = 0.25
@@ -32,7 +32,7 @@ class Labelled:
     main: bool = True
 
     @property
-    def places(self) -> Float[Array, "m 2"]:
+    def places(self) -> Real[Array, "m 2"]:
         """(M, 2) m: where the corners lie on the printed plane."""
         return self.plane.points(self.ij) * self.spacing
 

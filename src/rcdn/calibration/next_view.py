@@ -12,7 +12,7 @@ from rcdn.calibration.candidates import SIDES, Candidates, board_corners, candid
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 DISTANCES = (0.05, 0.5, 0.95)
 """quantiles of the distances seen: there the picture is sharp, and the board found"""
@@ -57,7 +57,7 @@ class NextView:
 def next_view(
     calibration: Calibration,
     *,
-    distances: Float[Array, " d"] | None = None,
+    distances: Real[Array, " d"] | None = None,
     size: tuple[int, int] | None = None,
     plane: Plane | None = None,
 ) -> NextView | None:
@@ -88,7 +88,7 @@ def next_view(
     return _found(calibration, every, best, size, plane, float(seen[best].mean()), forecast.before, float(after[best]))
 
 
-def _best(after: Float[Array, " c"], inside: Float[Array, " c"]) -> int:
+def _best(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
     """The candidate with the lowest uncertainty `after` (C,), or one that is nearly as good with more of the board in the frame: `inside` (C,)."""
     nearly = np.flatnonzero(after <= NEARLY * after.min())
     return int(nearly[np.lexsort([after[nearly], -inside[nearly]])[0]])
@@ -121,7 +121,7 @@ def advised(calibration: Calibration) -> Calibration:
     return replace(calibration, advice=(*calibration.advice, said))
 
 
-def _distances(calibration: Calibration) -> Float[Array, " d"]:
+def _distances(calibration: Calibration) -> Real[Array, " d"]:
     """(D,) m, of the boards' middles: quantiles of those seen."""
     seen = []
     for view in calibration.used_views:

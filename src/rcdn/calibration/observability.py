@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LOOSE_FOCAL = 0.05
 """standard deviation of the logarithm of the focal length from which on it counts as unknown"""
@@ -80,7 +80,7 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
     return tuple(Unsettled(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
 
 
-def deviations(calibration: Calibration) -> Float[Array, " 4"]:
+def deviations(calibration: Calibration) -> Real[Array, " 4"]:
     """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), by the calibration's covariance, which is that of the scatter
     between views. Infinite where there are fewer than 2.
     """

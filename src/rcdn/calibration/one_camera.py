@@ -19,7 +19,7 @@ from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_o
 from rcdn.calibration.influence import ViewInformation, gains, group_difference, view_information
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LEVEL = 1e-3
 """probability, corrected for the number of splits, under which one camera is doubted"""
@@ -127,7 +127,7 @@ def _suspects(calibration: Calibration, info: ViewInformation) -> Iterator[_Susp
     yield from _by_focal_length(info, directions[:, 0])
 
 
-def _directions(camera: Camera) -> Float[Array, "p 3"]:
+def _directions(camera: Camera) -> Real[Array, "p 3"]:
     """(P, 3) changes of the parameters: of the logarithm of the focal length, and of the principal point, px."""
     out = np.zeros((len(camera.parameters), 3))
     out[:2, 0] = camera.parameters[:2]
@@ -150,7 +150,7 @@ def _by_name(names: Sequence[str], info: ViewInformation, directions: Array) -> 
             yield _Suspect("names", members, float(p * len(splits)))
 
 
-def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Float[Array, "n q"]:
+def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Real[Array, "n q"]:
     """(n, q) two-sided probabilities of the differences between groups."""
     d = group_difference(info, directions, masks)
     return np.asarray(2 * stdtr(d.freedom, -np.abs(d.value) / np.maximum(d.std, 1e-300)))
@@ -198,7 +198,7 @@ def _by_focal_length(info: ViewInformation, direction: Array) -> Iterator[_Suspe
         yield _Suspect("focal length", np.where(low[0], 0, 1), p)
 
 
-def _two_means(values: Float[Array, "n v"], weight: Array) -> tuple[Array, Array]:
+def _two_means(values: Real[Array, "n v"], weight: Array) -> tuple[Array, Array]:
     """(n,) by how many times the weighted scatter of `values` (n, V) falls at the best split in two, and (n, V) who is in the lower part.
 
     Each part has `LEAST_GROUP` views at least, and no part rests on a single one: the largest weight of each part counts only as its second.

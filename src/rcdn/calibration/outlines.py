@@ -6,10 +6,10 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def outline(board: Board) -> Float[Array, "4 2"]:
+def outline(board: Board) -> Real[Array, "4 2"]:
     """(4, 2) corners of the board's grid, in order around it, in diagonals of the image."""
     cols, rows = board.size
     box = board.ij.min(axis=0) + np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])
@@ -18,7 +18,7 @@ def outline(board: Board) -> Float[Array, "4 2"]:
     return np.asarray(np.clip(xy, -0.5 * wh, 1.5 * wh) / np.linalg.norm(wh))
 
 
-def distances(outlines: Array, one: Array) -> Float[Array, " n"]:
+def distances(outlines: Array, one: Array) -> Real[Array, " n"]:
     """(N,) root mean square distance of the corners of each outline from those of `one`.
 
     The least over the four turns: where a board's labels begin is often arbitrary.

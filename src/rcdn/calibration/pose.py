@@ -16,7 +16,7 @@ from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST = 4
 NO_POSE = "no pose fits the board's corners: are its labels right, and is it this camera?"
@@ -112,7 +112,7 @@ def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array
     return [T for T, m in zip(starts, miss, strict=True) if np.isfinite(m) and m <= robust.HOPEFUL * min(miss)]
 
 
-def _facing(direction: Array) -> Float[Array, "3 3"]:
+def _facing(direction: Array) -> Real[Array, "3 3"]:
     """(3, 3) a rotation that takes `direction` to the z axis."""
     z = direction / np.linalg.norm(direction)
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)

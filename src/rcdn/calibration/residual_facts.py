@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.calibration.sight import cell_centres, cells_of
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 FINER = 1.5
 """cells of the mean residuals for each of the coverage's, along one side"""
@@ -131,7 +131,7 @@ def mean_residuals(calibration: Calibration) -> Cells:
     return Cells(cell_centres(image_size, (cols, rows)).reshape(-1, 2)[enough], mean, error, systematic)
 
 
-def _cell_of(xy: Float[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Int[Array, " n"]:
+def _cell_of(xy: Real[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Int[Array, " n"]:
     """(N,) number of the cell, of (columns, rows), that each of `xy` (N, 2) px lies in."""
     at = np.floor((xy + 0.5) / np.array(image_size) * cells).astype(int).clip(0, np.array(cells) - 1)
     return np.asarray(at[:, 1] * cells[0] + at[:, 0])
@@ -151,7 +151,7 @@ def neighbour_correlation(calibration: Calibration) -> float:
     return product / power if power > 0 else float("nan")
 
 
-def _neighbours(view: BoardView, which: Int[Array, " m"]) -> tuple[Array, Array]:
+def _neighbours(view: BoardView, which: Bool[Array, " m"]) -> tuple[Array, Array]:
     """Indices of all pairs of corners `which` (M,) bool that are one step apart on the board."""
     at = np.flatnonzero(which)
     if not len(at):

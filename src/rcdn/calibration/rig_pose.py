@@ -20,7 +20,7 @@ from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TURNS = {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}
 PART = "it shows a part of the board, and nobody knows which"
@@ -167,7 +167,7 @@ def _estimated(
     )
 
 
-def _offsets(gaps: Array, camera: Array) -> Float[Array, " n"]:
+def _offsets(gaps: Array, camera: Array) -> Real[Array, " n"]:
     """(N,) px of one axis by which each corner's camera as a whole sees the board elsewhere, by the median: its place isn't known better."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     typical = np.array([np.median(far[camera == c]) for c in range(int(camera.max()) + 1)])

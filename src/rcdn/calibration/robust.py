@@ -16,7 +16,7 @@ from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 GATE = 4.5
 """standard deviations of a corner's distance from which on it is an outlier (one in 25,000 by chance)"""
@@ -69,7 +69,7 @@ def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: 
     return state, noise
 
 
-def _calm(gaps: Array, frame: Array, frames: int) -> Float[Array, " n"]:
+def _calm(gaps: Array, frame: Array, frames: int) -> Real[Array, " n"]:
     """(N,) weights up to 1 of corners by their view: one whose typical corner lies far off shall not pull the lens."""
     px = np.minimum(_medians(gaps, frame, frames), BEHIND)
     return np.minimum(1, (ODD * np.median(px[np.unique(frame)]) / np.maximum(px, 1e-12)) ** 2)[frame]
@@ -92,7 +92,7 @@ def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
     return _where_better(state, _anew(state, corners, np.flatnonzero(odd)), odd, corners, weight)
 
 
-def _where_better(state: State, other: State, tried: Float[Array, " f"], corners: Corners3, weight: Array) -> State:
+def _where_better(state: State, other: State, tried: Bool[Array, " f"], corners: Corners3, weight: Array) -> State:
     """`state` with the poses of `other`, solved from there, of those frames `tried` (F,) in which they fit better."""
     mine = np.flatnonzero(tried[corners.frame])
     if not len(mine):
@@ -116,7 +116,7 @@ def _anew(state: State, corners: Corners3, frames: Array) -> State:
     return replace(state, poses=out)
 
 
-def _medians(gaps: Float[Array, "n 2"], frame: Array, frames: int) -> Float[Array, " f"]:
+def _medians(gaps: Real[Array, "n 2"], frame: Array, frames: int) -> Real[Array, " f"]:
     """(F,) median length of each frame's `gaps` (N, 2), px; infinite where most can't be seen, 0 without corners."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     return np.array([np.median(far[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
@@ -140,9 +140,9 @@ def fit(
     start: State,
     noise: float,
     corners: Corners3,
-    sigma: Float[Array, " n"],
-    free: Float[Array, " k"],
-    cluster: Float[Array, " f"] | None = None,
+    sigma: Real[Array, " n"],
+    free: Bool[Array, " k"],
+    cluster: Real[Array, " f"] | None = None,
     spacing: float = 1.0,
     power: float = JACKKNIFE,
 ) -> Fit:
@@ -228,7 +228,7 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
     return good & ~lost[frame], reasons
 
 
-def _median_noise(gaps: Array, sigma: Float[Array, " n"]) -> float:
+def _median_noise(gaps: Array, sigma: Real[Array, " n"]) -> float:
     """Noise px of one axis beyond `sigma` (N,) by the median of residuals: outliers don't matter."""
     square = (gaps**2).sum(axis=1)
     seen = np.isfinite(square)
@@ -241,7 +241,7 @@ def _median_noise(gaps: Array, sigma: Float[Array, " n"]) -> float:
     return _root(excess, float(np.sqrt(np.median(square[seen]) / MEDIAN)))
 
 
-def _noise(gaps: Array, sigma: Float[Array, " n"], unknowns: float) -> float:
+def _noise(gaps: Array, sigma: Real[Array, " n"], unknowns: float) -> float:
     """Noise px of one axis beyond `sigma` (N,), such that whitened residuals have the squares that their degrees of freedom promise."""
     square, freedom = (gaps**2).sum(axis=1), max(2 * len(gaps) - unknowns, 1)
 

@@ -16,7 +16,7 @@ from rcdn.calibration.influence import view_information
 from rcdn.calibration.uncertainty import unrotated_slopes
 from rcdn.errors import ConfigError, shown
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LITTLE = 1e-4
 """× what all views tell: is taken to be known beforehand, so that few views have a variance, too"""
@@ -40,7 +40,7 @@ def most_telling(calibration: Calibration, many: int) -> tuple[str, ...]:
     return tuple(names[k] for k in sorted(some))
 
 
-def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: list[str]) -> Float[Array, "n p p"]:
+def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: list[str]) -> Real[Array, "n p p"]:
     """(N, P, P) information of each picture."""
     each = view_information(calibration).information
     scatter = np.array([v.rms for v in views])
@@ -72,7 +72,7 @@ def _exchanged(chosen: list[int], information: Array, rows: Array) -> list[int]:
     return chosen
 
 
-def _with_one_more(chosen: list[int], information: Array, rows: Array) -> Float[Array, " n"]:
+def _with_one_more(chosen: list[int], information: Array, rows: Array) -> Real[Array, " n"]:
     """(N,) mean variance of projections with each of the others besides `chosen`; infinite for those."""
     little = LITTLE * information.sum(axis=0)
     ridge = 1e-12 * np.diag(np.diag(information.sum(axis=0)))

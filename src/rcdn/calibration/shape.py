@@ -16,7 +16,7 @@ from numpy.polynomial.legendre import legvander
 
 from rcdn.calibration.bundle import Prior, State
 from rcdn.types import SQUARES, Array, BoardShape, Plane
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Size = tuple[int, int]
 DEGREE, DECAY = 4, 2.0
@@ -35,7 +35,7 @@ FEWEST_SHAPED = 5
 """views of the whole board, below which it is taken as perfect"""
 
 
-def shape_basis(ij: Int[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Float[Array, "n b"]:
+def shape_basis(ij: Int[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Real[Array, "n b"]:
     """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows) on its `plane`: polynomials that are orthogonal to
     each other and to a constant over the board's corners, of mean square 1 there (0 if so few corners have no such function).
 
@@ -61,7 +61,7 @@ def all_labels(size: Size) -> Array:
     return np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
 
 
-def _products(places: Array, far: Float[Array, " 2"]) -> Array:
+def _products(places: Array, far: Real[Array, " 2"]) -> Array:
     """(N, 1 + B) products of Legendre polynomials that run over −1 to 1 from the first corner to the last, at `far` (2,), a constant first."""
     x, y = (2 * places / far - 1).T
     across, down = legvander(x, DEGREE), legvander(y, DEGREE)
@@ -114,7 +114,7 @@ def likelier(state: State, covariance: Array, spacing: float) -> Spread:
     return Spread(*(float(np.clip(value, LEAST * spacing, MOST * spacing)) for value in (plane, depth)))
 
 
-def board_shape(coefficients: Float[Array, "b 3"], size: Size, plane: Plane = SQUARES) -> BoardShape:
+def board_shape(coefficients: Real[Array, "b 3"], size: Size, plane: Plane = SQUARES) -> BoardShape:
     """The shape of `coefficients` (B, 3) m at all corners of a board of `size`."""
     return BoardShape((shape_basis(all_labels(size), size, plane) @ coefficients).reshape(size[1], size[0], 3))
 

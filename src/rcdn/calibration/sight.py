@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.geometry import unproject
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 WIDEST = 90.0
 """degrees off the axis; what a fisheye sees beyond is taken for the dark around its circle, and doesn't count"""
@@ -47,7 +47,7 @@ def out_of_sight(camera: Camera, pixels: Array) -> tuple[Array, Array]:
     return beyond | (blind & full), blind & (not full)
 
 
-def off_axis(camera: Camera, pixels: Array) -> Float[Array, " ..."]:
+def off_axis(camera: Camera, pixels: Array) -> Real[Array, " ..."]:
     """(...,) degrees between the axis and the ray of the pixel (..., 2); NaN without a ray."""
     rays = unproject(camera, pixels)
     return np.asarray(np.degrees(np.arctan2(np.hypot(rays[..., 0], rays[..., 1]), rays[..., 2])))

@@ -12,7 +12,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 RIDGE = 1e-10
 """× the largest of a block's diagonal: keeps what nothing determines from stopping the solver; its variance is huge then"""
@@ -40,7 +40,7 @@ class Arrow:
     rim: Array
 
     @classmethod
-    def of(cls, blocks: Array, whole: Float[Array, "k k"], damping: float = 0.0) -> Arrow:
+    def of(cls, blocks: Array, whole: Real[Array, "k k"], damping: float = 0.0) -> Arrow:
         """From the normal matrix: the frames' `blocks` (F, 6, 6 + K), their own and with what all share, and the `whole` (K, K) of that, the
         prior's precision included. `damping`: share added to the diagonal."""
         own = _inverse_factor(_damped(blocks[:, :, :6], damping))
@@ -50,11 +50,11 @@ class Arrow:
         return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
 
     @property
-    def covariance(self) -> Float[Array, "k k"]:
+    def covariance(self) -> Real[Array, "k k"]:
         """(K, K) of the shared parameters at unit noise."""
         return np.asarray(self.rim @ self.rim.T)
 
-    def solve(self, by_frame: Float[Array, "f 6"], shared: Float[Array, " k"]) -> tuple[Array, Array]:
+    def solve(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> tuple[Array, Array]:
         """(F, 6) and (K,): the inverse of the normal matrix times a gradient `by_frame` (F, 6), `shared` (K,)."""
         rest = shared - np.einsum("fak,fa->k", self.reach, by_frame)
         x = self.rim @ (self.rim.T @ rest)
@@ -72,7 +72,7 @@ def _by_frame(values: Array, frame: Array, frames: int) -> Array:
     return out
 
 
-def _damped(blocks: Float[Array, "f n n"], damping: float) -> Array:
+def _damped(blocks: Real[Array, "f n n"], damping: float) -> Array:
     """`blocks` (F, n, n) with their diagonals longer by the share `damping`."""
     if not damping:
         return blocks
@@ -81,7 +81,7 @@ def _damped(blocks: Float[Array, "f n n"], damping: float) -> Array:
     return out
 
 
-def _inverse_factor(blocks: Float[Array, "f n n"], whole: Float[Array, " n"] | None = None) -> Array:
+def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | None = None) -> Array:
     """Inverse of the upper Cholesky factor of symmetric `blocks` (F, n, n); a ridge where they are singular.
 
     `whole` (n,): the diagonal before other unknowns were eliminated; what is left of it may be all rounding. What no corner
@@ -179,7 +179,7 @@ class Normal:
 
 
 def without_pose(
-    by_pose: Float[Array, "m 2 6"], shared: Float[Array, "m 2 k"], gaps: Float[Array, "m 2"]
+    by_pose: Real[Array, "m 2 6"], shared: Real[Array, "m 2 k"], gaps: Real[Array, "m 2"]
 ) -> tuple[Array, Array]:
     """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
     and `gaps` (M, 2)."""
@@ -199,8 +199,8 @@ class Solution:
 def solve(
     start: State,
     corners: Corners3,
-    weight: Float[Array, " n"],
-    free: Float[Array, " k"] | None = None,
+    weight: Real[Array, " n"],
+    free: Bool[Array, " k"] | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
 ) -> Solution:

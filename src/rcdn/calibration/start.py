@@ -12,7 +12,7 @@ import numpy as np
 
 from rcdn.geometry import project, unproject
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FOCAL = 0.3 * 1.28 ** np.arange(17)
 """focal lengths that are tried, in half diagonals of the picture: 0.3 to 16"""
@@ -46,7 +46,7 @@ def division_camera(focal: float, bend: float, half: float, image_size: tuple[in
     return Camera(K, np.array([bend * (focal / half) ** 2]), image_size, "division")
 
 
-def poses(camera: Camera, views: list[Seen]) -> Float[Array, "v 4 4"]:
+def poses(camera: Camera, views: list[Seen]) -> Real[Array, "v 4 4"]:
     """(V, 4, 4) T_cam_board of each view under `camera`: good enough to start from; NaN where the lens has no ray for a corner."""
     return _Batch.of(views).poses(camera)
 
@@ -85,7 +85,7 @@ class _Batch:
         gap[self.there == 0] = np.nan
         return float(np.median(np.nanmedian(gap, axis=1)))
 
-    def poses(self, camera: Camera) -> Float[Array, "v 4 4"]:
+    def poses(self, camera: Camera) -> Real[Array, "v 4 4"]:
         """(V, 4, 4), in the views' own unit."""
         T = self._scaled_poses(camera)
         T[:, :3, 3] /= self.scale[:, None]
@@ -108,7 +108,7 @@ class _Batch:
         return T
 
 
-def _ray_homographies(rays: Float[Array, "v m 3"], board: Array, weight: Array) -> Float[Array, "v 3 3"]:
+def _ray_homographies(rays: Real[Array, "v m 3"], board: Array, weight: Array) -> Real[Array, "v 3 3"]:
     """(V, 3, 3) with H·(x, y, 1) along the `rays` (V, M, 3), in the algebraic sense."""
     X = np.concatenate([board, np.ones((*board.shape[:2], 1))], axis=2)
     # ray × (H X) = 0: with P = I − ray·rayᵀ the rows are kron(P, Xᵀ), and PᵀP = P
@@ -118,7 +118,7 @@ def _ray_homographies(rays: Float[Array, "v m 3"], board: Array, weight: Array) 
     return np.asarray(np.linalg.eigh(normal)[1][:, :, 0].reshape(-1, 3, 3))
 
 
-def _nearest_poses(H: Array) -> Float[Array, "v 4 4"]:
+def _nearest_poses(H: Array) -> Real[Array, "v 4 4"]:
     """Poses (V, 4, 4) whose first two axes and origin are nearest those of H (V, 3, 3), up to a factor."""
     u, s, vt = np.linalg.svd(H[:, :, :2], full_matrices=False)
     factor = s.mean(axis=1)

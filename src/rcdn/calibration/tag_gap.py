@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.types import AprilGrid, Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR, CERTAIN = 0.002, 4.0
 """sides of a tag, and standard deviations, within which the gap that the boards were read with stands"""
@@ -38,7 +38,7 @@ def _gaps(board: Board) -> Array:
     return np.concatenate([_of_lines(lines) for lines in (grid, grid.swapaxes(0, 1))])
 
 
-def _of_lines(lines: Float[Array, "c r 2"]) -> Array:
+def _of_lines(lines: Real[Array, "c r 2"]) -> Array:
     """`lines` (C, R, 2) px: corners along the first axis."""
     a, b, c, d = (lines[k : len(lines) - 3 + k : 2] for k in range(4))
     ab, bc, cd, ac, bd, ad = (

@@ -16,7 +16,7 @@ from rcdn.calibration.sight import off_axis, reach
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 Both = tuple[Calibration, Calibration]
 ALIKE = 0.05
@@ -111,7 +111,7 @@ def _common(candidates: dict[str, Both], pairs: Sequence[tuple[int, int]], given
     return names[int(np.flatnonzero(pooled <= choose.SIMPLER * np.nanmin(pooled))[0])]
 
 
-def _held_out(models: list[Both], pairs: Sequence[tuple[int, int]]) -> Float[Array, "m 3"]:
+def _held_out(models: list[Both], pairs: Sequence[tuple[int, int]]) -> Real[Array, "m 3"]:
     """(M, 3) RMS px under each model in pictures held out: of the left camera, of the right one, of both."""
     task, starts = _joint(models, pairs)
     cameras = [(0,), (1,), (0, 1)]

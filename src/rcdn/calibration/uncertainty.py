@@ -11,7 +11,7 @@ from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
 from rcdn.geometry import cross_matrix, project_with_slopes, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
@@ -38,7 +38,7 @@ def clustered(
     free: Array,
     arrow: Arrow,
     scale: float,
-    cluster: Float[Array, " f"] | None = None,
+    cluster: Real[Array, " f"] | None = None,
     power: float = JACKKNIFE,
 ) -> Clustered:
     """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
@@ -69,7 +69,7 @@ def clustered(
     return Clustered(np.asarray(rim @ meat @ rim.T), inflation)
 
 
-def _inflation(meat: Float[Array, "k k"], rows: Float[Array, "p k"], scale: float) -> float:
+def _inflation(meat: Real[Array, "k k"], rows: Real[Array, "p k"], scale: float) -> float:
     """Mean of the scatter `meat` (K, K) over the directions in which the parameters of `rows` (P, K) are told, ÷ `scale`; at least 1."""
     if not len(rows):
         return 1.0
@@ -77,7 +77,7 @@ def _inflation(meat: Float[Array, "k k"], rows: Float[Array, "p k"], scale: floa
     return max(float(np.trace(directions.T @ meat @ directions)) / len(rows) / max(scale, 1e-300), 1.0)
 
 
-def _scatter(leverage: Float[Array, "g k k"], score: Float[Array, "g k"], power: float) -> Float[Array, "k k"]:
+def _scatter(leverage: Real[Array, "g k k"], score: Real[Array, "g k"], power: float) -> Real[Array, "k k"]:
     """(K, K) sum over G clusters of v vᵀ, v = (1 − leverage)^−power score, of symmetric `leverage` (G, K, K) and `score` (G, K)."""
     values, vectors = np.linalg.eigh((leverage + leverage.transpose(0, 2, 1)) / 2)
     along = np.einsum("gka,gk->ga", vectors, score) * np.maximum(1 - values, LEAST_LEFT) ** -power
@@ -107,7 +107,7 @@ def _by_cluster(state: State, corners: Corners3, weight: Array, free: Array, clu
     return np.array(info), np.array(score)
 
 
-def covariance(arrow: Arrow, frames: Float[Array, " f"], scale: float, honest: Clustered) -> Array:
+def covariance(arrow: Arrow, frames: Real[Array, " f"], scale: float, honest: Clustered) -> Array:
     """Covariance (K + 6, K + 6) of the K shared parameters and of the mean motion of the poses `frames` (F,) that were used.
 
     `scale`: mean square of the whitened residuals. What a pose errs by itself is taken to be as many times larger than by the noise of
@@ -121,7 +121,7 @@ def covariance(arrow: Arrow, frames: Float[Array, " f"], scale: float, honest: C
     return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
 
 
-def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Float[Array, "6 6"]:
+def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Real[Array, "6 6"]:
     """Covariance (6, 6) of the small motion of one board's pose under a known camera, from corners that err together with their neighbours.
 
     A sandwich whose middle sums products of the corners' gradients with a weight that falls linearly to 0 at half of the board's longer side
@@ -145,7 +145,7 @@ def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow
     return np.asarray(arrow.own[0] @ wide @ arrow.own[0].T * scale) if np.isfinite(wide).all() else np.asarray(single)
 
 
-def projection_uncertainty(calibration: Calibration, pixels: Float[Array, "n 2"], distance: float = np.inf) -> Array:
+def projection_uncertainty(calibration: Calibration, pixels: Real[Array, "n 2"], distance: float = np.inf) -> Array:
     """Standard deviation, px, of where the camera sees a fixed point that it sees at `pixels` (N, 2): root mean square of both axes.
 
     The point stands `distance` m away, in front of boards that hold still: camera and boards were estimated together, and a turn of
@@ -170,7 +170,7 @@ def projection_uncertainty(calibration: Calibration, pixels: Float[Array, "n 2"]
     return out
 
 
-def projection_deviation(calibration: Calibration, pixels: Float[Array, "n 2"]) -> Float[Array, "n 2 2"]:
+def projection_deviation(calibration: Calibration, pixels: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
     """Covariance (N, 2, 2), px², of where the camera sees the directions that it sees at `pixels` (N, 2), but for a rotation of all of them.
 
     What a rotation of the camera does to all pixels is no error: the one that takes most away, by least squares over `pixels`, is taken out.
@@ -181,7 +181,7 @@ def projection_deviation(calibration: Calibration, pixels: Float[Array, "n 2"]) 
     return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
 
 
-def unrotated_slopes(camera: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array, Array]:
+def unrotated_slopes(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Derivatives (N, 2, P), in the camera's parameters, of where it sees the directions that it sees at `pixels` (N, 2), without what a
     rotation of all directions makes up for; NaN where it has no ray, and (N,) bool where it has one."""
     pixels = np.atleast_2d(np.asarray(pixels, float))

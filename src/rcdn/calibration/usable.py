@@ -16,7 +16,7 @@ from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 LOOSEST = 1e3
@@ -112,7 +112,7 @@ def usable(
     return Usable(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
 
 
-def _basis(labels: list[Labelled], whole: Geometry) -> Float[Array, "n b"]:
+def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
     """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or that don't settle which corner is which."""
     parts = [
         shape_basis(label.ij, whole.size, whole.plane)
@@ -133,7 +133,7 @@ def too_few(many: int, reasons: dict[int, str]) -> str:
     )
 
 
-def sigma_of(board: Board) -> Float[Array, " m"]:
+def sigma_of(board: Board) -> Real[Array, " m"]:
     """(M,) px; NaN where unknown."""
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 

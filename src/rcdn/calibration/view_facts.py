@@ -10,7 +10,7 @@ from rcdn.calibration.board_points import flat_points
 from rcdn.errors import present
 from rcdn.geometry import transform
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 SAME_PLACE = 0.02
 """of the picture's longer side: views whose boards lie closer than this, corner by corner (RMS), show the same"""
@@ -38,7 +38,7 @@ def measure_views(calibration: Calibration) -> ViewFacts:
     return ViewFacts(len(views), len(set(places(calibration, views).tolist())), tilt, tilt_spread(views))
 
 
-def tilts(calibration: Calibration) -> Float[Array, " v"]:
+def tilts(calibration: Calibration) -> Real[Array, " v"]:
     """(V,) degrees by which each used board is tilted against the sensor."""
     normals = np.array([v.pose.R[2, 2] for v in calibration.used_views if v.pose is not None])
     return np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1)))
@@ -70,7 +70,7 @@ def places(calibration: Calibration, views: list[BoardView]) -> Int[Array, " v"]
     return group
 
 
-def _outline(calibration: Calibration, view: BoardView) -> Float[Array, "4 2"]:
+def _outline(calibration: Calibration, view: BoardView) -> Real[Array, "4 2"]:
     """(4, 2) where the corners of the view's part of the board lie, px of a lens without distortion (so that none folds back)."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     ends = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])

@@ -6,13 +6,13 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR = 0.01
 """of the frame's diagonal: views whose corners lie nearer each other in the mean show the same, and err together"""
 
 
-def alike(corners: Corners3, image_size: tuple[int, int], picture: Float[Array, " f"]) -> Float[Array, " f"]:
+def alike(corners: Corners3, image_size: tuple[int, int], picture: Real[Array, " f"]) -> Real[Array, " f"]:
     """(F,) cluster numbers of the frames: frames of one `picture` (F,) are in one, and so are views of a board that hardly moved.
 
     Copies of a picture and the many frames of a slow video tell no more than one of them. A view joins the first cluster whose first view

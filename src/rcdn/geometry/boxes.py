@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 EACH = 16
 """points of a cell, about"""
@@ -28,7 +28,7 @@ class _Table(NamedTuple):
     order: Array
     first: Array
 
-    def cell(self, at: Float[Array, "... 2"]) -> Array:
+    def cell(self, at: Real[Array, "... 2"]) -> Array:
         """Column and row of the cell of each of the positions `at` (..., 2), the nearest one for those outside."""
         return np.clip((at - self.low) // self.size, 0, self.cells - 1).astype(np.int64).T
 
@@ -65,7 +65,7 @@ class PointCells:
         (left, top), (right, bottom) = table.cell(low).tolist(), table.cell(high).tolist()
         return (right - left + 1) * (bottom - top + 1) / float(table.cells.prod())
 
-    def inside(self, low: Float[Array, " 2"], high: Float[Array, " 2"]) -> Array:
+    def inside(self, low: Real[Array, " 2"], high: Real[Array, " 2"]) -> Array:
         """Rows, rising, of the points in a box, its `low` (2,) and `high` (2,) corner included."""
         if not (high >= low).all():
             return np.zeros(0, np.int64)
@@ -102,7 +102,7 @@ class BoxCells:
         (left, top), (right, bottom) = ((a // self._size).astype(int).tolist() for a in (low, high))
         return [(i, j) for i in range(left, right + 1) for j in range(top, bottom + 1)]
 
-    def touched(self, low: Float[Array, " 2"], high: Float[Array, " 2"]) -> list[int]:
+    def touched(self, low: Real[Array, " 2"], high: Real[Array, " 2"]) -> list[int]:
         """Numbers, rising, of the boxes that have a point in common with the box from `low` (2,) to `high` (2,)."""
         near = {box for cell in self._cells(low, high) for box in self._held.get(cell, ())}
         some = np.array(sorted(near), np.int64)

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from rcdn.types import Array, LensCorrection
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def stereographic(points: Array) -> Float[Array, "... 2"]:
+def stereographic(points: Array) -> Real[Array, "... 2"]:
     """u (..., 2) = 2·(x, y) ÷ (|p| + z) of camera points (..., 3): |u| = 2·tan(θ/2) at the angle θ off the axis."""
     points = np.asarray(points, float)
     z, r2 = points[..., 2], (points[..., :2] ** 2).sum(axis=-1)
@@ -22,7 +22,7 @@ def stereographic(points: Array) -> Float[Array, "... 2"]:
         return np.asarray(2 * points[..., :2] / np.maximum(depth, 1e-12 * length)[..., None])
 
 
-def stereographic_slopes(points: Array) -> Float[Array, "... 2 3"]:
+def stereographic_slopes(points: Array) -> Real[Array, "... 2 3"]:
     """∂u/∂point (..., 2, 3) of `stereographic`."""
     points = np.asarray(points, float)
     u = stereographic(points)
@@ -36,12 +36,12 @@ def stereographic_slopes(points: Array) -> Float[Array, "... 2 3"]:
     return np.asarray(out)
 
 
-def point_of(u: Array) -> Float[Array, "... 3"]:
+def point_of(u: Array) -> Real[Array, "... 3"]:
     """Camera points (..., 3) of stereographic points (..., 2), in their direction; |p| = 1 + |u|²/4."""
     return np.concatenate([u, (1 - (u * u).sum(axis=-1) / 4)[..., None]], axis=-1)
 
 
-def surface(correction: LensCorrection, u: Array) -> Float[Array, "... 2"]:
+def surface(correction: LensCorrection, u: Array) -> Real[Array, "... 2"]:
     """The displacement (..., 2), in focal lengths, at stereographic points (..., 2)."""
     first, inside, _ = _cell(correction, u)
     x, y = bspline(inside[..., 0]), bspline(inside[..., 1])
@@ -66,7 +66,7 @@ def surface_slopes(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
     return total, by_u @ _border_slopes(correction, u) if not within.all() else by_u
 
 
-def _control(correction: LensCorrection, first: Float[Array, "... 2"], axis: int) -> Iterator[list[Array]]:
+def _control(correction: LensCorrection, first: Real[Array, "... 2"], axis: int) -> Iterator[list[Array]]:
     """The four rows of four control points (...) of the cells `first` (..., 2), one axis of the displacement."""
     width, flat = correction.control.shape[1], correction.control[..., axis].ravel()
     at = first[..., 1] * width + first[..., 0]
@@ -120,7 +120,7 @@ def _border_slopes(correction: LensCorrection, u: Array) -> Array:
     return np.asarray((np.eye(2) - pull) / share[..., None, None])
 
 
-def bspline(t: Array, derivative: int = 0) -> Float[Array, "4 ..."]:
+def bspline(t: Array, derivative: int = 0) -> Real[Array, "4 ..."]:
     """The four uniform cubic B-splines (4, ...) that are not zero at t in [0, 1] of a cell, or their `derivative` (0, 1 or 2) in t."""
     s = 1 - t
     if derivative == 0:

@@ -11,7 +11,6 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
 
 _exp, _log, _erf = bind("rcdn_exp"), bind("rcdn_log"), bind("rcdn_erf")
 _cos_sin, _arctan2 = bind("rcdn_cos_sin"), bind("rcdn_arctan2")
@@ -49,7 +48,7 @@ def cos_sin(x: Any) -> tuple[Array, Array]:
     return cosine, sine
 
 
-def arctan2(y: Any, x: Any) -> Float[Array, "x y"]:
+def arctan2(y: Any, x: Any) -> Array:
     """The angle of (x, y) in −π..π, of their shape, radians; 0 of (0, 0)."""
     y, x = (_doubles(v) for v in np.broadcast_arrays(y, x))
     out = np.empty_like(x)

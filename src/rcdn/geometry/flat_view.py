@@ -10,7 +10,7 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.undistort import HALF_VIEW, ray_test, undistorted_camera
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 ALONG = 200
 """points along each side of a picture that are looked at"""
@@ -57,7 +57,7 @@ def in_picture(map_x: Array, map_y: Array, size: tuple[int, int]) -> Bool[Array,
     return np.asarray((map_x >= low) & (map_x <= high[0]) & (map_y >= low) & (map_y <= high[1]))
 
 
-def largest_rectangle(mask: Float[Array, "h w"]) -> tuple[int, int, int, int]:
+def largest_rectangle(mask: Real[Array, "h w"]) -> tuple[int, int, int, int]:
     """(left, top, right, bottom), right and bottom exclusive, of a rectangle of `mask` (H, W) bool that holds nothing but True.
 
     The largest one of a coarse grid of cells that are all True, grown pixel by pixel as far as it goes; empty (0, 0, 0, 0) if there is none.
@@ -134,7 +134,7 @@ def _with_K(camera: Camera, f: float, centre: Array) -> Camera:
     return replace(camera, K=np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]))
 
 
-def _rim(size: tuple[int, int], beyond: float) -> Float[Array, "n 2"]:
+def _rim(size: tuple[int, int], beyond: float) -> Real[Array, "n 2"]:
     """Points (N, 2) around a picture, px, `beyond` the centres of its outermost pixels."""
     x, y = (np.linspace(-beyond, side - 1 + beyond, ALONG) for side in size)
     sides = [(x, np.full(ALONG, y[k])) for k in (0, -1)] + [(np.full(ALONG, x[k]), y) for k in (0, -1)]

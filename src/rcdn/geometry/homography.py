@@ -7,12 +7,12 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _homography = bind("rcdn_homography")
 
 
-def homography(src: Float[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Array, "3 3"]:
+def homography(src: Real[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "3 3"]:
     """Homography (3, 3) that takes `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
 
     Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points, LinAlgError
@@ -27,7 +27,7 @@ def homography(src: Float[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Arra
     return H
 
 
-def apply_homography(H: Float[Array, "3 3"], points: Float[Array, "... 2"]) -> Array:
+def apply_homography(H: Real[Array, "3 3"], points: Real[Array, "... 2"]) -> Array:
     """`points` (..., 2) through `H` (3, 3)."""
     points = np.asarray(points, float)
     w = points @ H[2, :2] + H[2, 2]

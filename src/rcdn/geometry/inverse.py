@@ -9,7 +9,7 @@ from rcdn.geometry.correction import point_of, stereographic, surface_slopes
 from rcdn.geometry.model_slopes import distorted_with_slopes
 from rcdn.geometry.models import fold, undistorted
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 STEPS = 40
 """of Newton's method at most; four to six do, but for points that begin far away"""
@@ -25,7 +25,7 @@ STAGES = 8
 """in which the correction is brought in where it is too much for Newton's method at once"""
 
 
-def corrected_ray(camera: Camera, d: Array) -> Float[Array, "... 3"]:
+def corrected_ray(camera: Camera, d: Array) -> Real[Array, "... 3"]:
     """Rays (..., 3) of distorted points (..., 2), in focal lengths; scaled, exact and NaN as `unproject` says.
 
     NaN where the whole map is turned over (its Jacobian has a determinant ≤ 0), too, or the ray is beyond the fold of the parametric model.
@@ -52,7 +52,7 @@ def before_fold(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
     return np.asarray(np.hypot(u[..., 0], u[..., 1]) < 2 * np.tan(fold(camera) / 2))
 
 
-def _solve(camera: Camera, d: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+def _solve(camera: Camera, d: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
     """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
     correction = present(camera.correction, "Camera.correction")
     start = _start(camera, d)
@@ -66,7 +66,7 @@ def _solve(camera: Camera, d: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
     return u
 
 
-def _start(camera: Camera, d: Array) -> Float[Array, "n 2"]:
+def _start(camera: Camera, d: Array) -> Real[Array, "n 2"]:
     """Stereographic points (N, 2) at which the parametric model alone sees `d` or, where it sees it nowhere, a point nearer the axis."""
     u = np.full_like(d, np.nan)
     for share in SHRUNK:
@@ -76,7 +76,7 @@ def _start(camera: Camera, d: Array) -> Float[Array, "n 2"]:
     return u
 
 
-def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) -> Float[Array, "n 2"]:
+def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) -> Real[Array, "n 2"]:
     """Solutions (N, 2) from `start`, steps halved that lead away; NaN where there is none or the map is folded."""
     u, scale = start.copy(), 1 + np.hypot(d[:, 0], d[:, 1])
     error, J = _error(camera, correction, u, d)
@@ -97,13 +97,13 @@ def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) 
     return np.asarray(np.where(good[:, None], u, np.nan))
 
 
-def _upright(camera: Camera, u: Array, J: Float[Array, "n 2 2"]) -> Bool[Array, " n"]:
+def _upright(camera: Camera, u: Array, J: Real[Array, "n 2 2"]) -> Bool[Array, " n"]:
     """(N,) bool: the Jacobian `J` (N, 2, 2) of the map keeps the orientation, and `u` is before the fold of the parametric model."""
     determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
     return np.asarray((determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < 2 * np.tan(fold(camera) / 2)))
 
 
-def _error(camera: Camera, correction: LensCorrection | None, u: Float[Array, "n 2"], d: Array) -> tuple[Array, Array]:
+def _error(camera: Camera, correction: LensCorrection | None, u: Real[Array, "n 2"], d: Array) -> tuple[Array, Array]:
     """Where `u` (N, 2) is seen less `d`, and its Jacobian (N, 2, 2) in u; NaN where it isn't seen."""
     with np.errstate(all="ignore"):
         seen, by_point, _ = distorted_with_slopes(camera, point_of(u))
@@ -114,7 +114,7 @@ def _error(camera: Camera, correction: LensCorrection | None, u: Float[Array, "n
         return seen + shift - d, J + by_u
 
 
-def _solved(J: Array, e: Array) -> Float[Array, "n 2"]:
+def _solved(J: Array, e: Array) -> Real[Array, "n 2"]:
     """J⁻¹·e (N, 2), of bounded length where J is singular."""
     a, b, c, d = J[:, 0, 0], J[:, 0, 1], J[:, 1, 0], J[:, 1, 1]
     det = a * d - b * c

@@ -8,15 +8,15 @@ from rcdn.geometry.correction import stereographic, surface
 from rcdn.geometry.inverse import corrected_ray
 from rcdn.geometry.models import distorted, undistorted
 from rcdn.types import Array, Camera, Pose
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def transform(pose: Pose, points: Array) -> Float[Array, "... 3"]:
+def transform(pose: Pose, points: Array) -> Real[Array, "... 3"]:
     """Board points (..., 3) in camera coordinates."""
     return np.asarray(points, float) @ pose.R.T + pose.t
 
 
-def project(camera: Camera, points: Array) -> Float[Array, "... 2"]:
+def project(camera: Camera, points: Array) -> Real[Array, "... 2"]:
     """Camera points (..., 3) to pixels (..., 2). z ≤ 0 gives NaN (but for `fisheye` and a barrel of
     the `division` model, which see behind themselves).
 
@@ -31,7 +31,7 @@ def project(camera: Camera, points: Array) -> Float[Array, "... 2"]:
         return d @ camera.K[:2, :2].T + camera.K[:2, 2]
 
 
-def unproject(camera: Camera, pixels: Array) -> Float[Array, "... 3"]:
+def unproject(camera: Camera, pixels: Array) -> Real[Array, "... 3"]:
     """Pixels (..., 2) to viewing rays (..., 3) of unit z (`fisheye` and `division`: unit length).
 
     Exact to 1e-10 where the lens model can be inverted, else NaN: beyond the fold, where the polynomial turns back, and

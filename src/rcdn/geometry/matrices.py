@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 
-def product(a: Array, b: Array) -> Float[Array, "... n m"]:
+def product(a: Array, b: Array) -> Real[Array, "... n m"]:
     """a · b of matrices (..., n, m) and (..., m, k)."""
     return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
 
@@ -35,7 +35,7 @@ def _cross(a: list[float], b: list[float]) -> list[float]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def affine(src: Shaped[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Array, "2 3"]:
+def affine(src: Shaped[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "2 3"]:
     """The affine map (2, 3) that takes `src` (N, 2) to `dst` (N, 2) best, by least squares: `dst` = map[:, :2] · `src` + map[:, 2].
 
     Raises LinAlgError where all of `src` are one point or points are not finite.

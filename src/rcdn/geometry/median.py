@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
 def median(values: Array) -> float:
@@ -15,7 +15,7 @@ def median(values: Array) -> float:
     return float("nan") if np.isnan(row[-1]) else float(middle)
 
 
-def medians(values: Float[Array, "k n"]) -> Float[Array, " k"]:
+def medians(values: Real[Array, "k n"]) -> Real[Array, " k"]:
     """Median (K,) of each row of `values` (K, N), N ≥ 1; NaN where one of them is."""
     rows, count = np.sort(values, axis=1), values.shape[1]
     middle = 0.5 * (rows[:, (count - 1) // 2] + rows[:, count // 2])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 REACH = 20.0
 """Largest |x / z| and |y / z| of a ray that `undistorted` finds under the models brown and rational."""
@@ -17,7 +17,7 @@ NOTHING = 1e-250
 """a coefficient below is zero: as the leading one of a polynomial nothing can be divided by it"""
 
 
-def distorted(camera: Camera, points: Array) -> Float[Array, "... 2"]:
+def distorted(camera: Camera, points: Array) -> Real[Array, "... 2"]:
     """Distorted points (..., 2), in focal lengths, of camera points (..., 3) by the parametric model alone; NaN where it sees nothing."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     if camera.model == "fisheye":
@@ -32,7 +32,7 @@ def distorted(camera: Camera, points: Array) -> Float[Array, "... 2"]:
     return n if camera.model == "pinhole" else Brown.of(camera.distortion).distort(n)
 
 
-def undistorted(camera: Camera, d: Array) -> Float[Array, "... 3"]:
+def undistorted(camera: Camera, d: Array) -> Real[Array, "... 3"]:
     """Rays (..., 3) of distorted points (..., 2) by the parametric model alone; scaled, exact and NaN as `unproject` says."""
     if camera.model == "fisheye":
         return _fisheye_ray(d, camera.distortion)
@@ -100,7 +100,7 @@ def _fisheye_ray(d: Array, k: Array) -> Array:
     return np.stack([d[..., 0] * s, d[..., 1] * s, np.cos(theta)], axis=-1)
 
 
-def _division(points: Array, k: float) -> Float[Array, "... 2"]:
+def _division(points: Array, k: float) -> Real[Array, "... 2"]:
     """Distorted points (..., 2) of camera points (..., 3) under d ÷ (1 + k·|d|²) ∝ (x, y) ÷ z: the root that is 0 on the axis."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -109,7 +109,7 @@ def _division(points: Array, k: float) -> Float[Array, "... 2"]:
     return np.stack([x, y], axis=-1) * np.where(seen, scale, np.nan)[..., None]
 
 
-def _division_ray(d: Array, k: float) -> Float[Array, "... 3"]:
+def _division_ray(d: Array, k: float) -> Real[Array, "... 3"]:
     """Unit rays (..., 3) of distorted points (..., 2); NaN beyond the fold at k·|d|² = 1 (k > 0)."""
     r2 = (d * d).sum(axis=-1)
     ray = np.concatenate([d, (1 + k * r2)[..., None]], axis=-1)
@@ -142,7 +142,7 @@ class Brown:
             slope = (a + r2 * (2 * b + r2 * 3 * c) - g * (d + r2 * (2 * e + r2 * 3 * f))) / below
         return g, slope
 
-    def distort(self, n: Float[Array, "... 2"]) -> Float[Array, "... 2"]:
+    def distort(self, n: Real[Array, "... 2"]) -> Real[Array, "... 2"]:
         """Distorted points (..., 2) of `n` (..., 2), in focal lengths."""
         x, y = n[..., 0], n[..., 1]
         r2 = x * x + y * y
@@ -184,7 +184,7 @@ def _brown_inverse(d: Array, lens: Brown) -> Array:
     return n
 
 
-def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Float[Array, "... 2"]:
+def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Real[Array, "... 2"]:
     """Undistorted points (..., 2) of `d` by Newton from `start`; NaN where it fails or leaves the radius `limit`."""
     n = start.copy()
     for _ in range(12):

@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 _nearest = bind("rcdn_nearest")
 _within = bind("rcdn_within")
@@ -14,7 +14,7 @@ ROOM = 4
 """neighbours within reach that are usual"""
 
 
-def nearest(points: Shaped[Array, "n 2"], at: Float[Array, "k 2"], count: int = 1) -> tuple[Array, Array]:
+def nearest(points: Shaped[Array, "n 2"], at: Real[Array, "k 2"], count: int = 1) -> tuple[Array, Array]:
     """Distances and indices (K, `count`) of the `points` (N, 2) nearest to each of `at` (K, 2), the nearest first, of equals the earlier one.
 
     inf and N where there are fewer points.
@@ -25,9 +25,7 @@ def nearest(points: Shaped[Array, "n 2"], at: Float[Array, "k 2"], count: int = 
     return distance, index
 
 
-def within(
-    points: Float[Array, "n 2"], at: Float[Array, "k 2"], reach: Float[Array, " k"] | float
-) -> tuple[Array, Array]:
+def within(points: Real[Array, "n 2"], at: Real[Array, "k 2"], reach: Real[Array, " k"] | float) -> tuple[Array, Array]:
     """Which `points` (N, 2) lie no further than `reach` (K,) from each of `at` (K, 2): rows of `at` (M,) and of `points` (M,), sorted."""
     points, at = _flat(points), _flat(at)
     reach = np.full(len(at), float(reach)) if np.ndim(reach) == 0 else np.ascontiguousarray(reach, np.float64)
@@ -40,7 +38,7 @@ def within(
         room = total
 
 
-def pairs(points: Float[Array, "n 2"], reach: float) -> Int[Array, "m 2"]:
+def pairs(points: Real[Array, "n 2"], reach: float) -> Int[Array, "m 2"]:
     """All pairs (M, 2) i < j of `points` (N, 2) no further than `reach` from each other, sorted."""
     i, j = within(points, points, reach)
     return np.stack([i, j], axis=1)[i < j]

@@ -7,7 +7,7 @@ import numpy as np
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _depth = bind("rcdn_depth")
 _deeper = bind("rcdn_deeper")
@@ -19,7 +19,7 @@ FIRST, ALIKE = 16, 1 - 1e-9
 """points that a bound of the least depth is taken from, and the share of it from which on others are as deep"""
 
 
-def depth(polygon: Array, xy: Float[Array, "m 2"]) -> Array:
+def depth(polygon: Array, xy: Real[Array, "m 2"]) -> Array:
     """How deep points `xy` (M, 2) lie in a `polygon` (N, 2): their distances (M,) from its outline, negative outside."""
     polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
     out = np.empty(len(xy))
@@ -27,7 +27,7 @@ def depth(polygon: Array, xy: Float[Array, "m 2"]) -> Array:
     return out
 
 
-def deeper(polygon: Float[Array, "n 2"], xy: Float[Array, "m 2"], limit: float) -> Array:
+def deeper(polygon: Real[Array, "n 2"], xy: Real[Array, "m 2"], limit: float) -> Array:
     """Which points `xy` (M, 2) have a `depth` in a `polygon` (N, 2) over `limit` ≥ 0, (M,) bool; of long outlines only what is near counts."""
     polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
     out = np.empty(len(xy), np.uint8)
@@ -37,7 +37,7 @@ def deeper(polygon: Float[Array, "n 2"], xy: Float[Array, "m 2"], limit: float) 
     return out.view(bool)
 
 
-def least_depth(polygon: Array, xy: Float[Array, "... 2"]) -> float:
+def least_depth(polygon: Array, xy: Real[Array, "... 2"]) -> float:
     """The smallest `depth` of points `xy` (..., 2), at least one, to a billionth of it."""
     xy = xy.reshape(-1, 2)
     if len(polygon) <= FEW:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 
 def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
@@ -13,7 +13,7 @@ def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
     return np.concatenate(parts) if parts else np.zeros(empty)
 
 
-def rows_among(xy: Float[Array, "n 2"], among: Float[Array, "m 2"]) -> Int[Array, " n"]:
+def rows_among(xy: Real[Array, "n 2"], among: Real[Array, "m 2"]) -> Int[Array, " n"]:
     """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
     known = list(map(tuple, among.tolist()))
     place = dict(zip(reversed(known), range(len(known) - 1, -1, -1), strict=True))  # of equal ones the first

@@ -9,7 +9,7 @@ from rcdn.geometry.correction import basis, stereographic, stereographic_slopes,
 from rcdn.geometry.lens import project
 from rcdn.geometry.model_slopes import distorted_with_slopes
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
 def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
@@ -52,7 +52,7 @@ def core_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     return project(camera, points), by_point * f[:, None], slopes
 
 
-def rotation(vectors: Array) -> Float[Array, "... 3 3"]:
+def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
     vectors = np.asarray(vectors, float)
     K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]
@@ -60,7 +60,7 @@ def rotation(vectors: Array) -> Float[Array, "... 3 3"]:
     return np.asarray(np.eye(3) + a * K + b * (K @ K))
 
 
-def rotation_slope(vectors: Array) -> Float[Array, "... 3 3"]:
+def rotation_slope(vectors: Array) -> Real[Array, "... 3 3"]:
     """J (..., 3, 3) with rotation(v + dv) ≈ rotation(J·dv)·rotation(v): the left Jacobian of SO(3)."""
     vectors = np.asarray(vectors, float)
     K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]
@@ -68,7 +68,7 @@ def rotation_slope(vectors: Array) -> Float[Array, "... 3 3"]:
     return np.asarray(np.eye(3) + b * K + c * (K @ K))
 
 
-def cross_matrix(vectors: Array) -> Float[Array, "... 3 3"]:
+def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
     """[v]× (..., 3, 3), so that [v]×·w = v × w."""
     x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
     zero = np.zeros_like(x)

@@ -10,7 +10,7 @@ from rcdn.geometry.inverse import unfolded
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.models import fold
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.correction import DEGREE
 
 WIDEST = 120.0
@@ -20,7 +20,7 @@ ALONG = 65
 
 
 def zero_correction(
-    camera: Camera, columns: int, margin: float = 0.03, pixels: Float[Array, "m 2"] | None = None
+    camera: Camera, columns: int, margin: float = 0.03, pixels: Real[Array, "m 2"] | None = None
 ) -> LensCorrection:
     """A correction without effect, `columns` control points wide, of square cells that cover the camera's frame, or `pixels` (M, 2) if
     they are given, and `margin` of their width more on each side.
@@ -73,7 +73,7 @@ def frame_pixels(image_size: tuple[int, int], along: int) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def roughness(correction: LensCorrection) -> Float[Array, "p p"]:
+def roughness(correction: LensCorrection) -> Real[Array, "p p"]:
     """(P, P) quadratic form of the P flat control points: ∬ S_uu² + 2·S_uv² + S_vv² du dv over the domain, summed over both axes of the
     displacement (the bending energy of a thin plate), in (focal lengths)² ÷ u²; only the grid counts, not the control points.
 

@@ -12,7 +12,7 @@ from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 _neighbours = bind("rcdn_lattice_neighbours")
 _lattice = bind("rcdn_lattice")
@@ -71,8 +71,8 @@ class Lattice:
         return uv, slopes
 
     def pixels(
-        self, which: Int[Array, " k"], uv: Float[Array, "k 2"], start: Float[Array, "k 2"], repeats: int = 4
-    ) -> Float[Array, "k 2"]:
+        self, which: Int[Array, " k"], uv: Real[Array, "k 2"], start: Real[Array, "k 2"], repeats: int = 4
+    ) -> Real[Array, "k 2"]:
         """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
 
         Raises LinAlgError where a map folds.
@@ -85,7 +85,7 @@ class Lattice:
 
 
 def lattice(
-    ij: Int[Array, "n 2"], xy: Float[Array, "n 2"], own: float = 1.0, plane: Float[Array, "n 2"] | None = None
+    ij: Int[Array, "n 2"], xy: Real[Array, "n 2"], own: float = 1.0, plane: Real[Array, "n 2"] | None = None
 ) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
     `plane` (N, 2): where labels lie on the board, squares, if not where they say.

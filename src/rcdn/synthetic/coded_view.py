@@ -19,7 +19,7 @@ from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import BoardSpec, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 F32 = np.float32
 FRAME = 4.0
@@ -37,7 +37,7 @@ class CodedTruth:
     pitch: Array
 
 
-def render_drawing(drawing: Drawing, scene: Scene, samples: int = 4) -> Float[Array, "h w"]:
+def render_drawing(drawing: Drawing, scene: Scene, samples: int = 4) -> Real[Array, "h w"]:
     """The picture (H, W) uint8 of a drawing in a scene. `samples`² sub-samples a pixel; the same arguments give the same bytes."""
     x, y = np.meshgrid(np.arange(scene.width, dtype=F32), np.arange(scene.height, dtype=F32))
     image = _over(paint(scene.background, scene.width, scene.height), drawing, scene, samples)
@@ -88,7 +88,7 @@ def _window(drawing: Drawing, scene: Scene) -> tuple[slice, slice]:
     return np.s_[low[1] : high[1], low[0] : high[0]]
 
 
-def _rim(drawing: Drawing, spec: BoardSpec) -> Float[Array, "n 2"]:
+def _rim(drawing: Drawing, spec: BoardSpec) -> Real[Array, "n 2"]:
     """Board coordinates (N, 2) of points along the rim of the sheet."""
     edge = np.linspace(-0.5, 0.5, 33)
     sides = [np.column_stack(p) for s in (-0.5, 0.5) for p in ((edge, 0 * edge + s), (0 * edge + s, edge))]
@@ -96,7 +96,7 @@ def _rim(drawing: Drawing, spec: BoardSpec) -> Float[Array, "n 2"]:
     return np.asarray(np.concatenate(sides) * [width, height] / drawing.unit + middle(spec))
 
 
-def _on_drawing(drawing: Drawing, spec: BoardSpec, uv: Float[Array, "... 2"]) -> Float[Array, "... 2"]:
+def _on_drawing(drawing: Drawing, spec: BoardSpec, uv: Real[Array, "... 2"]) -> Real[Array, "... 2"]:
     """Pixels (..., 2) of the drawing at board coordinates `uv` (..., 2)."""
     height, width = drawing.image.shape
     return np.asarray((uv - middle(spec)) * drawing.unit + (np.array([width, height]) - 1) / 2)

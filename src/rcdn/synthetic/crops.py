@@ -12,7 +12,7 @@ from rcdn.synthetic.render import irradiance, truth
 from rcdn.synthetic.sample import TRAINING, Ranges, random_scene
 from rcdn.synthetic.scene import Scene
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
 def random_crop(
@@ -85,7 +85,7 @@ def _window(rng: np.random.Generator, size: int, image: Array) -> Array:
     )
 
 
-def _plain(image: Array, xy: Array, faint: float) -> Float[Array, "n 2"]:
+def _plain(image: Array, xy: Array, faint: float) -> Real[Array, "n 2"]:
     """Whether grey levels around positions (N, 2) vary by at least `faint` of the picture's range (0.1 to 99.9 %), (N,) bool."""
     low, high = np.percentile(image, [0.1, 99.9])
     grey = cv2.GaussianBlur(image.astype(np.float32) / np.float32(max(high - low, 1.0)), (0, 0), 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.synthetic.scene import Cover, Light, Sensor
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 F32 = np.float32
 
@@ -65,7 +65,7 @@ def motion_kernel(length: float, angle: float) -> Array:
 
 
 def legible(
-    image: Array, sensor: Sensor, xy: Float[Array, "n 2"], pitch: Float[Array, " n"], unsure: float = 0.6
+    image: Array, sensor: Sensor, xy: Real[Array, "n 2"], pitch: Real[Array, " n"], unsure: float = 0.6
 ) -> Array:
     """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told after optics and noise, (N,) bool.
 
@@ -84,7 +84,7 @@ def legible(
     return np.asarray((contrast >= 6) & (bound <= unsure))
 
 
-def focus(image: Array, sensor: Sensor) -> Float[Array, "h w"]:
+def focus(image: Array, sensor: Sensor) -> Real[Array, "h w"]:
     """Irradiance (H, W) float32 to the exact grey levels (H, W) float32 that a sensor without noise would see."""
     border = cv2.BORDER_REFLECT_101
     if sensor.blur > 0:

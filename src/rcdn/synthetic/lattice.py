@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.plane import ROW
 
 STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
@@ -27,7 +27,7 @@ def steps(spec: BoardSpec) -> Array:
     return STEPS if spec.pattern == "checker" else STEPS_DELTILLE
 
 
-def middle(spec: BoardSpec) -> Float[Array, " 2"]:
+def middle(spec: BoardSpec) -> Real[Array, " 2"]:
     """(2,) the middle of the inner corners in the sheet's plane, squares or edges."""
     if spec.pattern == "checker":
         return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])

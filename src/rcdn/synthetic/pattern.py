@@ -7,7 +7,6 @@ import numpy as np
 from rcdn.synthetic.lattice import extent, upright
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
-from rcdn.types.arrays import Bool
 
 F32 = np.float32
 
@@ -91,7 +90,7 @@ def _shrunk(u: Array, v: Array, width: Array, bleed: float) -> Array:
     return np.asarray(np.clip(F32(0.5) + (np.where(fu + fv < 1, depth, -beyond) - F32(bleed)) / width, 0, 1))
 
 
-def _printed(spec: BoardSpec, u: Array, v: Array) -> Bool[Array, "u v"]:
+def _printed(spec: BoardSpec, u: Array, v: Array) -> Array:
     """Is the triangle at (u, v) one with an inner corner?"""
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
 

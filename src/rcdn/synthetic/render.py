@@ -14,7 +14,7 @@ from rcdn.synthetic.pattern import F32, sheet
 from rcdn.synthetic.scene import BoardSpec, BoardTruth, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 Window = tuple[int, int, int, int]
 LEAST_PITCH = {"checker": 4.0, "deltille": 7.0}
@@ -39,7 +39,7 @@ def render(
 
 def irradiance(
     scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()
-) -> Float[Array, "h w"]:
+) -> Real[Array, "h w"]:
     """What reaches the sensor before optics and noise, (H, W) float32; arguments as in `render`."""
     x0, y0, width, height = window or (0, 0, scene.width, scene.height)
     x, y = np.meshgrid(np.arange(x0, x0 + width, dtype=float), np.arange(y0, y0 + height, dtype=float))

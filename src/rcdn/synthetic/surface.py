@@ -9,7 +9,7 @@ from rcdn.geometry import project, transform
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
 from rcdn.types import Array, Camera, Pose, plane_points
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.plane import ROW
 
 
@@ -31,7 +31,7 @@ def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array
     return height, bend.curvature * t + bend.amplitude * w * np.cos(arg)
 
 
-def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Float[Array, "n 3"]:
+def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Real[Array, "n 3"]:
     """Points (N, 3) of the sheet, in the board's frame, at board coordinates `uv` (N, 2)."""
     x, y = plane_points(uv, spec.pattern).T
     y = y * spec.aspect
@@ -39,12 +39,12 @@ def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Float[Array, "n 3
     return np.stack([x, y, z], axis=1)
 
 
-def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Float[Array, "n 2"]:
+def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Real[Array, "n 2"]:
     """Pixels (N, 2) of board coordinates (N, 2): the exact truth. NaN behind a pinhole."""
     return project(camera, transform(board_pose(spec), board_points(spec, uv)))
 
 
-def viewing_cosine(spec: BoardSpec, uv: Array) -> Float[Array, " n"]:
+def viewing_cosine(spec: BoardSpec, uv: Array) -> Real[Array, " n"]:
     """cos of the angle between the sheet's normal and the line of sight, (N,); negative where it shows its back."""
     pose, points = board_pose(spec), board_points(spec, uv)
     normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))

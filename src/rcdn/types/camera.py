@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from rcdn.errors import RcdnError, shown
 from rcdn.provided import camera_work
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
@@ -94,14 +94,14 @@ class Camera(Value):
         core = ("fx", "fy", "cx", "cy", *LENS[self.model][: len(self.distortion)])
         return core if self.correction is None else core + self.correction.names
 
-    def project(self, points: ArrayLike, pose: Pose | None = None) -> Float[Array, "... 2"]:
+    def project(self, points: ArrayLike, pose: Pose | None = None) -> Real[Array, "... 2"]:
         """Pixels (..., 2) of points (..., 3) in camera coordinates, or on a board that stands at `pose`; NaN where the camera sees nothing.
 
         Raises RcdnError for points of another shape.
         """
         return _work().project(self, _rows_of(points, 3, "points"), pose)
 
-    def unproject(self, xy: ArrayLike) -> Float[Array, "... 3"]:
+    def unproject(self, xy: ArrayLike) -> Real[Array, "... 3"]:
         """Viewing rays (..., 3) in camera coordinates of pixels (..., 2): of unit z, of `fisheye` and `division` cameras of unit length; NaN
         where the lens model has none. Raises RcdnError for pixels of another shape."""
         return _work().unproject(self, _rows_of(xy, 2, "xy"))
@@ -199,12 +199,12 @@ class Pose(Value):
         return f"t ({x:.5g}, {y:.5g}, {z:.5g}), turned by {np.degrees(np.arccos(cosine)):.1f}°"
 
     @property
-    def R(self) -> Float[Array, "3 3"]:
+    def R(self) -> Real[Array, "3 3"]:
         """(3, 3) rotation."""
         return self.T_cam_board[:3, :3]
 
     @property
-    def t(self) -> Float[Array, " 3"]:
+    def t(self) -> Real[Array, " 3"]:
         """(3,) translation, in the board's unit."""
         return self.T_cam_board[:3, 3]
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from rcdn.errors import RcdnError, shown
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.plane import Pattern, Plane
 from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
@@ -171,7 +171,7 @@ class Board(Value):
         return Plane(self.pattern, self.target.gap if isinstance(self.target, AprilGrid) else None)
 
     @property
-    def points(self) -> Float[Array, "m 2"]:
+    def points(self) -> Real[Array, "m 2"]:
         """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles, sides of tags); see `plane_points`."""
         return self.plane.points(self.ij)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array, Value, freeze, shape_of
 
 DEGREE = 3
@@ -45,7 +45,7 @@ class LensCorrection(Value):
         return np.array([columns - DEGREE, rows - DEGREE])
 
     @property
-    def sides(self) -> Float[Array, " 2"]:
+    def sides(self) -> Real[Array, " 2"]:
         """(2,) sides of a cell in u along x and y."""
         return np.asarray(2 * self.extent / self.cells)
 

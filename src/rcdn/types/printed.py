@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
@@ -123,7 +123,7 @@ class PuzzlePart:
         """The numbers (N,) of the corners at places `ij` (N, 2) of the code."""
         return self.whole.ids(ij)
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
         """The places (N, 2) on the code of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that the part hasn't."""
         ij = self.whole.ij_of(ids)
         inside = ((ij >= (self.column, self.row)) & (ij < (self.column + self.columns, self.row + self.rows))).all(
@@ -133,7 +133,7 @@ class PuzzlePart:
             raise RcdnError(f"ids holds {np.asarray(ids)[~inside][0]}, which is no corner of the {self}")
         return ij
 
-    def places(self) -> Float[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The places (N, 2) on the code of all its corners, rising by their numbers."""
         return grid_of(self.columns, self.rows) + np.array([self.column, self.row])
 

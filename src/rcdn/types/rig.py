@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
 
@@ -58,7 +58,7 @@ class Rig(Value):
         J[:, 6 * k : 6 * k + 6] -= _adjoint(T)
         return T, np.asarray(J @ self.covariance @ J.T)
 
-    def motion_to(self, k: int) -> Float[Array, "6 6"]:
+    def motion_to(self, k: int) -> Real[Array, "6 6"]:
         """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
         return _adjoint(self.poses[k].T_cam_board)
 
@@ -86,7 +86,7 @@ class RigPoseEstimate(Value):
             freeze(self, "T_rig_target", self.T_rig_target, np.float64, (4,))
 
     @property
-    def std(self) -> Float[Array, " 6"]:
+    def std(self) -> Real[Array, " 6"]:
         """(6,) standard deviations: of the rotation vector, rad, and the place, m."""
         return np.sqrt(np.diag(self.cov))
 
@@ -95,7 +95,7 @@ class RigPoseEstimate(Value):
         return f"<RigPose: ({x:.4g}, {y:.4g}, {z:.4g}), {', '.join(self.residuals)}, rms {self.rms:.3g} px>"
 
 
-def _adjoint(T: Array) -> Float[Array, "6 6"]:
+def _adjoint(T: Array) -> Real[Array, "6 6"]:
     """(6, 6) takes a small motion (rotation vector, translation) before T to the one after it."""
     R, (x, y, z) = T[:3, :3], T[:3, 3]
     out = np.zeros((6, 6))

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array
 
 WIDTH = 360
@@ -46,7 +46,7 @@ def paragraph(text: str, level: str | None = None) -> str:
 
 
 def drawing(
-    size: tuple[int, int], boards: Sequence[tuple[Array, Array]], others: Float[Array, "n 2"] | None = None
+    size: tuple[int, int], boards: Sequence[tuple[Array, Array]], others: Real[Array, "n 2"] | None = None
 ) -> str:
     """An SVG of a picture's frame with its boards, each (positions (M, 2), labels (M, 2)): rows as lines, the corner (0, 0) as a ring;
     and `others` (N, 2), corners without a board."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
@@ -48,13 +48,13 @@ class Charuco:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
         """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
         wide = self.columns - 1
         ids = numbers(ids, None if self.rows is None else wide * (self.rows - 1), self)
         return np.stack([ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
         return grid_of(self.columns - 1, _rows_of(self) - 1)
 
@@ -80,12 +80,12 @@ class PuzzleBoard:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
         """The places (N, 2), both below 501, of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
         ids = numbers(ids, PUZZLE**2, self)
         return np.stack([ids % PUZZLE, ids // PUZZLE], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers."""
         return grid_of(PUZZLE, PUZZLE)
 
@@ -119,13 +119,13 @@ class AprilGrid:
         """The numbers (N,) of the corners at places `ij` (N, 2)."""
         return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
         """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
         wide = 2 * self.columns
         ids = numbers(ids, None if self.rows is None else 2 * wide * self.rows, self)
         return np.stack([wide - 1 - ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
         return self.ij_of(np.arange(4 * self.columns * _rows_of(self)))
 

@@ -22,7 +22,7 @@ from rcdn.calibration.start import Seen, poses
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.ranges import grid_size, whole_size
 
 FEWEST_CORNERS = 12
@@ -208,7 +208,7 @@ class _Now:
         return cls(Held.of(middle, centre, T[:3, :3]), _gain(seen, state))
 
 
-def _gain(points: Float[Array, "n 3"], state: Plan) -> float:
+def _gain(points: Real[Array, "n 3"], state: Plan) -> float:
     """Share of the wanted view's gain that a view which sees `points` (N, 3) would bring."""
     forecast, wanted = state.forecast, state.progress.wanted
     if forecast is None or wanted is None or not 0 < wanted.after < wanted.before:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.calibration.next_view import NEARER
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR = 1.15
 """× the wanted distance, or a part of it, within which the distance is right"""
@@ -28,7 +28,7 @@ class Held:
     lean: Array
 
     @classmethod
-    def of(cls, middle: Array, centre: Float[Array, " 3"], R: Float[Array, "3 3"]) -> Held:
+    def of(cls, middle: Array, centre: Real[Array, " 3"], R: Real[Array, "3 3"]) -> Held:
         """Of a board whose middle is at `centre` (3,) m, camera coordinates, and at `middle` px; `R` (3, 3) takes its axes to the camera's."""
         distance = float(np.linalg.norm(centre))
         sight, normal = centre / max(distance, 1e-12), R[:, 2]

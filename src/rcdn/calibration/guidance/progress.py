@@ -18,7 +18,7 @@ from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.errors import CalibrationError, present
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, Calibration, Camera, Plane
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FILLS = (0.85, 0.55, 0.35)
 """shares of the frame that the board may span where it is held facing the camera: the larger of those of width and height"""
@@ -105,7 +105,7 @@ def planned(wish: Wish, known: Known, nearest: float = 0.0) -> Plan:
     return Plan(_progress(wish, known, wanted), known, Forecast.of(best))
 
 
-def reach_of(camera: Camera, size: Size, plane: Plane, spacing: float) -> Float[Array, " d"]:
+def reach_of(camera: Camera, size: Size, plane: Plane, spacing: float) -> Real[Array, " d"]:
     """(D,) m, rising: distances at which a board that faces the `camera` spans a good part of the frame."""
     width, height = camera.image_size
     cols, rows = _along(size, camera.image_size)

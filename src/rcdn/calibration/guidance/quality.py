@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 REACH, LONGEST = 0.4, 12.0
 """how far a profile reaches to both sides of an edge: a share of the edge's length, and px at most"""
@@ -59,7 +59,7 @@ def _edges(board: Board, step: tuple[int, int]) -> tuple[Array, Array]:
     return board.xy[index[:, 0]], board.xy[index[:, 1]]
 
 
-def _across(grey: Array, start: Array, end: Float[Array, "e 2"]) -> Quality:
+def _across(grey: Array, start: Array, end: Real[Array, "e 2"]) -> Quality:
     """The mean profile across the edges from `start` to `end` (E, 2)."""
     if not len(start):
         return Quality(float("nan"), float("nan"), float("nan"))
