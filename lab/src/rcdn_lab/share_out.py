@@ -38,7 +38,7 @@ def share_out(
 
 
 def _start(start: Callable[..., None], given: tuple[Any, ...]) -> None:
-    """Initialise a process, limited to one core."""
+    """Initialise a process. OpenCV gets one thread, because there is a process for each core."""
     import cv2
 
     end_with_parent()

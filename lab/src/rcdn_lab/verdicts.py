@@ -22,7 +22,7 @@ REAL = (
     "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left", "stereo1-right",
     "trinocular-left", "trinocular-middle", "trinocular-right", "udacity-wide", "gopro", "ocam-fish1", "theta", "sourishg-left", "sourishg-right",
 )  # fmt: skip
-"""public sets of photographs (`evaluation.calibration.sets`) with which people calibrate"""
+"""public sets of photographs (`rcdn_lab.calibration.sets`) with which people calibrate"""
 MIXED = (("opencv-left", "opencv-right"), ("stereo1-left", "stereo1-right"), ("sourishg-left", "sourishg-right"))
 """pairs of sets from two cameras that a person may take for one"""
 

@@ -130,7 +130,7 @@ def _medians(gaps: Float[Array, "n 2"], frame: Array, frames: int) -> Float[Arra
 
 
 def _flipped(state: State, corners: Corners3, frames: Array) -> State:
-    """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' middles."""
+    """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' centres."""
     poses = state.poses.copy()
     for f in frames:
         R, t = poses[f, :3, :3], poses[f, :3, 3]

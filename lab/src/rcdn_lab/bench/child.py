@@ -94,7 +94,7 @@ class Child:
         return answer
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, if it runs."""
         if self._process is None:
             return
         self._pipe.close()

@@ -82,9 +82,9 @@ class Made:
 def _charuco(rng: Rng, part: bool, names: tuple[str, ...]) -> tuple[Drawing, Target]:
     """5–11 × 4–9 squares, markers of .5–.85, some legacy, inverted, or with a first id other than 0.
 
-    The first id is never that of a whole pair of rows: such a board is indistinguishable from the bottom of a larger
-    one. It is 0 for boards that are cut, because a part of a board with another first id may equally be another part of
-    a larger one.
+    A first id other than 0 is never a multiple of the number of markers in two rows: such a board is indistinguishable
+    from the bottom of a larger one. It is 0 for boards that are cut, because a part of a board with another first id
+    may equally be another part of a larger one.
     """
     while True:
         columns, rows = int(rng.integers(5, 12)), int(rng.integers(4, 10))

@@ -98,7 +98,7 @@ def slowest_over_noise(curves: Curves) -> Claim:
 
 
 def diverging(curves: Curves) -> Claim:
-    """Over noise."""
+    """Growth of the errors over noise."""
     growth = {name: curves.growth(name) for name in PAPER}
     faster = min(growth[name] for name in INTENSITY) > max(growth[name] for name in RESPONSE)
     return Claim(
@@ -120,7 +120,7 @@ def late(curves: Curves) -> Claim:
 
 
 def stable(curves: Curves) -> Claim:
-    """Over blur."""
+    """Range of the errors over blur."""
     spans = {name: curves.span(name) for name in PAPER}
     return Claim(
         "Blur: all methods keep stable", max(spans.values()) <= STABLE,
@@ -138,7 +138,7 @@ def above_response(curves: Curves) -> Claim:
 
 
 def close_to_intensity(curves: Curves) -> Claim:
-    """Over blur, to the better of the two."""
+    """Difference over blur from the better of the two intensity methods."""
     gap = curves.of[MIX] - np.min([curves.of[name] for name in INTENSITY], axis=0)
     near = int((gap <= CLOSE).sum())
     worst = int(gap.argmax())
@@ -149,7 +149,7 @@ def close_to_intensity(curves: Curves) -> Claim:
 
 
 def ripple(curves: Curves) -> Claim:
-    """Over rotation."""
+    """Range of the errors over rotation."""
     spans = {name: curves.span(name) for name in PAPER}
     more = min(spans[name] for name in RESPONSE) > max(spans[name] for name in INTENSITY)
     return Claim(
@@ -159,7 +159,7 @@ def ripple(curves: Curves) -> Claim:
 
 
 def surface_beats_edges(curves: Curves) -> Claim:
-    """But at 45°."""
+    """The surface fit compared with cornerSubPix over rotation, except at 45°."""
     levels = [level for level in curves.levels if level != 45]
     best = [level for level in lowest(curves, "ROCHADE", INTENSITY) if level != 45]
     means = {name: float(curves.of[name].mean()) for name in INTENSITY}
@@ -170,7 +170,7 @@ def surface_beats_edges(curves: Curves) -> Claim:
 
 
 def spike(curves: Curves) -> Claim:
-    """Of the surface fit at 45°."""
+    """The surface fit at 45° compared with its median."""
     text = "Rotation: surface fitting gets an extremely large error at 45°"
     if 45 not in curves.levels:
         return Claim(text, None, "No pictures at 45°")
@@ -185,7 +185,7 @@ def best_over_rotation(curves: Curves) -> Claim:
 
 
 def resilient(curves: Curves) -> Claim:
-    """Over tilt."""
+    """Growth of the errors over tilt."""
     strong = [*INTENSITY, MIX]
     holds = max(curves.growth(name) for name in strong) < min(curves.growth(name) for name in RESPONSE)
     return Claim(

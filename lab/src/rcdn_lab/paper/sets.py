@@ -35,8 +35,8 @@ class Recipe:
 
     `focal`: in widths of the picture; `lens`: spans of the distortion coefficients; `pitch`: squares seen frontally,
     px; `least`: least distance between neighbours, px; `tilt`: degrees, at most; `noise`: σ, grey levels; `blur`: σ,
-    px; `gain`: contrast after exposure; `light`: standard deviation of the illumination gradient across the picture;
-    `jpeg`: qualities, (0, 0): none; `clutter`: kinds of background.
+    px; `gain`: contrast after exposure; `light`: spread of the illumination gradient across the picture; `jpeg`:
+    qualities, (0, 0): none; `clutter`: kinds of background.
     """
 
     size: tuple[int, int]

@@ -36,7 +36,7 @@ def too_small(board: Board) -> str:
 
 
 def poor(board: Board, found: Quality) -> str:
-    """Too dark or too bright."""
+    """Too dark, too little contrast, or overexposed."""
     if np.isfinite(found.contrast) and found.contrast < CONTRAST:
         return "The board is too dark, or has too little contrast: more light."
     if found.clipped > CLIPPED:
