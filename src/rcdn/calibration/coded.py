@@ -58,7 +58,8 @@ class Geometries:
         """The targets of `boards`. `size`: that of the whole plain board, or None for the most frequent size of those
         that cannot be cut.
 
-        Raises ConfigError if `spacing` does not contain the kinds of the boards, or if `size` contradicts the codes.
+        Raises ConfigError if `spacing` is ambiguous for the kinds of the boards or names none of them, or if `size`
+        contradicts the codes.
         """
         kinds = Counter(kind_of(b) for b in boards)
         sides = _sides(spacing, kinds)
