@@ -1,4 +1,4 @@
-"""`rcdn evaluate real-rigs`: rigs of real cameras, evaluated at held-out moments, compared with OpenCV's solver."""
+"""`rcdn evaluate real-rigs`: rigs of real cameras, moments held out, beside OpenCV's solver."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rcdn.terminal import talk
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 CODED = 0.054
-"""m: side of a square of the coded sets' board; the unit of plain boards is their square"""
+"""m: the side of a square of the coded sets' board; plain ones count in their own squares"""
 
 
 def real_rigs(
@@ -47,7 +47,7 @@ def real_rigs(
         names = {"set": each.name, "cameras": len(shots.boards)}
         for solver in suite.SOLVERS:
             if solver == suite.PARTS and each.size is not None:
-                continue  # plain boards are always whole
+                continue  # plain boards are whole ones
             rows.append({**names, "solver": solver, **suite.held_out(shots, solver, spacing, parts)})
         if each.other:
             rows.append(
@@ -74,6 +74,6 @@ def real_rigs(
 
 
 def _filled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows, each with the columns of all."""
+    """All with all columns."""
     columns = dict.fromkeys(k for row in rows for k in row)
     return [{k: row.get(k) for k in columns} for row in rows]

@@ -1,4 +1,4 @@
-"""`rcdn evaluate rigs`: simulated rigs of cameras, whose poses are compared with the truth."""
+"""`rcdn evaluate rigs`: simulated rigs of cameras, their places against the truth."""
 
 from __future__ import annotations
 
