@@ -1,4 +1,4 @@
-"""Few pictures instead of all: cameras from those that were selected, and from as many at random, beside the camera of all."""
+"""Cameras from few pictures, selected ones and random ones, compared with the camera from all."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from rcdn.types import Array, Board, Calibration
 from rcdn_lab.calibration.sets import CameraSet
 
 COUNTS = (8, 10, 12)
-"""pictures that are selected"""
+"""numbers of selected pictures"""
 FEWEST = 20
-"""pictures that a set must have"""
+"""least number of pictures of a set"""
 DRAWS = 9
-"""choices at random"""
+"""random selections"""
 SPACING = 0.03
-"""m: a camera is the same whatever the squares measure"""
+"""m: the camera does not depend on the size of the squares"""
 
 
 def boards_of(one: CameraSet, boards: Sequence[Board]) -> list[Board]:
-    """Those that show the set's board whole, or at least from end to end."""
+    """Boards that show the set's board whole, or at least from end to end."""
     return [b for b in boards if sorted(b.size) == sorted(one.size)]
 
 
 def row_of(one: CameraSet, boards: Sequence[Board], seed: int = 0) -> dict[str, Any]:
-    """The figures of one set of at least FEWEST `boards`, one a picture: root mean square difference from the camera of all over the frame,
-    px, of the camera from those selected, of the median of those at random, and their ratio, by the number of pictures."""
+    """The figures of one set of at least FEWEST `boards`, one per picture: root mean square difference over the frame
+    from the camera of all, px, of the camera from the selected ones, the median of those from random ones, and their
+    ratio, by the number of pictures."""
     names = [str(k) for k in range(len(boards))]
     whole = calibrate(boards, SPACING, names=names, model=one.model, size=one.size)
     row: dict[str, Any] = {"set": one.name, "pictures": len(boards), "model": one.model, "rms": whole.rms}
@@ -45,7 +46,7 @@ def row_of(one: CameraSet, boards: Sequence[Board], seed: int = 0) -> dict[str, 
 
 
 def _off(whole: Calibration, one: CameraSet, boards: Sequence[Board], some: Array) -> float:
-    """Infinite if they settle no camera."""
+    """Infinite if the boards do not determine a camera."""
     try:
         found = calibrate([boards[k] for k in some], SPACING, model=one.model, size=one.size)
         return camera_difference(whole.camera, found.camera).rms
