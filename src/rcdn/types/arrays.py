@@ -1,7 +1,8 @@
-"""Shapes and kinds of arrays in annotations, in jaxtyping's notation: `Float[Array, "n 2"]`.
+"""Annotations of the shapes and element types of arrays, in jaxtyping's notation: `Float[Array, "n 2"]`.
 
-For Python and type checkers they are plain arrays, so that nothing needs jaxtyping; the tests read them with it and check with beartype
-that each call's arrays have the shapes that its function states, the same letter being the same number.
+For Python and type checkers they are plain arrays, so that the package doesn't depend on jaxtyping. The tests interpret
+them with jaxtyping and check with beartype that the arrays of each call have the annotated shapes, where equal letters
+stand for equal sizes.
 """
 
 from typing import Annotated as Bool
