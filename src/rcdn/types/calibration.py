@@ -92,8 +92,9 @@ class ModelScore:
 @dataclass(frozen=True)
 class Reason:
     """One check behind a verdict: `key` names the check, `what` the measured quantity; `value` in `unit` (`px`, `°`, a
-    `share` of 1, …) and the `limit` that determines `level`: the limit it meets if `good`, else the one it exceeds.
-    NaN: no measurement is possible. `sentence`: the finding; `action`: the recommended action, "" if none is needed."""
+    `share` of 1, …) and the `limit` that determines `level`: the limit it meets if `good`, else the one it fails
+    to meet. NaN: no measurement is possible. `sentence`: the finding; `action`: the recommended action, "" if none is
+    needed."""
 
     key: str
     level: Level
