@@ -191,7 +191,7 @@ def _brown_inverse(d: Array, lens: Brown) -> Array:
 
 
 def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Float[Array, "... 2"]:
-    """Undistorted points (..., 2) of `d` by Newton's method from `start`; NaN where it fails or exceeds `limit`."""
+    """Undistorted points (..., 2) of `d`, by Newton from `start`; NaN where it fails or exceeds the radius `limit`."""
     n = start.copy()
     for _ in range(12):
         a, b, c = lens.slopes(n)

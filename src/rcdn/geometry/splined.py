@@ -90,7 +90,7 @@ def _rays(camera: Camera, along: int, beyond: float) -> tuple[Array, Array]:
     middle = (np.array(camera.image_size) - 1) / 2
     pixels = middle + (frame_pixels(camera.image_size, along) - middle) * (1 + 2 * beyond)
     rays = unproject(camera, pixels)
-    seen = np.degrees(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])) <= WIDEST  # NaN is not
+    seen = np.degrees(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])) <= WIDEST  # false for NaN
     if not seen.any():
         raise RcdnError("splined_of: no pixel of the camera has a ray; calibrate it first")
     return pixels[seen], rays[seen]

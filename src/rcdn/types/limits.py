@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 READ_IN_A_MIRROR = "mirrored: "
-"""first words of the warning that codes were readable only in the mirrored picture"""
+"""beginning of the warning that codes were readable only in the mirrored picture"""
 
 
 def allowed(pixels: int, least: int, each: int) -> int:

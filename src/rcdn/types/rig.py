@@ -101,8 +101,7 @@ class RigPoseEstimate(Value):
 
 
 def _adjoint(T: Array) -> Float[Array, "6 6"]:
-    """Adjoint (6, 6) of T: takes a small motion (rotation vector, translation) before T to the equivalent one after
-    it."""
+    """Adjoint (6, 6) of T: takes a small motion (rotation vector, translation) before T to the same one after it."""
     R, (x, y, z) = T[:3, :3], T[:3, 3]
     out = np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = R
