@@ -1,4 +1,4 @@
-"""How detections and truth compare: matching, precision, recall, localisation error."""
+"""Comparison of detections with the ground truth: matching, precision, recall, localisation error."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def match(found: Real[Array, "n 2"], truth: Real[Array, "m 2"], radius: float) -
 
 
 def nearest(found: Array, truth: Array, radius: float) -> Real[Array, " n"]:
-    """(N,) True where some truth lies closer than `radius` px: by the paper's reading a duplicate counts as true."""
+    """(N,) True where a true corner is closer than `radius` px: as in the paper, a duplicate is a true positive."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):
         return np.zeros(len(found), bool)
@@ -48,9 +48,10 @@ def precision_recall(scores: Array, hits: Array, total: int) -> tuple[Array, Arr
 
 
 def counted(found: Real[Array, "n 2"], truth: Array, blind: Array, radius: float, reach: float) -> Array:
-    """`found` (N, 2) without those closer than `reach` px to a `blind` spot (K, 2), if no corner of `truth` is closer than `radius`.
+    """`found` (N, 2) without detections closer than `reach` px to a `blind` spot (K, 2), unless a corner of `truth` is
+    closer than `radius` px.
 
-    Corners that are neither demanded nor forbidden are such spots.
+    Blind spots are corners whose detection counts neither as a true nor as a false positive.
     """
     if not len(blind) or not len(found):
         return found
@@ -60,7 +61,7 @@ def counted(found: Real[Array, "n 2"], truth: Array, blind: Array, radius: float
 def best_f1(scores: Array, hits: Array, total: int) -> dict[str, float]:
     """`f1`, `precision`, `recall` at the threshold `threshold` with the largest F1, and average precision `ap`.
 
-    Detections of one score come and go together: no threshold parts them.
+    Detections of equal score are accepted or rejected together, since no threshold separates them.
     """
     if not len(scores):
         return {"f1": 0.0, "precision": 0.0, "recall": 0.0, "threshold": 0.0, "ap": 0.0}

@@ -1,4 +1,4 @@
-"""Homographies, lens models and poses. The only place where any of them lives."""
+"""Homographies, lens models and poses. Each of them is implemented in this package only."""
 
 from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography

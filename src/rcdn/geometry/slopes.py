@@ -1,4 +1,4 @@
-"""Derivatives of the projection and of rotations, for least squares."""
+"""Jacobians of the projection and of rotations, for least squares."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from rcdn.types.arrays import Real
 
 
 def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Pixels (N, 2) of camera points (N, 3), with ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters` (N, 2, P).
+    """Pixels (N, 2) of camera points (N, 3), with the Jacobians ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters`
+    (N, 2, P).
 
-    Pixels are those of `project`, and skew is zero. With a correction nearly all of the N·2·P numbers are zero: `core_slopes` and
-    `basis` have the others. Raises RcdnError for the model `division`, which is not calibrated.
+    Pixels are those of `project`, and the skew is assumed to be zero. With a correction nearly all of the N·2·P numbers
+    are zero: `core_slopes` and `basis` give the others. Raises RcdnError for the model `division`, which is not
+    calibrated.
     """
     points = np.asarray(points, float)
     xy, by_point, core = core_slopes(camera, points)
@@ -33,9 +35,9 @@ def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Ar
 
 
 def core_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """As `project_with_slopes`, but the last (N, 2, 4 + d) for fx fy cx cy and the distortion only.
+    """As `project_with_slopes`, but the last Jacobian (N, 2, 4 + d) is for fx fy cx cy and the distortion only.
 
-    Those of a correction's control points are its `basis` times the focal length of the axis.
+    The derivatives with respect to a correction's control points are its `basis` times the focal length of the axis.
     """
     points = np.asarray(points, float)
     if camera.model == "division":
@@ -69,7 +71,7 @@ def rotation_slope(vectors: Array) -> Real[Array, "... 3 3"]:
 
 
 def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
-    """[v]× (..., 3, 3), so that [v]×·w = v × w."""
+    """Skew-symmetric matrices [v]× (..., 3, 3) of vectors v (..., 3), so that [v]×·w = v × w."""
     x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
     zero = np.zeros_like(x)
     rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
@@ -77,7 +79,7 @@ def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
 
 
 def _rodrigues(angle2: Array) -> tuple[Array, Array, Array]:
-    """sin θ/θ, (1 − cos θ)/θ² and (θ − sin θ)/θ³ of θ²."""
+    """sin θ/θ, (1 − cos θ)/θ² and (θ − sin θ)/θ³, given `angle2` = θ²; by their series for small θ."""
     small = angle2 < 1e-8
     square = np.where(small, 1.0, angle2)
     angle = np.sqrt(square)
