@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.calibration import calibrate
 from rcdn.calibration.difference import camera_difference
-from rcdn.calibration.selection import most_telling
+from rcdn.calibration.selection import most_informative
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Board, Calibration
 from rcdn_lab.calibration.sets import CameraSet
@@ -40,7 +40,7 @@ def row_of(one: CameraSet, boards: Sequence[Board], seed: int = 0) -> dict[str, 
         rng = np.random.default_rng([seed, many])
         draws = [np.sort(rng.choice(len(boards), many, replace=False)) for _ in range(DRAWS)]
         usual = float(np.median([_off(whole, one, boards, d) for d in draws]))
-        mine = _off(whole, one, boards, np.array([int(n) for n in most_telling(whole, many)]))
+        mine = _off(whole, one, boards, np.array([int(n) for n in most_informative(whole, many)]))
         row |= {f"selected_{many}": mine, f"random_{many}": usual, f"ratio_{many}": mine / usual}
     return row
 

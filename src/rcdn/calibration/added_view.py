@@ -16,7 +16,7 @@ from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
 from rcdn.calibration.sight import out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
-from rcdn.geometry import cross_matrix, project_with_slopes, unproject
+from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -40,7 +40,7 @@ class Information:
         """For views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point
         is not visible."""
         flat = points.reshape(-1, 3)
-        _, by_point, by_camera = project_with_slopes(camera, flat)
+        _, by_point, by_camera = project_with_jacobian(camera, flat)
         by_motion = np.concatenate([-by_point @ cross_matrix(flat), by_point], axis=2)
         shape = (len(points), -1)
         scale = np.repeat(weight.reshape(-1), 2).reshape(*shape, 1)
@@ -86,7 +86,7 @@ def weight_of(calibration: Calibration) -> float:
     return 1 / max(float(np.hypot(calibration.noise, usual)), 1e-6)
 
 
-def share_told(calibration: Calibration, prior: Prior) -> float:
+def share_known(calibration: Calibration, prior: Prior) -> float:
     """Factor for the information of a view computed with independent corners, with which the used views together have
     the information that `calibration.cov` states: residuals of one view are correlated, so that a view contributes less
     than independent corners would."""
@@ -110,10 +110,10 @@ def variances(
     flat = by_motion.reshape(2 * many, 6)
     reach = (n * prior.reach + more.reach) / (n + 1)
     own = (n**2 * prior.own + more.own) / (n + 1) ** 2
-    slopes = by_camera.reshape(1, 2 * many, -1) - flat @ reach
+    jacobian = by_camera.reshape(1, 2 * many, -1) - flat @ reach
     information = np.eye(prior.root.shape[1]) + prior.root.T @ more.camera @ prior.root
     half = np.linalg.inv(np.linalg.cholesky((information + information.transpose(0, 2, 1)) / 2))
-    rows = (slopes @ prior.root) @ half.transpose(0, 2, 1)
+    rows = (jacobian @ prior.root) @ half.transpose(0, 2, 1)
     square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
     return np.asarray(square.reshape(count, many, 2).mean(axis=2))
 
@@ -138,7 +138,7 @@ class Forecast:
         if not len(points) or not np.isfinite(calibration.cov).all():
             return None
         prior = Prior.of(calibration)
-        weight = weight_of(calibration) * float(np.sqrt(share_told(calibration, prior)))
+        weight = weight_of(calibration) * float(np.sqrt(share_known(calibration, prior)))
         before = float(np.nanmax(projection_uncertainty(calibration, points)))
         return cls(calibration.camera, prior, weight, by_camera, by_motion, before)
 
@@ -160,6 +160,6 @@ def judged_points(camera: Camera) -> tuple[Array, Array, Array]:
     points = points[~np.logical_or(*out_of_sight(camera, points))]
     rays = unproject(camera, points)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    _, by_point, by_camera = project_with_slopes(camera, rays)
+    _, by_point, by_camera = project_with_jacobian(camera, rays)
     turn = -by_point @ cross_matrix(rays)
     return points, by_camera, np.concatenate([turn, 0 * by_point], axis=2)

@@ -54,7 +54,7 @@ def calibrate_apart(
     if len(T) < FEWEST or not np.isfinite(T).all():
         return None
     state = State.mono(camera, T)
-    state, noise = robust.rough_fit(state, corners, sigma, default_free(state))
+    state, noise = robust.initial_fit(state, corners, sigma, default_free(state))
     state = replace(state, shape=np.zeros((corners.basis.shape[1] if shaped else 0, 3)))
     free = default_free(state, shape=shaped)
     fit = robust.fit(state, noise, corners, sigma, free, spacing=calibration.spacing)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation
+from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
 
@@ -174,7 +174,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     shared = np.zeros((len(corners), 2, offsets[-1]))
     for c, camera in enumerate(state.cameras):
         of = np.flatnonzero(cam == c)
-        xy[of], by_point, shared[of, :, offsets[c] : offsets[c + 1]] = project_with_slopes(camera, points[of])
+        xy[of], by_point, shared[of, :, offsets[c] : offsets[c + 1]] = project_with_jacobian(camera, points[of])
         in_first = by_point @ state.rig[c, :3, :3]
         by_frame[of] = in_first @ by_motion[of]
         if c:

@@ -135,7 +135,7 @@ def with_geometries(
         better = _splined(task, fits[chosen], scores[0], whole.spacing, asked=model == "splined")
         if better is not None:
             done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores))
-    _believable(done)
+    _check_plausible(done)
     return judged(done)
 
 
@@ -177,7 +177,7 @@ def _fits(
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
         state = with_fixed(state, fixed)
-        rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state))
+        rough[m] = robust.initial_fit(state, task.corners, task.sigma, default_free(state))
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
     near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
@@ -307,7 +307,7 @@ def _views(
     return tuple(views)
 
 
-def _believable(done: Calibration) -> None:
+def _check_plausible(done: Calibration) -> None:
     """Raise CalibrationError if the views do not determine the focal length."""
     share = float(max(done.std[:2] / done.camera.parameters[:2]))
     if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:

@@ -17,7 +17,7 @@ from scipy.special import chdtrc, chdtri
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
-from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
+from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation, unproject
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -147,9 +147,9 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Real[Ar
     χ² with the degrees of freedom that give the same variance (Biometrics Bulletin 2, 1946).
     """
     inside = np.ones(len(found.points), bool) if inside is None else inside
-    slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
+    jacobian = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
     half = [_half(c.cov[:-6, :-6]) for c in (a, b)]
-    root = np.concatenate([s @ h for s, h in zip(slopes, half, strict=True)], axis=2)
+    root = np.concatenate([s @ h for s, h in zip(jacobian, half, strict=True)], axis=2)
     known = np.isfinite(root).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
     cov = root[known] @ root[known].transpose(0, 2, 1)
     white = np.linalg.inv(np.linalg.cholesky(cov))
@@ -226,9 +226,9 @@ def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[A
     """Derivatives of the vectors at `pixels` with respect to the parameters of `a` and of `b`, (N, 2, P), and to a
     small rotation (N, 2, 3)."""
     rays = _unit(unproject(a, pixels))
-    _, by_ray, by_a = project_with_slopes(a, rays)
+    _, by_ray, by_a = project_with_jacobian(a, rays)
     R = rotation(turn)
-    _, by_turned, by_b = project_with_slopes(b, rays @ R.T)
+    _, by_turned, by_b = project_with_jacobian(b, rays @ R.T)
     # a change of a's parameters moves the ray of a fixed pixel perpendicularly to it: by_ray·δray = −by_a·δparameters
     gram = by_ray @ by_ray.transpose(0, 2, 1)
     seen = np.isfinite(gram).all(axis=(1, 2))

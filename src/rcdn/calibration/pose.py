@@ -131,7 +131,7 @@ def _back(turn: Array, R: Array, t: Array) -> Array:
 def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
     start = _state(camera, T)
     nothing = default_free(start, lens=False)
-    state, noise = robust.rough_fit(start, corners, sigma, nothing, turn=False)
+    state, noise = robust.initial_fit(start, corners, sigma, nothing, turn=False)
     return robust.fit(state, noise, corners, sigma, nothing)
 
 

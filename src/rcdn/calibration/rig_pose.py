@@ -149,7 +149,7 @@ def _estimated(
     places = np.stack([rig.poses[k].T_cam_board for k in at])  # held: the frame of the poses is the rig's
     start = State(tuple(rig.cameras[k] for k in at), best.T[None], places, KNOWN)
     nothing = default_free(start, lens=False)
-    state, _ = robust.rough_fit(start, corners, sigma, nothing, turn=False)
+    state, _ = robust.initial_fit(start, corners, sigma, nothing, turn=False)
     sigma = np.hypot(sigma, _offsets(residuals(state, corners), camera))
     fit = robust.fit(state, robust.LEAST, corners, sigma, nothing)
     if fit.reasons[0]:

@@ -56,7 +56,7 @@ class Fit:
     clustered: Clustered
 
 
-def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
+def initial_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
     """An initial fit with a loss that limits the influence of outliers, and the noise of one axis that it leaves, px.
 
     `turn`: poses may change to the other of the two that a plane allows.

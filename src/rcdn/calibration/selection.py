@@ -14,7 +14,7 @@ import numpy as np
 
 from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
-from rcdn.calibration.uncertainty import unrotated_slopes
+from rcdn.calibration.uncertainty import unrotated_jacobian
 from rcdn.errors import ConfigError, shown
 from rcdn.types import Array, BoardView, Calibration
 from rcdn.types.arrays import Real
@@ -25,7 +25,7 @@ ROUNDS = 20
 """most rounds of exchanges"""
 
 
-def most_telling(calibration: Calibration, many: int) -> tuple[str, ...]:
+def most_informative(calibration: Calibration, many: int) -> tuple[str, ...]:
     """The names of the `many` pictures of `calibration` with the most information about its camera, in the order of its
     views; all used ones if there are no more. The information of pictures whose boards have a larger scatter is reduced
     accordingly. Raises ConfigError unless `many` is at least 3."""
@@ -36,8 +36,8 @@ def most_telling(calibration: Calibration, many: int) -> tuple[str, ...]:
     if len(names) <= many:
         return tuple(names)
     information = _by_picture(calibration, views, names)
-    slopes, there = unrotated_slopes(calibration.camera, frame_grid(calibration.camera.image_size))
-    rows = slopes[there].reshape(-1, slopes.shape[2])
+    jacobian, there = unrotated_jacobian(calibration.camera, frame_grid(calibration.camera.image_size))
+    rows = jacobian[there].reshape(-1, jacobian.shape[2])
     some = _exchanged(_greedy([], many, information, rows), information, rows)
     return tuple(names[k] for k in sorted(some))
 

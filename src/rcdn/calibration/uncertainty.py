@@ -10,7 +10,7 @@ import numpy as np
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
-from rcdn.geometry import cross_matrix, project_with_slopes, unproject
+from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -172,11 +172,11 @@ def projection_uncertainty(calibration: Calibration, pixels: Real[Array, "n 2"],
     rays = unproject(calibration.camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_slopes(calibration.camera, rays[seen])
+    _, by_point, by_camera = project_with_jacobian(calibration.camera, rays[seen])
     turn = -by_point @ cross_matrix(rays[seen])
     shift = by_point / distance
-    slopes = np.concatenate([by_camera, turn, shift], axis=2)
-    variance = np.einsum("nia,ab,nib->n", slopes, calibration.cov, slopes, optimize=True) / 2
+    jacobian = np.concatenate([by_camera, turn, shift], axis=2)
+    variance = np.einsum("nia,ab,nib->n", jacobian, calibration.cov, jacobian, optimize=True) / 2
     out = np.full(len(pixels), np.nan)
     out[seen] = np.sqrt(variance)
     return out
@@ -190,12 +190,12 @@ def projection_deviation(calibration: Calibration, pixels: Real[Array, "n 2"]) -
     removed. The result is comparable with the difference of two calibrations after the best rotation. NaN where the
     lens model has no ray.
     """
-    J, _ = unrotated_slopes(calibration.camera, pixels)
+    J, _ = unrotated_jacobian(calibration.camera, pixels)
     many = J.shape[2]
     return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
 
 
-def unrotated_slopes(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
+def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Derivatives (N, 2, P) with respect to the camera's parameters of the projections of the directions that it sees
     at `pixels` (N, 2), without the part that a rotation of all directions compensates; NaN where it has no ray; and
     (N,) bool where it has one."""
@@ -203,7 +203,7 @@ def unrotated_slopes(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array,
     rays = unproject(camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_slopes(camera, rays[seen])
+    _, by_point, by_camera = project_with_jacobian(camera, rays[seen])
     turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
     flat = by_camera.reshape(len(turn), -1)
     flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]

@@ -23,7 +23,7 @@ def stereographic(points: Array) -> Real[Array, "... 2"]:
         return np.asarray(2 * points[..., :2] / np.maximum(depth, 1e-12 * length)[..., None])
 
 
-def stereographic_slopes(points: Array) -> Real[Array, "... 2 3"]:
+def stereographic_jacobian(points: Array) -> Real[Array, "... 2 3"]:
     """Jacobian ∂u/∂point (..., 2, 3) of `stereographic`."""
     points = np.asarray(points, float)
     u = stereographic(points)
@@ -52,7 +52,7 @@ def surface(correction: LensCorrection, u: Array) -> Real[Array, "... 2"]:
     return out
 
 
-def surface_slopes(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
+def surface_jacobian(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
     """`surface` and its Jacobian (..., 2, 2) with respect to u: [..., k, l] is the derivative of axis k of the
     displacement with respect to axis l of u."""
     first, inside, within = _cell(correction, u)
@@ -65,7 +65,7 @@ def surface_slopes(correction: LensCorrection, u: Array) -> tuple[Array, Array]:
         total[..., axis] = _row(y, along)
         by_u[..., axis, 0] = sum(w * _row(dx, c) for w, c in zip(y, rows, strict=True))
         by_u[..., axis, 1] = _row(dy, along)
-    return total, by_u @ _border_slopes(correction, u) if not within.all() else by_u
+    return total, by_u @ _border_jacobian(correction, u) if not within.all() else by_u
 
 
 def _control(correction: LensCorrection, first: Real[Array, "... 2"], axis: int) -> Iterator[list[Array]]:
@@ -114,7 +114,7 @@ def _cell(correction: LensCorrection, u: Array) -> tuple[Array, Array, Array]:
     return first, at - first, within
 
 
-def _border_slopes(correction: LensCorrection, u: Array) -> Array:
+def _border_jacobian(correction: LensCorrection, u: Array) -> Array:
     """Jacobian (..., 2, 2) with respect to u of the point where the line from the centre to u leaves the domain; the
     identity inside the domain."""
     ratio = np.abs(u) / correction.extent

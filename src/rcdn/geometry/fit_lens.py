@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.errors import RcdnError
+from rcdn.geometry.jacobians import project_with_jacobian
 from rcdn.geometry.lens import project, unproject
-from rcdn.geometry.slopes import project_with_slopes
 from rcdn.geometry.spline_grid import frame_pixels
 from rcdn.types import LENS, Array, Camera, CameraModel
 
@@ -96,8 +96,8 @@ def _fit(start: Camera, rays: Array, pixels: Array) -> Camera:
         return np.concatenate([gap, firm * parameters[held]])
 
     def jacobian(parameters: Array) -> Array:
-        slopes = project_with_slopes(start.with_parameters(parameters), rays)[2]
-        return np.concatenate([slopes.reshape(-1, slopes.shape[2]), prior])
+        jacobian = project_with_jacobian(start.with_parameters(parameters), rays)[2]
+        return np.concatenate([jacobian.reshape(-1, jacobian.shape[2]), prior])
 
     found = least_squares(residuals, start.parameters, jacobian, method="lm", x_scale="jac", max_nfev=200)
     return start.with_parameters(found.x)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import present
-from rcdn.geometry.correction import point_of, stereographic, surface_slopes
-from rcdn.geometry.model_slopes import distorted_with_slopes
+from rcdn.geometry.correction import point_of, stereographic, surface_jacobian
+from rcdn.geometry.model_jacobians import distorted_with_jacobian
 from rcdn.geometry.models import fold, undistorted
 from rcdn.types import Array, Camera, LensCorrection
 from rcdn.types.arrays import Bool, Real
@@ -111,11 +111,11 @@ def _error(camera: Camera, correction: LensCorrection | None, u: Real[Array, "n 
     """Residual (N, 2): the distorted point of `u` (N, 2) minus `d`; and its Jacobian (N, 2, 2) with respect to u. NaN
     where `u` isn't visible."""
     with np.errstate(all="ignore"):
-        seen, by_point, _ = distorted_with_slopes(camera, point_of(u))
+        seen, by_point, _ = distorted_with_jacobian(camera, point_of(u))
         J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :]
         if correction is None:
             return seen - d, J
-        shift, by_u = surface_slopes(correction, u)
+        shift, by_u = surface_jacobian(correction, u)
         return seen + shift - d, J + by_u
 
 

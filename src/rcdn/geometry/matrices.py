@@ -44,8 +44,8 @@ def affine(src: Shaped[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "2
     middle, to = src.mean(axis=0), dst.mean(axis=0)
     off = (src - middle).T
     normal = product(off, off.T)
-    slopes = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
-    out = np.column_stack([slopes, to - (slopes * middle).sum(axis=1)])
+    linear = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
+    out = np.column_stack([linear, to - (linear * middle).sum(axis=1)])
     if not np.isfinite(out).all():
         raise np.linalg.LinAlgError("affine map: points are not finite")
     return out

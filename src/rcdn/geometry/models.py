@@ -157,7 +157,7 @@ class Brown:
             y * g + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y,
         ], axis=-1)  # fmt: skip
 
-    def slopes(self, n: Array) -> tuple[Array, Array, Array]:
+    def jacobian(self, n: Array) -> tuple[Array, Array, Array]:
         """The entries ∂x′/∂x, ∂x′/∂y = ∂y′/∂x, and ∂y′/∂y of the Jacobian of `distort`, each (...)."""
         x, y = n[..., 0], n[..., 1]
         g, slope = self.radial(x * x + y * y)
@@ -194,7 +194,7 @@ def _brown_newton(d: Array, start: Array, lens: Brown, limit: float) -> Real[Arr
     """Undistorted points (..., 2) of `d`, by Newton from `start`; NaN where it fails or exceeds the radius `limit`."""
     n = start.copy()
     for _ in range(12):
-        a, b, c = lens.slopes(n)
+        a, b, c = lens.jacobian(n)
         det = a * c - b * b
         det = np.where(np.abs(det) > 1e-6, det, 1e-6)
         e = lens.distort(n) - d

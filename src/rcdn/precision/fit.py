@@ -170,7 +170,7 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array |
     odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
     extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise, plane))
     cov = cov + extra[:, None, None] * np.eye(2)
-    jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
+    jacobian = inverse(maps.with_jacobian(np.arange(len(xy)), xy)[1])
     return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
 
 

@@ -55,20 +55,20 @@ class Lattice:
 
     def __call__(self, which: Array, xy: Array) -> Array:
         """Board coordinates (K, ..., 2), squares from corner `which` (K,), of pixels `xy` (K, ..., 2)."""
-        return self.with_slopes(which, xy)[0]
+        return self.with_jacobian(which, xy)[0]
 
     @property
     def maps(self) -> Maps:
         """As kernels take it."""
         return Maps(*(np.ascontiguousarray(a, np.float64) for a in (self.flat, self.origin, self.terms)))
 
-    def with_slopes(self, which: Array, xy: Array) -> tuple[Array, Array]:
+    def with_jacobian(self, which: Array, xy: Array) -> tuple[Array, Array]:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
-        uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
+        uv, jacobian = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
         each = (len(which), xy[..., 0].size // max(len(which), 1), 2)
-        _map(self.maps, which, xy.reshape(each), uv.reshape(each), slopes.reshape(*each, 2))
-        return uv, slopes
+        _map(self.maps, which, xy.reshape(each), uv.reshape(each), jacobian.reshape(*each, 2))
+        return uv, jacobian
 
     def pixels(
         self, which: Int[Array, " k"], uv: Real[Array, "k 2"], start: Real[Array, "k 2"], repeats: int = 4

@@ -96,15 +96,15 @@ def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Ar
     """By how much more (K, 2) than `state` says the markers of squares (K, P) with `cells` (K, n, n) stand off their middles."""
     moved = state + STEP * np.eye(len(state))[[0, 1, 5, 6]]
     drawn = _drawn(cells, state, where)
-    slopes = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
-    rows = np.stack([np.ones_like(drawn), drawn, *slopes], axis=1)
+    jacobian = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
+    rows = np.stack([np.ones_like(drawn), drawn, *jacobian], axis=1)
     normal = rows @ rows.swapaxes(1, 2) + 1e-9 * np.eye(rows.shape[1])
     share = np.linalg.solve(normal, rows @ squares[:, :, None])[:, :, 0]
     contrast = np.where(np.abs(share[:, 1]) > 1e-9, share[:, 1], np.inf)
     return np.asarray((share[:, 2:4] - share[:, 4:6]) / contrast[:, None])
 
 
-def _with_slopes(cells: Array, where: Array, state: Array, square: Real[Array, " k"]) -> tuple[Array, Array]:
+def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array, " k"]) -> tuple[Array, Array]:
     """Levels (K,) of a square, and their derivatives (7, K) by the state, with the black and the white that are nearest to `square` (K,)."""
     values = np.array(
         [_levelled(square, _drawn(cells, one, where)) for one in (state, *(state + STEP * np.eye(len(state))))]
@@ -132,11 +132,11 @@ def _fitted(
     usual = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
     state = usual.copy()
     for _ in range(STEPS):
-        values, slopes = _with_slopes(cells, where, state, mean)
+        values, jacobian = _with_jacobian(cells, where, state, mean)
         off = mean - values
         stiff = off.var() / USUAL**2
-        normal = slopes @ slopes.T + np.diag(stiff + 1e-9)
-        step = np.linalg.solve(normal, slopes @ off + stiff * (usual - state)).clip(-0.3, 0.3)
+        normal = jacobian @ jacobian.T + np.diag(stiff + 1e-9)
+        step = np.linalg.solve(normal, jacobian @ off + stiff * (usual - state)).clip(-0.3, 0.3)
         state = state + step
         state[BLURS] = np.clip(state[BLURS], np.log(SHARPEST), np.log(SOFTEST))
         if np.abs(step).max() < CLOSE:

@@ -116,14 +116,14 @@ def without_outliers(task: Task) -> Task:
     none = np.zeros(len(task.corners))
     state = _start(task, Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model))
     free = default_free(state, shape=True)
-    fit = robust.fit(*robust.rough_fit(state, task.corners, none, free), task.corners, none, free)
+    fit = robust.fit(*robust.initial_fit(state, task.corners, none, free), task.corners, none, free)
     return replace(task, used=fit.used)
 
 
 def weighted(task: Task, sigma: Array) -> Task:
     """The task with each corner weighted by its `sigma` (N,) px and the additional noise of all."""
     state = camera_of(task, range(task.views))
-    _, noise = robust.rough_fit(state, task.corners, sigma, default_free(state, shape=True))
+    _, noise = robust.initial_fit(state, task.corners, sigma, default_free(state, shape=True))
     return replace(task, weight=1 / np.sqrt(noise**2 + sigma**2))
 
 

@@ -5,53 +5,53 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.geometry.correction import basis, stereographic, stereographic_slopes, surface_slopes
+from rcdn.geometry.correction import basis, stereographic, stereographic_jacobian, surface_jacobian
 from rcdn.geometry.lens import project
-from rcdn.geometry.model_slopes import distorted_with_slopes
+from rcdn.geometry.model_jacobians import distorted_with_jacobian
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
 
 
-def project_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+def project_with_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     """Pixels (N, 2) of camera points (N, 3), with the Jacobians ∂pixel/∂point (N, 2, 3) and ∂pixel/∂`camera.parameters`
     (N, 2, P).
 
     Pixels are those of `project`, and the skew is assumed to be zero. With a correction nearly all of the N·2·P numbers
-    are zero: `core_slopes` and `basis` give the others. Raises RcdnError for the model `division`, which is not
+    are zero: `core_jacobian` and `basis` give the others. Raises RcdnError for the model `division`, which is not
     calibrated.
     """
     points = np.asarray(points, float)
-    xy, by_point, core = core_slopes(camera, points)
+    xy, by_point, core = core_jacobian(camera, points)
     if camera.correction is None:
         return xy, by_point, core
     end = core.shape[2]
-    slopes = np.zeros((len(points), 2, end + camera.correction.control.size))
-    slopes[:, :, :end] = core
+    jacobian = np.zeros((len(points), 2, end + camera.correction.control.size))
+    jacobian[:, :, :end] = core
     columns, weights = basis(camera.correction, points)
     of = np.arange(len(points))[:, None]
     for axis in (0, 1):
-        slopes[of, axis, end + 2 * columns + axis] = camera.K[axis, axis] * weights
-    return xy, by_point, slopes
+        jacobian[of, axis, end + 2 * columns + axis] = camera.K[axis, axis] * weights
+    return xy, by_point, jacobian
 
 
-def core_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """As `project_with_slopes`, but the last Jacobian (N, 2, 4 + d) is for fx fy cx cy and the distortion only.
+def core_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """As `project_with_jacobian`, but the last Jacobian (N, 2, 4 + d) is for fx fy cx cy and the distortion only.
 
     The derivatives with respect to a correction's control points are its `basis` times the focal length of the axis.
     """
     points = np.asarray(points, float)
     if camera.model == "division":
         raise RcdnError("camera.model 'division' has no derivatives here; use brown, rational or fisheye")
-    d, by_point, by_lens = distorted_with_slopes(camera, points)
+    d, by_point, by_lens = distorted_with_jacobian(camera, points)
     if camera.correction is not None:
-        shift, by_u = surface_slopes(camera.correction, stereographic(points))
-        d, by_point = d + shift, by_point + by_u @ stereographic_slopes(points)
+        shift, by_u = surface_jacobian(camera.correction, stereographic(points))
+        d, by_point = d + shift, by_point + by_u @ stereographic_jacobian(points)
     f = camera.K[[0, 1], [0, 1]]
-    slopes = np.zeros((len(points), 2, camera.coefficients))
-    slopes[:, [0, 1], [0, 1]] = d
-    slopes[:, [0, 1], [2, 3]] = 1.0
-    slopes[:, :, 4:] = by_lens * f[:, None]
-    return project(camera, points), by_point * f[:, None], slopes
+    jacobian = np.zeros((len(points), 2, camera.coefficients))
+    jacobian[:, [0, 1], [0, 1]] = d
+    jacobian[:, [0, 1], [2, 3]] = 1.0
+    jacobian[:, :, 4:] = by_lens * f[:, None]
+    return project(camera, points), by_point * f[:, None], jacobian
 
 
 def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
@@ -62,7 +62,7 @@ def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
     return np.asarray(np.eye(3) + a * K + b * (K @ K))
 
 
-def rotation_slope(vectors: Array) -> Real[Array, "... 3 3"]:
+def rotation_jacobian(vectors: Array) -> Real[Array, "... 3 3"]:
     """J (..., 3, 3) with rotation(v + dv) ≈ rotation(J·dv)·rotation(v): the left Jacobian of SO(3)."""
     vectors = np.asarray(vectors, float)
     K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]

@@ -11,18 +11,18 @@ NEAR_AXIS = 1e-7
 """rad; below this angle a fisheye's ray is treated as on the axis"""
 
 
-def distorted_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+def distorted_with_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     """Distorted points (N, 2), in focal lengths, of camera points (N, 3), with their Jacobians with respect to the
     points (N, 2, 3) and to the distortion (N, 2, d); for every model except `division`."""
-    return (_fisheye_slopes if camera.model == "fisheye" else _central_slopes)(camera, points)
+    return (_fisheye_jacobian if camera.model == "fisheye" else _central_jacobian)(camera, points)
 
 
-def _central_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """`distorted_with_slopes` of the models pinhole, brown and rational."""
+def _central_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """`distorted_with_jacobian` of the models pinhole, brown and rational."""
     z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
     n = points[:, :2] / z[:, None]
     lens = Brown.of(camera.distortion)
-    a, b, c = lens.slopes(n)
+    a, b, c = lens.jacobian(n)
     by_n = np.stack([np.stack([a, b], -1), np.stack([b, c], -1)], axis=1)
     depth = -(by_n @ n[:, :, None])
     by_point = np.concatenate([by_n, depth], axis=2) / z[:, None, None]
@@ -46,8 +46,8 @@ def _brown_lens(lens: Brown, n: Array) -> Array:
     return out
 
 
-def _fisheye_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """`distorted_with_slopes` of the Kannala–Brandt model; on the axis the Jacobian's limit is used, which doesn't
+def _fisheye_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """`distorted_with_jacobian` of the Kannala–Brandt model; on the axis the Jacobian's limit is used, which doesn't
     depend on the direction of approach."""
     xy, z = points[:, :2], points[:, 2]
     r = np.hypot(xy[:, 0], xy[:, 1])
