@@ -15,6 +15,7 @@ from rcdn.calibration.board_points import flat_points, has_shape, plane_of
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of, shifts_of
@@ -22,9 +23,9 @@ from rcdn.calibration.rig_fit import Joint, fitted
 from rcdn.calibration.rig_start import Edge, Key, Turned, averaged, components_of, edges_of, tree, turned
 from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
 from rcdn.calibration.twins import one_model
-from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardShape, Calibration, Pose, Rig, RigCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, Rig, RigCalibration
 
 ODD = "it disagrees with the other cameras on where the board is"
 
@@ -37,12 +38,14 @@ def calibrate_rig(
     names: Mapping[str, Sequence[str]] | None = None,
     model: str | Mapping[str, str] = "auto",
     size: Size | None = None,
+    cameras: Mapping[str, Camera] | None = None,
 ) -> RigCalibration:
     """Cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board need be seen by all.
 
     `views`: by the camera's name its boards; partial ones, and those that no other camera saw, help its lens. `moments`: by camera, for each
     board when it was seen: boards of one moment (and one target) are one board (default: the k-th boards of all cameras belong together).
-    `names` of the boards' pictures. `model`: of all cameras, or by name. The rest as in `calibrate`; the first camera of the largest
+    `names` of the boards' pictures. `model`: of all cameras, or by name. `cameras`: by name those whose lens is known: it is held as it is, and
+    one picture of a board is enough of them. The rest as in `calibrate`; the first camera of the largest
     connected part gives the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs that agree on how they
@@ -54,7 +57,8 @@ def calibrate_rig(
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
-    if not isinstance(model, str) and (missing := [name for name in order if name not in model]):
+    given = _given(order, cameras)
+    if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)
     geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
@@ -62,9 +66,11 @@ def calibrate_rig(
     @cache
     def as_model(camera: int, lens: str) -> Calibration:
         name = order[camera]
-        return _alone(name, views[name], geometries, (names or {}).get(name), lens)
+        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens))
 
-    lenses = [model if isinstance(model, str) else model[name] for name in order]
+    lenses = [
+        given[name].model if name in given else model if isinstance(model, str) else model[name] for name in order
+    ]
     alone = [as_model(c, lens) for c, lens in enumerate(lenses)]
     unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
     alone = _of_one_make(
@@ -79,19 +85,29 @@ def calibrate_rig(
             "no two cameras agree on where they stand: "
             + _why(order, sights)
             + "; were the pictures taken at the same moments, and do their names or numbers say which belong together?"
+            + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
         )
     places = averaged(tree(main, edges), edges)
     places = {c: places[c] for c in main}
     fits = turned(places, alone, sights)
-    task = _Task.of(main, alone, sights, fits, [when[name] for name in order])
+    task = _Task.of(main, alone, sights, fits, [when[name] for name in order], [order[c] in given for c in main])
     state = task.start(alone, places)
     fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=alone[task.shape].spacing)
-    return _result(task, fit, order, alone, parts, edges, when, sights)
+    return _result(task, fit, order, alone, parts, edges, when, sights, tuple(n for n in order if n in given))
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
     check_boards(boards, f"views[{name!r}]")
     return boards
+
+
+def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[str, Camera]:
+    """The cameras whose lens is known. Raises ConfigError for a name that no views have."""
+    if unknown := [name for name in cameras or {} if name not in order]:
+        raise ConfigError(
+            f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: give the same names"
+        )
+    return dict(cameras or {})
 
 
 def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> dict[str, list[str]]:
@@ -104,11 +120,14 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
 
 
 def _alone(
-    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, model: str
+    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, lens: str | Camera
 ) -> Calibration:
+    """The calibration of one camera alone, of a lens model, or of a lens that is known."""
     try:
-        check_arguments(boards, names, model, None)
-        return with_geometries(boards, geometries, names_of(boards, names), model)
+        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
+        if isinstance(lens, Camera):
+            return with_known_lens(boards, geometries, names_of(boards, names), lens)
+        return with_geometries(boards, geometries, names_of(boards, names), lens)
     except CalibrationError as error:
         raise CalibrationError(f"camera {name}: {error}") from error
 
@@ -170,7 +189,8 @@ def _number(target: object, numbers: dict[str, int]) -> int:
 @dataclass(frozen=True, eq=False)
 class _Task:
     """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each with its `keys` entry (None:
-    only one camera's partial view); `rows` (camera, view) → rows of the corners, their labels `ij`; `cluster` (F,): moments."""
+    only one camera's partial view); `rows` (camera, view) → rows of the corners, their labels `ij`; `cluster` (F,): moments; `known`: by camera
+    whether its lens is held."""
 
     cameras: list[int]
     keys: list[Key | None]
@@ -182,6 +202,7 @@ class _Task:
     cluster: Array
     turned: Turned
     shape: int
+    known: list[bool]
 
     @classmethod
     def of(
@@ -191,6 +212,7 @@ class _Task:
         sights: Sequence[Mapping[Key, int]],
         fits: Turned,
         when: Sequence[Sequence[str]],
+        held: list[bool],
     ) -> _Task:
         """All views of the cameras `main` but the odd ones."""
         shaped = max(main, key=lambda c: (alone[c].shape is not None, len(alone[c].used_views)))
@@ -229,7 +251,7 @@ class _Task:
             basis[settled] = shape_basis(joint[settled], alone[shaped].size or (1, 1), plane_of(alone[shaped]))
         corners = Corners3(np.concatenate(frame), np.concatenate(camera), board, np.concatenate(xy), basis)
         cluster = np.unique(np.array(moments), return_inverse=True)[1]
-        return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped)
+        return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped, held)
 
     def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
         """Boards and cameras where the graph has them."""
@@ -246,7 +268,7 @@ class _Task:
     @property
     def joint(self) -> Joint:
         """What the least squares are about."""
-        return Joint(self.corners, self.sigma, self.cluster)
+        return Joint(self.corners, self.sigma, self.cluster, self.known)
 
 
 def _result(
@@ -258,12 +280,13 @@ def _result(
     edges: Sequence[Edge],
     when: Mapping[str, Sequence[str]],
     sights: Sequence[Mapping[Key, int]],
+    given: tuple[str, ...],
 ) -> RigCalibration:
     main = task.cameras
     used = np.array([f for f, reason in enumerate(fit.reasons) if not reason])
     if not len(used):
         raise CalibrationError("no board agrees with the others: check which pictures belong to one moment")
-    cov = covariance(fit.arrow, used, fit.scale, fit.clustered)
+    cov = with_held(covariance(fit.arrow, used, fit.scale, fit.clustered), fit.free)
     names = tuple(order[c] for c in main)
     lenses = np.cumsum([0, *(len(c.parameters) for c in fit.state.cameras)])
     places = slice(lenses[-1], lenses[-1] + 6 * (len(main) - 1))
@@ -286,6 +309,7 @@ def _result(
         links=links_of(order, done, parts, when),
         thin=tuple(order[c] for c in main if len(_shared(c, edges)) == 1),
         shifts=shifts_of(rig, {order[c]: done[c] for c in main}, {order[c]: sights[c] for c in main}),
+        given=given,
     )
     return judged_rig(found)
 

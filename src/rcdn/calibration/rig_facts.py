@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.calibration.advice import judged
 from rcdn.calibration.board_points import board_points
+from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_start import Key
@@ -165,8 +166,13 @@ def _shift(track: Mapping[Key, Array], others: Mapping[Key, Array | None], momen
 
 def judged_rig(found: RigCalibration) -> RigCalibration:
     """`found` with its verdict and those of its cameras."""
-    cameras = {name: judged(camera) for name, camera in found.cameras.items()}
-    reasons = [*_rig_reasons(found), *(r for name, c in cameras.items() for r in _of_camera(name, c))]
+    cameras = {
+        name: judged_known(camera) if name in found.given else judged(camera) for name, camera in found.cameras.items()
+    }
+    reasons = [
+        *_rig_reasons(found),
+        *(r for name, c in cameras.items() for r in _of_camera(name, c, name in found.given)),
+    ]
     return replace(found, cameras=cameras, verdict=verdict_of(reasons))
 
 
@@ -219,8 +225,18 @@ def _join(link: MissingLink) -> str:
     )
 
 
-def _of_camera(name: str, camera: Calibration) -> list[Reason]:
+LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
+"""what a lens that is wrong fails"""
+
+
+def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
     against = camera.verdict.against if camera.verdict else ()
+
+    def action(r: Reason) -> str:
+        anew = "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture may have changed."
+        return anew if given and r.key in LENS_CHECKS else r.action
+
     return [
-        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}") for r in against
+        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}", action=action(r))
+        for r in against
     ]

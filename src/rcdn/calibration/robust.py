@@ -40,7 +40,7 @@ MEDIAN = 2 * np.log(2.0)
 class Fit:
     """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` per frame, "" where used; `noise` px of one
     axis beyond sigma; `weight` (N,) 1 / px; `scale`: mean square of the whitened residuals by the degrees of freedom; `clustered`: the
-    covariance of what all frames share, by the scatter of whole views."""
+    covariance of what all frames share, by the scatter of whole views; `free` (K,): which of the shared parameters were solved for."""
 
     state: State
     arrow: Arrow
@@ -51,6 +51,7 @@ class Fit:
     weight: Array
     scale: float
     clustered: Clustered
+    free: Array
 
 
 def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
@@ -173,7 +174,7 @@ def fit(
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())
     scale = square / max(2 * int(used.sum()) - _unknowns(state, solution.arrow, corners, used, free), 1)
     honest = clustered(state, corners, weight, free, solution.arrow, scale, cluster, power)
-    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest)
+    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest, free)
 
 
 def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int]) -> State:

@@ -120,6 +120,16 @@ def covariance(arrow: Arrow, frames: Array, scale: float, honest: Clustered) -> 
     return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
 
 
+def with_held(cov: Array, free: Array) -> Array:
+    """`cov` of the `free` ones of K shared parameters and of the poses' mean motion, with zeros for what was held: (K + 6, K + 6)."""
+    if free.all():
+        return cov
+    at = np.flatnonzero(np.append(free, np.ones(6, bool)))
+    out = np.zeros((len(free) + 6, len(free) + 6))
+    out[np.ix_(at, at)] = cov
+    return out
+
+
 def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Array:
     """Covariance (6, 6) of the small motion of one board's pose under a known camera, from corners that err together with their neighbours.
 

@@ -84,8 +84,9 @@ def usable(
     names: Sequence[str],
     image_size: tuple[int, int],
     whole: Geometry,
+    fewest: int = FEWEST_VIEWS,
 ) -> Usable:
-    """Boards with corners enough; `whole`: the board whose shape may be solved for."""
+    """Boards with corners enough, `fewest` at least; `whole`: the board whose shape may be solved for."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -93,7 +94,7 @@ def usable(
             reasons[k] = reason
         else:
             index.append(k)
-    if len(index) < FEWEST_VIEWS:
+    if len(index) < fewest:
         raise CalibrationError(too_few(len(index), reasons))
     seen = [Seen(labels[k].places, boards[k].xy) for k in index]
     lengths = [len(s.xy) for s in seen]
@@ -137,12 +138,12 @@ def sigma_of(board: Board) -> Array:
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 
 
-def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:
-    """Only the views that got a pose."""
+def with_poses(task: Usable, T: Array, fewest: int = FEWEST_VIEWS) -> tuple[Usable, Array]:
+    """Only the views that got a pose, `fewest` at least."""
     good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T
-    if good.sum() < FEWEST_VIEWS:
+    if good.sum() < fewest:
         raise CalibrationError(too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
     keep = good[task.corners.frame]
     number = np.cumsum(good) - 1

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.cli import _talk
@@ -84,7 +85,7 @@ class Run:
 @dataclass(frozen=True)
 class Problem:
     """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, what to `fix`,
-    and how many pictures to `select`."""
+    and how many pictures to `select`; of a rig files of `cameras` whose lenses are known."""
 
     spacing: Length | Lengths
     model: str
@@ -92,6 +93,7 @@ class Problem:
     leave_out: tuple[str, ...] = ()
     fix: frozenset[str] = frozenset()
     select: int | None = None
+    cameras: tuple[Path, ...] = ()
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:

@@ -11,6 +11,7 @@ from rcdn.cli._behind import seen_from_behind
 from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._calibration_runs import Problem, Run, flat
 from rcdn.cli._camera_files import write_rig_files
+from rcdn.cli._known_cameras import known_cameras
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
 from rcdn.errors import ConfigError, present
@@ -27,6 +28,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     from rcdn.io import write_rig_calibration
 
     cameras = cameras_in(inputs)
+    known = known_cameras(problem.cameras, list(cameras))  # before the work
     found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
@@ -43,10 +45,11 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         names={n: pictures for n, (_, pictures) in sets.items()},
         model=problem.model,
         size=run.size,
+        cameras=known,
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
         _talk.say(line)
-    kept = outputs.kept(*(done.cameras[name] for name in done.rig.names))
+    kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     run.failed |= not outputs.write(
         kept,
         lambda path: write_rig_files(path, done.rig, outputs.format),
@@ -88,7 +91,8 @@ def rig_lines(done: RigCalibration) -> list[str]:
     for k, (name, camera, pose) in enumerate(zip(rig.names, rig.cameras, rig.poses, strict=True)):
         centre = -pose.R.T @ pose.t
         place = "at the origin" if not k else f"at {_triple(centre)} m ± {_spread(done, k)}"
-        lines.append(f"  {name}: {camera.model}, {place}")
+        lens = f"{camera.model} as given" if name in done.given else camera.model
+        lines.append(f"  {name}: {lens}, {place}")
     for pair in done.pairs:
         lines.append(
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"

@@ -19,6 +19,7 @@ from rcdn.cli._calibration_outputs import (
 )
 from rcdn.cli._calibration_runs import Problem, Run, one_camera, two_cameras
 from rcdn.cli._group import FAILED
+from rcdn.cli._known_cameras import KnownCameras
 from rcdn.cli._options import (
     CacheFolder,
     Frames,
@@ -68,6 +69,7 @@ def calibrate(
             "number belong together.",
         ),
     ] = False,
+    camera: KnownCameras = None,
     pairs: Pairs = None,
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
@@ -125,6 +127,10 @@ def calibrate(
                 "--fix-aspect and --fix-principal-point": fix,
             },
         )
+    if camera and not rig:
+        raise ConfigError(
+            "--camera names lenses that are known, for --rig; boards before one known camera are placed by `rcdn pose`"
+        )
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
@@ -132,14 +138,14 @@ def calibrate(
     outputs = Outputs(
         output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
     )
-    outputs.check(inputs if pairs is None else [*inputs, pairs], rig)
+    outputs.check([*inputs, *(camera or ()), *([] if pairs is None else [pairs])], rig)
     if not rig:
         outputs = outputs.without_refused(model.value, stereo)
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, LOOKS)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
-    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select)
+    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select, tuple(camera or ()))
     if rig:
         found = many_cameras(run, inputs, problem, outputs)
     elif stereo:

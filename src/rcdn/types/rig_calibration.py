@@ -56,7 +56,8 @@ class RigCalibration(Value):
     calibration after the joint solution, those that aren't connected as they are alone. `boards`: by (moment, number of the board's
     target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
     `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
-    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board.
+    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras
+    whose lens was given and held; its covariance is zero.
     """
 
     rig: Rig
@@ -69,6 +70,7 @@ class RigCalibration(Value):
     thin: tuple[str, ...] = ()
     shifts: Mapping[str, TimeShift] | None = None
     verdict: Verdict | None = None
+    given: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         level = "not judged" if self.verdict is None else self.verdict.level
