@@ -10,7 +10,7 @@ from rcdn.cli import _talk
 from rcdn.cli._behind import seen_from_behind
 from rcdn.cli._calibration_outputs import Outputs
 from rcdn.cli._calibration_runs import Problem, Run, flat
-from rcdn.cli._camera_files import write_rig_files
+from rcdn.cli._camera_files import rig_refusal, write_rig_files
 from rcdn.cli._known_cameras import known_cameras
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
@@ -28,7 +28,10 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     from rcdn.io import write_rig_calibration
 
     cameras = cameras_in(inputs)
-    known = known_cameras(problem.cameras, list(cameras))  # before the work
+    known = known_cameras(problem.cameras, list(cameras))
+    outputs = outputs.without_refused(
+        lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
+    )
     found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":

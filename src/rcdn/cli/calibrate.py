@@ -100,6 +100,7 @@ def calibrate(
     """
     from rcdn.calibration.frames import LOOKS
     from rcdn.calibration.verdict import fails
+    from rcdn.cli._camera_files import refusal
 
     _talk.begin(quiet, [json, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
@@ -140,7 +141,7 @@ def calibrate(
     )
     outputs.check([*inputs, *(camera or ()), *([] if pairs is None else [pairs])], rig)
     if not rig:
-        outputs = outputs.without_refused(model.value, stereo)
+        outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, LOOKS)
