@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from rcdn.cli import app
 from rcdn.cli._known_cameras import known_cameras
+from rcdn.cli._rig_runs import _with_neighbours
 from rcdn.errors import ConfigError
 from rcdn.evaluation.camera_scenes import SPACING
 from rcdn.evaluation.rig_scenes import row
@@ -94,3 +95,33 @@ def test_a_folder_without_cameras_and_use_without_a_rig_are_refused(made):
     result = run("--stereo", "--camera", "rig.json")
     assert result.exit_code == 2
     assert "--camera names lenses that are known, for --rig" in result.stderr
+
+
+def test_time_is_corrected_only_in_a_rig(made):
+    result = run("--rig", "--camera", "lenses", "--correct-time")
+    assert result.exit_code == 0, result.output
+    result = run("--stereo", "--correct-time")
+    assert result.exit_code == 2
+    assert "--correct-time is for cameras of a rig" in result.stderr
+
+
+def test_frames_beside_the_chosen_ones_are_looked_at():
+    assert _with_neighbours(((0, 5, 9),)) == ((0, 1, 4, 5, 6, 8, 9),)
+
+
+def test_a_rig_has_a_page(made):
+    result = run("--rig", "--camera", "lenses", "--report", "page.html")
+    assert result.exit_code == 0, result.output
+    page = Path("page.html").read_text()
+    for word in ("Who looks where", "Pair by pair", "epipolar, px", "left – right", "Lenses given", "data-look"):
+        assert word in page
+
+
+def test_what_a_format_cant_hold_is_told_before_the_work(made):
+    result = run("--rig", "--model", "brown", "-o", "camchain.yaml", "-o", "cameras.json")
+    assert result.exit_code == 1
+    assert result.stderr.index("camchain.yaml is not written: camera left: Kalibr's camchain: radtan holds") >= 0
+    assert Path("cameras.json").exists()
+    result = run("--rig", "--model", "brown", "-o", "camchain.yaml")
+    assert result.exit_code == 1
+    assert "rig of 2 cameras" not in result.stdout

@@ -42,6 +42,20 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     return curved if _predicts_better(joint, curved, flat) else flat
 
 
+def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
+    """The solution for other corners of the same problem, from the one `before`, with the same unknowns."""
+    return robust.fit(
+        replace(before.state, prior=None),
+        before.noise,
+        joint.corners,
+        joint.sigma,
+        before.free,
+        joint.cluster,
+        spacing,
+        UNBIASED,
+    )
+
+
 def _free(state: State, joint: Joint) -> Array:
     """Which of the shared parameters are unknown: all but the lenses that are known."""
     free = default_free(state, shape=True, rig=True)

@@ -32,7 +32,17 @@ from rcdn.cli._options import (
 )
 from rcdn.cli._pair_file import PairFile, Pairs
 from rcdn.cli._rig_runs import many_cameras
-from rcdn.cli._solve_options import BoardSize, FixAspect, FixPrincipalPoint, Flat, LeaveOut, LensModel, Model, Select
+from rcdn.cli._solve_options import (
+    BoardSize,
+    CorrectTime,
+    FixAspect,
+    FixPrincipalPoint,
+    Flat,
+    LeaveOut,
+    LensModel,
+    Model,
+    Select,
+)
 from rcdn.cli._spacing import SpacingOrFile, check_spacing
 from rcdn.cli._talk import Quiet
 from rcdn.cli._target import DEFAULT, Target
@@ -70,6 +80,7 @@ def calibrate(
         ),
     ] = False,
     camera: KnownCameras = None,
+    correct_time: CorrectTime = False,
     pairs: Pairs = None,
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
@@ -111,7 +122,6 @@ def calibrate(
         _check_rig(
             {
                 "--stereo": stereo,
-                "--report": report,
                 "--flat": flat,
                 "--leave-out": leave_out,
                 "--select": select,
@@ -132,6 +142,8 @@ def calibrate(
         raise ConfigError(
             "--camera names lenses that are known, for --rig; boards before one known camera are placed by `rcdn pose`"
         )
+    if correct_time and not rig:
+        raise ConfigError("--correct-time is for cameras of a rig; give it with --rig")
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
@@ -146,7 +158,7 @@ def calibrate(
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, LOOKS)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
-    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select, tuple(camera or ()))
+    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select, tuple(camera or ()), correct_time)
     if rig:
         found = many_cameras(run, inputs, problem, outputs)
     elif stereo:

@@ -13,13 +13,15 @@ from rcdn.types.rig import Rig
 @dataclass(frozen=True)
 class RigPair:
     """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
-    square `rms` of their corners' residuals in both pictures, px (NaN if none was used)."""
+    square `rms` of their corners' residuals in both pictures, px (NaN if none was used). `epipolar`: of the corners' distances from each other's
+    epipolar planes, px (NaN unless both cameras are in the rig)."""
 
     first: str
     second: str
     shared: int
     used: int
     rms: float
+    epipolar: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class MissingLink:
 
 @dataclass(frozen=True)
 class TimeShift:
-    """How much later than its stamp a camera's pictures were taken, against the others': `moments` (1: the time from one moment to the next),
-    with its standard deviation `std`."""
+    """How much later than its stamp a camera's pictures were taken, against those of the camera that most others are in step with: `moments` (1: the
+    time from one to the next, or a frame, where they have numbers), with its standard deviation `std`."""
 
     moments: float
     std: float
@@ -57,7 +59,8 @@ class RigCalibration(Value):
     target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
     `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
     `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras
-    whose lens was given and held; its covariance is zero.
+    whose lens was given and held; its covariance is zero. `corrected`: names of cameras that were brought into step; poses of their views
+    are those when the pictures were really taken.
     """
 
     rig: Rig
@@ -71,6 +74,7 @@ class RigCalibration(Value):
     shifts: Mapping[str, TimeShift] | None = None
     verdict: Verdict | None = None
     given: tuple[str, ...] = ()
+    corrected: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         level = "not judged" if self.verdict is None else self.verdict.level
