@@ -217,7 +217,7 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
         share = 1 - float(good[mine].mean()) if mine.any() else 1.0
         if not np.isfinite(px[f]):
             reasons[f] = "no pose fits its corners"
-        elif np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
+        elif mine.any() and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
                 f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rcdn.errors import FormatError
 from rcdn.io.cameras import colmap
@@ -24,6 +23,8 @@ TITLE = "COLMAP's rig_config.json"
 
 def text(names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array]) -> str:
     """The file; pictures of a camera lie in the folder of its name, and the first camera is the reference. `places`: T_cam_rig (4, 4)."""
+    from scipy.spatial.transform import Rotation  # which detection must not load
+
     first = np.linalg.inv(places[0])
     sensors = []
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
@@ -71,6 +72,8 @@ def _camera(sensor: dict[str, Any], where: str) -> Camera:
 
 
 def _place(sensor: dict[str, Any], where: str) -> Array:
+    from scipy.spatial.transform import Rotation
+
     w, x, y, z = numbers(sensor, "cam_from_rig_rotation", where, finite=True, shape=(4,)).tolist()
     t = numbers(sensor, "cam_from_rig_translation", where, finite=True, shape=(3,))
     if not np.isclose(np.linalg.norm([w, x, y, z]), 1, atol=1e-3):

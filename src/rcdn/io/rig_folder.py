@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rcdn.errors import FormatError
 from rcdn.io.cameras import opencv, ros
@@ -65,6 +64,8 @@ def _quoted(text: str) -> str:
 
 def _transforms(names: Sequence[str], places: Sequence[Array]) -> str:
     """A tf2_msgs/TFMessage: each camera's frame in that of the first one."""
+    from scipy.spatial.transform import Rotation  # which detection must not load
+
     first, out = places[0], "transforms:\n"
     for name, T in zip(names[1:], places[1:], strict=True):
         pose = first @ np.linalg.inv(T)  # takes the camera's coordinates to the first one's, as tf has it
@@ -150,6 +151,8 @@ def _of_ros(files: Sequence[tuple[Any, str]], tree: Any, where: str) -> Rig:
 
 def _motion(record: dict[str, Any], where: str) -> Array:
     """(4, 4) of a geometry_msgs/Transform."""
+    from scipy.spatial.transform import Rotation
+
     t, q = take(record, "translation", dict, where), take(record, "rotation", dict, where)
     shift = numbers({"translation": [t.get(n) for n in "xyz"]}, "translation", where, finite=True, shape=(3,))
     turn = numbers({"rotation": [q.get(n) for n in "xyzw"]}, "rotation", where, finite=True, shape=(4,))
