@@ -65,6 +65,7 @@ def environments() -> dict[str, Environment]:
     for solver in ("lensboy", "aniposelib", "caliscope"):
         bare = tuple(line for line in requirements() if not line.startswith("opencv"))
         found[solver] = Environment((*bare, solver), (SOLVERS, RIG_FILES, "-k", solver))
+    found["pycolmap"] = Environment((*requirements(), "pycolmap"), (RIG_FILES, "-k", "pycolmap"))
     own = ("multical", "numpy<1.24")
     found["multical"] = Environment(tuple(requirements()), (SOLVERS, "-k", "multical"), own)
     return found

@@ -14,6 +14,7 @@ from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.epipolar import epipolar_gaps
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
 from rcdn.calibration.shape import KNOWN, on_shape
@@ -21,7 +22,7 @@ from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.geometry import cross_matrix, unproject
+from rcdn.geometry import cross_matrix
 from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
@@ -263,7 +264,6 @@ def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: C
 def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
     """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if
     none was seen by both."""
-    E = cross_matrix(T[:3, 3] / np.linalg.norm(T[:3, 3])) @ T[:3, :3]
     squares = []
     for f in pairs:
         a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
@@ -272,11 +272,8 @@ def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, righ
         mine = np.array([(p, q) for p, q in common if fit.used[p] and fit.used[q]])
         if not len(mine):
             continue
-        rays = [unproject(c, task.corners.xy[rows]) for c, rows in zip((left, right), mine.T, strict=True)]
-        x, y = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
-        for ray, normal, camera in ((y, x @ E.T, right), (x, y @ E, left)):
-            angle = (ray * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
-            squares.append((angle * camera.K[0, 0]) ** 2)
+        xy, other = (task.corners.xy[rows] for rows in mine.T)
+        squares.append(epipolar_gaps(left, right, T, xy, other) ** 2)
     return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else float("nan")
 
 

@@ -88,8 +88,9 @@ def usable(
     names: Sequence[str],
     image_size: tuple[int, int],
     whole: Geometry,
+    fewest: int = FEWEST_VIEWS,
 ) -> Usable:
-    """The boards with enough corners, as arrays; `whole`: the board whose shape may be estimated."""
+    """The boards with enough corners, at least `fewest` of them, as arrays; `whole`: the board whose shape may be estimated."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -97,7 +98,7 @@ def usable(
             reasons[k] = reason
         else:
             index.append(k)
-    if len(index) < FEWEST_VIEWS:
+    if len(index) < fewest:
         raise CalibrationError(too_few(len(index), reasons))
     seen = [Seen(labels[k].places, boards[k].xy) for k in index]
     lengths = [len(s.xy) for s in seen]
@@ -142,12 +143,12 @@ def sigma_of(board: Board) -> Real[Array, " m"]:
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 
 
-def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:
-    """The task without the views whose pose is NaN, and the remaining poses."""
+def with_poses(task: Usable, T: Array, fewest: int = FEWEST_VIEWS) -> tuple[Usable, Array]:
+    """The task without the views whose pose is NaN, and the remaining poses: at least `fewest`."""
     good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T
-    if good.sum() < FEWEST_VIEWS:
+    if good.sum() < fewest:
         raise CalibrationError(too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
     keep = good[task.corners.frame]
     number = np.cumsum(good) - 1
