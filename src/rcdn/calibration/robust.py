@@ -16,7 +16,7 @@ from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Real
 
 GATE = 4.5
 """standard deviations of a corner's distance above which it is an outlier (one in 25,000 by chance)"""
@@ -98,7 +98,7 @@ def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
     return _where_better(state, _anew(state, corners, np.flatnonzero(odd)), odd, corners, weight)
 
 
-def _where_better(state: State, other: State, tried: Bool[Array, " f"], corners: Corners3, weight: Array) -> State:
+def _where_better(state: State, other: State, tried: Array, corners: Corners3, weight: Array) -> State:
     """`state`, with the poses of `other`, refined from there, for those of the frames `tried` (F,) in which they fit
     better."""
     mine = np.flatnonzero(tried[corners.frame])
@@ -149,7 +149,7 @@ def fit(
     noise: float,
     corners: Corners3,
     sigma: Real[Array, " n"],
-    free: Bool[Array, " k"],
+    free: Array,
     cluster: Real[Array, " f"] | None = None,
     spacing: float = 1.0,
     power: float = JACKKNIFE,

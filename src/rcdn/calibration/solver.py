@@ -14,7 +14,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Real
 
 RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
@@ -248,7 +248,7 @@ def solve(
     start: State,
     corners: Corners3,
     weight: Real[Array, " n"],
-    free: Bool[Array, " k"] | None = None,
+    free: Array | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
 ) -> Solution:
