@@ -13,7 +13,7 @@ from rcdn.boards.graph import Field, Label, label
 from rcdn.geometry.elementary import arctan2
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 AROUND = 10
 """neighbours of a corner that may be those of its cells"""
@@ -35,7 +35,7 @@ QUALITY = 0.12
 """least response × fit of a corner"""
 
 
-def fragments(field: Field, free: Array, known: int) -> list[dict[Label, int]]:
+def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[Label, int]]:
     """Grids {(u, v): corner} among the corners that are `free` (N,) bool, of the first `known`, the largest first.
 
     They hold six corners or more; each has the colours of a board, but may be no board at all.

@@ -15,7 +15,7 @@ import numpy as np
 from rcdn.geometry import apply_homography, homography
 from rcdn.native import constants
 from rcdn.types import Array
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 _C = constants("fit")
 EDGES, CELLS, PARTS, SIDES = (_C[name] for name in ("EDGES", "CELLS", "PARTS", "SIDES"))
@@ -81,7 +81,9 @@ def without_shapes(known: Print) -> Print:
     return known._replace(which=np.full_like(known.which, -1))
 
 
-def drawn(shapes: Sequence[Shape], which: Array, at: Array, bright: Array, following: Array | None = None) -> Print:
+def drawn(
+    shapes: Sequence[Shape], which: Array, at: Array, bright: Bool[Array, " n"], following: Array | None = None
+) -> Print:
     """Shapes for kernels.
 
     `which` (N, PARTS): those around a corner, −1 for none, with their middles `at` (N, PARTS, 2) squares from it. `bright` (N,) bool: the quadrants

@@ -18,7 +18,7 @@ from rcdn.targets.layout import index_of, odd_markers, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real, Shaped
 
 ACCEPT = 49.0
 """bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
@@ -68,7 +68,7 @@ class _Layout:
 
 def read_charuco(
     squares: Real[Array, "r c s s"],
-    marked: Array,
+    marked: Bool[Array, "r c"],
     inner: Real[Array, "r c"],
     aspect: float,
     told: Charuco | None = None,
@@ -103,14 +103,14 @@ def read_charuco(
     return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
 
 
-def _open_sides(marked: Array) -> Array:
+def _open_sides(marked: Array) -> Bool[Array, "r c 4"]:
     """(R, C, 4): whether a square is the last one on the left, right, upper, lower side."""
     rows, columns = np.indices(marked.shape)
     last = marked.shape[0] - 1, marked.shape[1] - 1
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
-def _ends(squares: Array, inner: Array) -> Array:
+def _ends(squares: Array, inner: Array) -> Bool[Array, "r c"]:
     """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
 
     All corners were found, and the square is in the picture, where the next corners would have been seen.
@@ -343,7 +343,7 @@ def _unique(layouts: Array) -> Real[Array, "m 5"]:
 
 def gains(
     ratios: Real[Array, "k m m"],
-    bits: Array,
+    bits: Shaped[Array, "n n n"],
     border: int,
     covered: Real[Array, "k 1"] | float = COVERED,
 ) -> Real[Array, "k n"]:

@@ -38,7 +38,7 @@ def family_name(text: str) -> str:
     return _known(text, family_names(), "family", lambda name: re.sub("^(dict_apriltag_|tag|t)", "", name.lower()))
 
 
-def marker_bits(dictionary: str) -> Array:
+def marker_bits(dictionary: str) -> Shaped[Array, "n n n"]:
     """The bits (N, n, n) of all markers of one of OpenCV's dictionaries, 1 is white, as OpenCV draws them upright. Raises ConfigError."""
     name = dictionary_name(dictionary)
     for side in SIDES:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Real, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 SAMPLES = 8
 """a square's side on the raster"""
@@ -126,7 +126,7 @@ def _places() -> Real[Array, "p 9"]:
     return np.concatenate([*squares, np.array(edges)])
 
 
-def marked_squares(squares: Real[Array, "r c s s"], inner: Array) -> Array | None:
+def marked_squares(squares: Real[Array, "r c s s"], inner: Bool[Array, "r c"]) -> Array | None:
     """Which of the `squares` (R, C, S, S), of one colour, hold markers, (R, C) bool; None if neither colour's are less plain than the other's.
     Those count that are `inner` (R, C)."""
     row, column = np.indices(inner.shape)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rcdn.geometry.elementary import erf
 from rcdn.types import Array
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 RATIOS = np.arange(0.40, 0.971, 0.02)
 """sides of a marker, squares"""
@@ -122,7 +122,7 @@ def modules(
     look: Appearance,
     side: int,
     frame: Frame,
-    open_sides: Array | None = None,
+    open_sides: Bool[Array, "k 4"] | None = None,
 ) -> Real[Array, "k n n"]:
     """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
 
@@ -182,7 +182,7 @@ def _unmixing(x: Real[Array, " s"], ratio: float, blur: float, count: int) -> tu
     return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
 
 
-def evidence(values: Array, border: int, trusted: Array | None = None) -> Real[Array, "k n n"]:
+def evidence(values: Array, border: int, trusted: Bool[Array, " k"] | None = None) -> Real[Array, "k n n"]:
     """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
 
     The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)

@@ -28,7 +28,7 @@ LEAST = 8.0
 """grey levels from dark to white under which nothing is known"""
 
 
-def ended_sides(squares: Array, marked: Array) -> Bool[Array, "3 3"]:
+def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"]:
     """(3, 3) bool: whether the board is seen to end above [0, 1], on the left [1, 0], on the right [1, 2] and below [2, 1]; else it isn't known.
 
     `squares` (R + 2, C + 2, S, S): grey of the board's squares and of one more on each side, NaN where nothing is seen; `marked` (R, C): those that
@@ -52,7 +52,7 @@ def _rim(squares: Array) -> float:
     return float(np.median(values)) if len(values) else np.nan
 
 
-def _ends_above(squares: Array, white: Array) -> bool:
+def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
     """Whether paper is seen above the board's `squares`, with those above them; `white` (R, C): those with white at their edges."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)

@@ -151,7 +151,7 @@ def _levelled(mean: Array, drawn: Array) -> Array:
     return np.asarray(mean.mean() + d * ((d * m).sum() / max((d * d).sum(), 1e-12)))
 
 
-def _drawn(cells: Real[Array, "... n n"], state: Array, where: Array) -> Real[Array, "... p"]:
+def _drawn(cells: Real[Array, "... n n"], state: Array, where: Bool[Array, "s s"]) -> Real[Array, "... p"]:
     """The levels (..., P) `where` (S, S) a square is looked at that has a marker of `cells` (..., n, n), black 0, white 1, in dark squares."""
     count = cells.shape[-1]
     values = np.zeros((*cells.shape[:-2], count + 4, count + 4))

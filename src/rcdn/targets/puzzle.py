@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.targets.glance import FAINT
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, PuzzleBoard
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 from rcdn.types.target import PUZZLE
 
 ACCEPT = 43.0
@@ -61,7 +61,7 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     return Reading(PuzzleBoard(), turns, (best % PUZZLE, best // PUZZLE), bits, margin)
 
 
-def _edges(seen: Array) -> int:
+def _edges(seen: Bool[Array, "r c"]) -> int:
     """How many edges have both their ends `seen` (R, C)."""
     return int((seen[1:] & seen[:-1]).sum() + (seen[:, 1:] & seen[:, :-1]).sum())
 
