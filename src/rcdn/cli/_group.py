@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 from rcdn import interrupts
 from rcdn.cli import _talk
 from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import many as many  # what verbs say
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
 
@@ -33,11 +34,6 @@ def say_warning(message: str) -> None:
 def one_line(text: str) -> str:
     """`text` without what would break a line or the terminal: a file's name may hold anything."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
-
-
-def many(count: int, thing: str, things: str = "") -> str:
-    """`1 picture`, `2 pictures`."""
-    return f"{count} {thing if count == 1 else things or thing + 's'}"
 
 
 class Group(TyperGroup):

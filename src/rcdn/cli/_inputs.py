@@ -15,7 +15,7 @@ from rcdn.cli._cache import Cache, file_digest
 from rcdn.cli._group import say_error
 from rcdn.cli._progress import Bar, progress
 from rcdn.cli._summary import warning_text
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, many
 
 if TYPE_CHECKING:
     from rcdn.config import DetectorConfig
@@ -116,7 +116,7 @@ class _Run:
         images, errors = read_detections(path)
         if errors:
             names = ", ".join(name for name, _ in errors[:3]) + (", …" if len(errors) > 3 else "")
-            self._notes.append(f"{path}: {len(errors)} files could not be read when it was written: {names}")
+            self._notes.append(f"{path}: {many(len(errors), 'file')} could not be read when it was written: {names}")
         return images
 
     # ---- pictures and videos

@@ -13,7 +13,7 @@ from rcdn.cli._calibration_runs import Problem, Run, flat
 from rcdn.cli._camera_files import write_rig_files
 from rcdn.cli._moments import cameras_in, moments_of
 from rcdn.cli._spacing import metres
-from rcdn.errors import ConfigError, present
+from rcdn.errors import ConfigError, many, present
 
 if TYPE_CHECKING:
     from rcdn.cli._inputs import Gathered, Numbers
@@ -83,7 +83,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
     """Where the cameras stand with deviations, the pairs, and what speaks against the rig."""
     rig, lines = done.rig, []
     lines.append(
-        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {len(done.boards)} boards; frame of {rig.names[0]}"
+        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {many(len(done.boards), 'board')}; frame of {rig.names[0]}"
     )
     for k, (name, camera, pose) in enumerate(zip(rig.names, rig.cameras, rig.poses, strict=True)):
         centre = -pose.R.T @ pose.t

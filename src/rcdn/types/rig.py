@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, many
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
 
@@ -38,7 +38,7 @@ class Rig(Value):
         return len(self.names)
 
     def __repr__(self) -> str:
-        return f"<Rig: {len(self)} cameras, {', '.join(self.names)}>"
+        return f"<Rig: {many(len(self), 'camera')}, {', '.join(self.names)}>"
 
     def index(self, name: str) -> int:
         """The number of the camera called `name`. Raises RcdnError if there is none."""
