@@ -20,7 +20,7 @@ from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance
 from rcdn.calibration.usable import FEWEST_VIEWS, Usable, one_size, sigma_of, too_few, usable, with_poses
 from rcdn.calibration.views import alike
-from rcdn.errors import CalibrationError, ConfigError, many, shown
+from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import (
     Array,
     Board,
@@ -304,6 +304,6 @@ def _believable(done: Calibration) -> None:
     share = float(max(done.std[:2] / done.camera.parameters[:2]))
     if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:
         raise CalibrationError(
-            f"the focal length isn't settled (±{share:.0%}) by {many(len(done.used_views), 'view')}: they are too much alike; "
+            f"these {len(done.used_views)} views don't settle the focal length (±{share:.0%}): they are too much alike; "
             "take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
         )
