@@ -73,7 +73,7 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
             const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
             const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
             const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
-            const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
+            const float root = w->mask[i] * (left > 0 ? left : 0), live = ((value > 0) & (value < WHITE)) ? root : 0;
             const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
             const float slope_u = printed ? by_u + shade->all[1][i] : by_u, slope_v = printed ? by_v + shade->all[2][i] : by_v;
             const float blur_u = amplitude * soft_u * wave_v, blur_v = amplitude * wave_u * soft_v;

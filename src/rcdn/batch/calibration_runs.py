@@ -13,9 +13,9 @@ from rcdn.batch.cache import Cache
 from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.pair_file import PairFile
 from rcdn.config import DetectorConfig
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import many, one_line
+from rcdn.terminal.group import one_line
 from rcdn.terminal.options import GridSize
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_of
 

@@ -11,6 +11,7 @@ from rcdn.batch.calibration_runs import Problem, Run, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.errors import many
 from rcdn.terminal import talk
 from rcdn.terminal.spacing import metres
 
@@ -95,7 +96,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
     """Where the cameras stand with deviations, the pairs, and what speaks against the rig."""
     rig, lines = done.rig, []
     lines.append(
-        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {len(done.boards)} boards; frame of {rig.names[0]}"
+        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {many(len(done.boards), 'board')}; frame of {rig.names[0]}"
     )
     for k, (name, camera) in enumerate(zip(rig.names, rig.cameras, strict=True)):
         place = "at the origin" if not k else f"at {_triple(rig.centre(name))} m ± {_spread(done, k)}"

@@ -21,7 +21,7 @@ from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.geometry import cross_matrix
 from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
 
@@ -69,7 +69,7 @@ def calibrate_stereo(
         )
     shared = [p for p in pairs if tells(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
-        some = "1 pair shows" if len(shared) == 1 else f"{len(shared)} pairs show"
+        some = many(len(shared), "pair shows", "pairs show")
         raise CalibrationError(
             f"only {some} the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
             "and check that the pictures are given in the same order or with the same names"
@@ -116,7 +116,9 @@ def _pairs(
 ) -> Sequence[tuple[int, int]]:
     if pairs is None:
         if len(left) != len(right):
-            raise ConfigError(f"left has {len(left)} boards, right {len(right)}: give pairs, or boards in pairs")
+            raise ConfigError(
+                f"left has {many(len(left), 'board')}, right {len(right)}: give pairs, or boards in pairs"
+            )
         return [(k, k) for k in range(len(left))]
     if any(not (0 <= a < len(left) and 0 <= b < len(right)) for a, b in pairs):
         raise ConfigError("pairs must hold (index in left, index in right)")
@@ -185,7 +187,7 @@ def _result(
     pairs = [f for f in used if min(task.seen[f]) >= 0]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
-            f"only {len(pairs)} {'pair agrees' if len(pairs) == 1 else 'pairs agree'} with the others: check that pictures are paired by moment"
+            f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: check that pictures are paired by moment"
         )
     cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)
@@ -212,7 +214,7 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
     if not names:
         return ()
     some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
-    those = "1 pair disagrees" if len(names) == 1 else f"{len(names)} pairs disagree"
+    those = many(len(names), "pair disagrees", "pairs disagree")
     left_out = "was left out" if len(names) == 1 else "were left out"
     return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
 

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.batch.paths import check_file
-from rcdn.errors import ConfigError, FormatError
+from rcdn.errors import ConfigError, FormatError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import many
 from rcdn.terminal.options import GridSize, parse_size
 from rcdn.terminal.talk import Quiet
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError, shown
+from rcdn.errors import RcdnError, many, shown
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.plane import Pattern, Plane
@@ -147,7 +147,7 @@ class Board(Value):
         kind = self.pattern if self.target is None else str(self.target)
         (cols, rows), (width, height) = self.size, self.image_size
         whole = "complete" if self.complete else "in part"
-        return f"<Board {cols}×{rows} {whole}, {len(self)} corners, {kind}, {self.orientation}, in {width}×{height} px>"
+        return f"<Board {cols}×{rows} {whole}, {many(len(self), 'corner')}, {kind}, {self.orientation}, in {width}×{height} px>"
 
     def _repr_html_(self) -> str:
         return drawing(self.image_size, [(self.xy, self.ij)]) + paragraph(repr(self)[1:-1])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, many
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
@@ -41,7 +41,7 @@ class Rig(Value):
         return len(self.names)
 
     def __repr__(self) -> str:
-        return f"<Rig: {len(self)} cameras, {', '.join(self.names)}>"
+        return f"<Rig: {many(len(self), 'camera')}, {', '.join(self.names)}>"
 
     def index(self, name: str) -> int:
         """The index of the camera called `name`. Raises RcdnError if there is none."""
