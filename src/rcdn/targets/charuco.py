@@ -7,15 +7,16 @@ probability of at most 2^−T (Markov), and any of M layouts with at most M · 2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from rcdn.targets.families import Family, families, family_of
+from rcdn.targets.gains import MOST_COLUMNS, TurnedSquares, framed, most_evidence
 from rcdn.targets.layout import index_of, odd_markers, place_of
-from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
+from rcdn.targets.marker import Appearance, Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
 
@@ -32,21 +33,13 @@ ENDED = 20.0
 """bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a cover along that very edge)"""
 RIMS = 4
 """layouts of a place that differ in which outermost squares are on the board"""
-COVERED, COVERED_RIM, BLANK = 0.05, 0.3, 0.02
-"""probability that a square doesn't show its marker (a hand, glare, a torn print); that one doesn't some of whose corners weren't found; that such a
-one shows paper instead"""
-PAPER = 0.6
-"""share of a marker's black border that is white on paper without it"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
-MOST_COLUMNS = 64
 FRAMED = 16.0
 """bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
 HOPEFUL = 100
 """layouts of one kind and turn that all squares are asked about"""
-UNLIKE = -30.0
-"""bits of evidence for a marker under which a square is taken to hide it, which is right to a ten-millionth of a bit"""
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
 
@@ -90,9 +83,8 @@ def read_charuco(
             )
             if framed(ratios[marked], FRAME.border) < FRAMED:
                 continue
-            scored += [
-                _Scores.of(ratios, marked, inner, look, f, turns) for f in known or families(side) for turns in range(4)
-            ]
+            turned = [TurnedSquares.of(ratios, marked, inner, FRAME.border, turns) for turns in range(4)]
+            scored += _promising(turned, look, known or families(side), -np.inf if told else ACCEPT - MARGIN)
     if told is not None:
         return _place(scored, inner, told)
     hopeful = sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope)
@@ -100,6 +92,17 @@ def read_charuco(
         return None
     sides = np.zeros((3, 3), bool) if ended is None else ended()
     return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
+
+
+def _promising(turned: list[TurnedSquares], look: Appearance, known: Sequence[Family], least: float) -> list[_Scores]:
+    """Of all turns and families those in which a layout may have `least` evidence."""
+    most = most_evidence(turned, known, FRAME.border, least)
+    return [
+        _Scores(squares.gains(family, FRAME.border), squares.row, squares.column, squares.shape, look, family, squares.turns)
+        for family, row in zip(known, most, strict=True)
+        for squares, bits in zip(turned, row, strict=True)
+        if bits >= least
+    ]
 
 
 def _open_sides(marked: Array) -> Array:
@@ -221,17 +224,6 @@ class _Scores:
     family: Family
     turns: int
 
-    @classmethod
-    def of(cls, ratios: Array, marked: Array, inner: Array, look: Appearance, family: Family, turns: int) -> _Scores:
-        turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
-        row, column = np.nonzero(np.rot90(marked, turns))
-        shown = turned[row, column]
-        paper = (shown[:, ~inner_modules(shown.shape[-1], FRAME.border)] > 1).mean(axis=1) > PAPER
-        covered = np.where(np.rot90(inner, turns)[row, column], COVERED, np.where(paper, BLANK, COVERED_RIM))
-        gain = gains(shown, family.bits, FRAME.border, covered[:, None])
-        height, width = marked.shape if turns % 2 == 0 else marked.shape[::-1]
-        return cls(gain, row, column, (height, width), look, family, turns)
-
     @cached_property
     def most(self) -> Array:
         """Evidence (K,) of the likeliest marker of each square."""
@@ -336,31 +328,3 @@ def _unique(layouts: Array) -> Array:
     low = layouts.min(axis=0)
     key = np.ravel_multi_index(tuple((layouts - low).T), tuple((np.ptp(layouts, axis=0) + 1).tolist()))
     return np.asarray(layouts[np.unique(key, return_index=True)[1]])
-
-
-def gains(ratios: Array, bits: Array, border: int, covered: Array | float = COVERED) -> Array:
-    """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m).
-
-    `covered` (K, 1), or one for all: probability that a square doesn't show its marker.
-    """
-    inside = inner_modules(ratios.shape[-1], border)
-    own, frame = ratios[:, inside], ratios[:, ~inside]
-    black = _gain(-own).sum(axis=1) + np.minimum(_gain(-frame).sum(axis=1), 0)  # the frame is black, or it is no marker
-    shown = black[:, None] + (own / np.log(2)) @ bits.reshape(len(bits), -1).T.astype(float)
-    known = shown > UNLIKE  # most squares and markers are nothing to each other
-    covered = np.broadcast_to(covered, shown.shape)
-    out = np.log2(covered)
-    out[known] = np.log2(covered[known] + (1 - covered[known]) * np.exp2(np.minimum(shown[known], 500)))
-    return out
-
-
-def framed(ratios: Array, border: int) -> float:
-    """Evidence, bits, for black borders of markers whose modules have log-likelihood `ratios` (K, m, m), hidden ones among them."""
-    frame = ratios[:, ~inner_modules(ratios.shape[-1], border)]
-    black = np.minimum(_gain(-frame).sum(axis=1), 500)
-    return float(np.log2(COVERED_RIM + (1 - COVERED_RIM) * np.exp2(black)).sum())
-
-
-def _gain(ratio: Array) -> Array:
-    """Bits by which a fair coin is less likely than the side that the log-likelihood `ratio` is of."""
-    return 1 - np.logaddexp(0, -ratio) / np.log(2)
