@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from rcdn.targets.families import Family, families, family_of
-from rcdn.targets.gains import MOST_COLUMNS, TurnedSquares, framed, most_evidence
+from rcdn.targets.gains import MOST_COLUMNS, MarkedSquares, framed
 from rcdn.targets.layout import index_of, odd_markers, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
@@ -27,6 +27,8 @@ SURE = 23.0
 """bits of evidence that make one layout certain: 10⁻⁶, of 8 pieces"""
 CERTAIN = 5.0
 """bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
+MIRRORED = ACCEPT / 2
+"""bits of evidence that a layout must be able to have in the mirror image, as told from the picture itself, to be looked for there"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
 ENDED = 20.0
@@ -58,21 +60,24 @@ class _Layout:
     highest: int
 
 
-def read_charuco(
-    squares: Array,
-    marked: Array,
-    inner: Array,
-    aspect: float,
-    told: Charuco | None = None,
-    part: bool = False,
-    ended: Callable[[], Array] | None = None,
-) -> Reading | None:
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """What the squares of a board say if they hold markers of `families`, whose modules they show: `squares`, and the markers' `look`."""
+
+    squares: MarkedSquares
+    look: Appearance
+    families: tuple[Family, ...]
+
+
+def markers_of(
+    squares: Array, marked: Array, inner: Array, aspect: float, told: Charuco | None = None
+) -> list[Markers]:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
-    where the corners end says nothing of where the board does; `ended` gives (3, 3), see `ended_sides`; nowhere if None. None if
-    no layout is certain.
+    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be.
+
+    One for each number of bits that a marker may have; none where nothing is framed as markers are.
     """
-    scored: list[_Scores] = []
+    out = []
     known = None if told is None else (family_of(told.dictionary),)
     for side in SIDES if known is None else (known[0].bits.shape[1],):
         look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
@@ -81,27 +86,48 @@ def read_charuco(
             ratios[marked] = evidence(
                 modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border, inner[marked]
             )
-            if framed(ratios[marked], FRAME.border) < FRAMED:
-                continue
-            turned = [TurnedSquares.of(ratios, marked, inner, FRAME.border, turns) for turns in range(4)]
-            scored += _promising(turned, look, known or families(side), -np.inf if told else ACCEPT - MARGIN)
+            if framed(ratios[marked], FRAME.border) >= FRAMED:
+                out.append(Markers(MarkedSquares(ratios, marked, inner, FRAME.border), look, known or families(side)))
+    return out
+
+
+def read_charuco(
+    markers: Sequence[Markers],
+    told: Charuco | None = None,
+    ends: Array | None = None,
+    ended: Callable[[], Array] | None = None,
+) -> Reading | None:
+    """The layout that the `markers` of a board are certain to have, or None.
+
+    `told`: the only board that it may be; `ends`: see `ends_of`; None where the end of the corners says nothing of
+    the board's; `ended` gives (3, 3), see `ended_sides`; nowhere if None."""
     if told is not None:
-        return _place(scored, inner, told)
-    hopeful = sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope)
-    if not hopeful:
+        return _place([s for m in markers for s in _promising(m, -np.inf)], told)
+    scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
+    if not scored:
         return None
     sides = np.zeros((3, 3), bool) if ended is None else ended()
-    return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
+    return _best(sorted(scored, key=lambda s: -s.hope), markers[0].squares.marked.shape, ends, sides)
 
 
-def _promising(turned: list[TurnedSquares], look: Appearance, known: Sequence[Family], least: float) -> list[_Scores]:
-    """Of all turns and families those in which a layout may have `least` evidence."""
-    most = most_evidence(turned, known, FRAME.border, least)
+def may_be_mirrored(markers: Sequence[Markers]) -> bool:
+    """Whether the mirror image of the picture may show a layout for certain: half of the evidence for one is here, too.
+
+    The mirror image is sampled anew, which changes a few bits of it.
+    """
+    return any((m.squares.most_evidence(m.families, MIRRORED, mirrored=True) >= MIRRORED).any() for m in markers)
+
+
+def _promising(markers: Markers, least: float) -> list[_Scores]:
+    """Of all families and turns those in which a layout may have `least` evidence."""
+    squares = markers.squares
+    able = squares.most_evidence(markers.families, least) >= least
+    turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
     return [
-        _Scores(squares.gains(family, FRAME.border), squares.row, squares.column, squares.shape, look, family, squares.turns)
-        for family, row in zip(known, most, strict=True)
-        for squares, bits in zip(turned, row, strict=True)
-        if bits >= least
+        _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.look, family, turns)
+        for family, row in zip(markers.families, able, strict=True)
+        for turns, t in turned.items()
+        if row[turns]
     ]
 
 
@@ -112,7 +138,7 @@ def _open_sides(marked: Array) -> Array:
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
-def _ends(squares: Array, inner: Array) -> Array:
+def ends_of(squares: Array, inner: Array) -> Array:
     """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
 
     All corners were found, and the square is in the picture, where the next corners would have been seen.
@@ -148,7 +174,7 @@ def _seen_whole(ended: Array) -> bool:
     return bool(ended[0, 1] and ended[1, 0] and ended[1, 2])
 
 
-def _place(scored: list[_Scores], inner: Array, told: Charuco) -> Reading | None:
+def _place(scored: list[_Scores], told: Charuco) -> Reading | None:
     """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that one."""
     usable = [s for s in scored if (s.look.white < 0) == told.inverted]
     count = 0

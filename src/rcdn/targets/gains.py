@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -43,8 +44,9 @@ _most = bind("rcdn_most_evidence", _Turned)
 
 @dataclass(frozen=True, eq=False)
 class TurnedSquares:
-    """Log-likelihood `ratios` (K, m, m) of white to black modules in the K squares with markers of a board of `shape` (rows, columns) squares, turned by
-    `turns` quarters; their `row` and `column` (K,) there, row by row; `covered` (K,), probability that a square doesn't show its marker."""
+    """The K squares with markers of a board of `shape` (rows, columns) squares in a picture turned by `turns`
+    quarters: log-likelihood `ratios` (K, m, m) of white to black modules; `row` and `column` (K,), row by row;
+    `covered` (K,), probability that a square doesn't show its marker."""
 
     ratios: Array
     row: Array
@@ -53,59 +55,102 @@ class TurnedSquares:
     shape: tuple[int, int]
     turns: int
 
-    @classmethod
-    def of(cls, ratios: Array, marked: Array, inner: Array, border: int, turns: int) -> TurnedSquares:
-        """`ratios` (R, C, m, m); `marked` (R, C): those with markers; `inner` (R, C): those all of whose corners were found."""
-        turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
-        marked = np.rot90(marked, turns)
-        row, column = np.nonzero(marked)
-        shown = turned[row, column]
-        paper = (shown[:, ~inner_modules(shown.shape[-1], border)] > 1).mean(axis=1) > PAPER
-        covered = np.where(np.rot90(inner, turns)[row, column], COVERED, np.where(paper, BLANK, COVERED_RIM))
-        return cls(shown, row, column, covered, (marked.shape[0], marked.shape[1]), turns)
-
     def gains(self, family: Family, border: int) -> Array:
         """Evidence (K, N), bits, of each marker in each square."""
         return gains(self.ratios, family.bits, border, self.covered[:, None])
 
 
-def most_evidence(turned: Sequence[TurnedSquares], families: Sequence[Family], border: int, least: float) -> Array:
-    """(families, turns): evidence, bits, that no layout of a board has more of, whatever its first marker, its size and its place.
+@dataclass(frozen=True, eq=False)
+class MarkedSquares:
+    """Log-likelihood `ratios` (R, C, m, m) of white to black modules in the squares of a board; `marked` (R, C):
+    every second one, which may hold markers with `border` modules around their bits; `inner` (R, C): those all of
+    whose corners were found."""
 
-    `turned`: the squares of one board, turned by quarters, every second one a marked one. The numbers of markers rise by one from square to square along a
-    row, so that a row says no more than it does for the likeliest number of its first square; where these sums come to `least`, all rows are looked at
-    together, for every number of columns. The outermost squares may lie beyond the board; those of the last row may be none.
-    """
-    out = np.zeros((len(families), len(turned)))
-    if not len(turned[0].row):
-        return out
-    squares, slack = _squares(turned, border), SLACK * len(turned[0].row)
-    width = np.array([t.shape[1] for t in turned], np.int32)
-    narrowest, widest = np.maximum(width - 2, 2), np.maximum(width, np.int32(MOST_COLUMNS))
-    for family, most in zip(families, out, strict=True):
-        if len(family):
-            _most(squares, _bits(family), len(family), narrowest, widest, least - slack, most)
-    return out + slack
+    ratios: Array
+    marked: Array
+    inner: Array
+    border: int
+
+    def turned(self, turns: int) -> TurnedSquares:
+        turned = np.rot90(np.rot90(self.ratios, turns, (0, 1)), turns, (2, 3))
+        marked = np.rot90(self.marked, turns)
+        row, column = np.nonzero(marked)
+        shown = turned[row, column]
+        covered = _covered(shown, np.rot90(self.inner, turns)[row, column], self.border)
+        return TurnedSquares(shown, row, column, covered, (marked.shape[0], marked.shape[1]), turns)
+
+    def most_evidence(self, families: Sequence[Family], least: float, mirrored: bool = False) -> Array:
+        """(families, 4): evidence, bits, that no layout of a board has more of, in the picture turned by 0 to 3 quarters (`mirrored`: in its mirror
+        image), whatever its first marker, its size and its place.
+
+        The numbers of markers rise by one from square to square along a row, so that a row says no more than it does for the likeliest number of its
+        first square; where these sums come to `least`, all rows are looked at together, for every number of columns. The outermost squares may lie
+        beyond the board; those of the last row may be none.
+        """
+        out = np.zeros((len(families), 4))
+        count = int(self.marked.sum())
+        if not count:
+            return out
+        squares = self._all_turns(mirrored)
+        width = np.array([self.marked.shape[1 - turns % 2] for turns in range(4)], np.int32)
+        narrowest, widest = np.maximum(width - 2, 2), np.maximum(width, np.int32(MOST_COLUMNS))
+        for family, most in zip(families, out, strict=True):
+            if len(family):
+                _most(squares, _bits(family), len(family), narrowest, widest, least - SLACK * count, most)
+        return out + SLACK * count
+
+    def _all_turns(self, mirrored: bool) -> _Turned:
+        """The squares in the four turns of the picture, or of its mirror image, as the kernel reads them."""
+        own, alone = self._of_squares
+        order, role = _orders(*self.marked.shape, bool(self.marked[0, 0]), mirrored)
+        places = _places(own.shape[1], mirrored)
+        turned = np.stack([own[row[:, None], at] for row, at in zip(order, places, strict=True)])
+        black, covered, free = (values[order] for values in alone)
+        return _Turned(turned, black, covered, free, role)
+
+    @cached_property
+    def _of_squares(self) -> tuple[Array, Array]:
+        """Of each square: what its bits tell, (K, n²); what it tells with all bits black, and the logarithms of the
+        probabilities that it doesn't show its marker, and that it does, (3, K); float32."""
+        shown = self.ratios[self.marked]
+        own, black = _parts(shown, inner_modules(shown.shape[-1], self.border))
+        covered = _covered(shown, self.inner[self.marked], self.border)
+        alone = np.stack([black, np.log2(covered), np.log2(1 - covered)])
+        return np.ascontiguousarray(own, np.float32), alone.astype(np.float32)
 
 
-def _squares(turned: Sequence[TurnedSquares], border: int) -> _Turned:
-    inside = inner_modules(turned[0].ratios.shape[-1], border)
-    single = lambda rows: np.ascontiguousarray(np.stack(rows), np.float32)  # noqa: E731
-    covered = np.stack([t.covered for t in turned])
-    own, black = zip(*(_parts(t.ratios, inside) for t in turned), strict=True)
-    role = np.stack([_roles(t) for t in turned])
-    return _Turned(single(own), single(black), *(single(np.log2(p)) for p in (covered, 1 - covered)), role)
+@lru_cache(maxsize=256)
+def _orders(rows: int, columns: int, first: bool, mirrored: bool) -> tuple[Array, Array]:
+    """(4, K): which square of a picture's every second one (the `first` or not), row by row, is each in the picture
+    turned by quarters, or in its mirror image; and what the kernel must know of it."""
+    marked = np.add.outer(np.arange(rows), np.arange(columns)) % 2 != first
+    number = np.full(marked.shape, -1)
+    number[marked] = np.arange(marked.sum())
+    at = [np.rot90(number[:, ::-1] if mirrored else number, turns) for turns in range(4)]
+    return np.stack([a[a >= 0] for a in at]), np.stack([_roles(a >= 0) for a in at])
 
 
-def _roles(turned: TurnedSquares) -> Array:
-    """What the kernel must know of each square (K,)."""
-    row, column, (height, width) = turned.row, turned.column, turned.shape
+@lru_cache
+def _places(bits: int, mirrored: bool) -> Array:
+    """(4, n²): which of a marker's n² `bits` is each in the picture turned by quarters, or in its mirror image."""
+    at = np.arange(bits).reshape(math.isqrt(bits), -1)
+    return np.stack([np.rot90(at[:, ::-1] if mirrored else at, turns).ravel() for turns in range(4)])
+
+
+def _covered(shown: Array, inner: Array, border: int) -> Array:
+    """Probability (K,) that squares with modules `shown` (K, m, m) don't show their markers."""
+    paper = (shown[:, ~inner_modules(shown.shape[-1], border)] > 1).mean(axis=1) > PAPER
+    return np.where(inner, COVERED, np.where(paper, BLANK, COVERED_RIM))
+
+
+def _roles(marked: Array) -> Array:
+    """What the kernel must know of each square of the `marked` (R, C), (K,)."""
+    row, column = np.nonzero(marked)
     first = np.diff(row, prepend=-1) > 0
-    beside, last = (column == 0) | (column == width - 1), row == height - 1
-    return np.asarray(
-        first * _ROLE["FIRST"] + beside * _ROLE["BESIDE"] + (last | (row == 0)) * _ROLE["LOOSE"] + last * _ROLE["LAST"],
-        np.int32,
-    )
+    beside, last = (column == 0) | (column == marked.shape[1] - 1), row == len(marked) - 1
+    loose = last | (row == 0)
+    flags = zip((first, beside, loose, last), ("FIRST", "BESIDE", "LOOSE", "LAST"), strict=True)
+    return np.asarray(sum(of * _ROLE[name] for of, name in flags), np.int32)
 
 
 @lru_cache
