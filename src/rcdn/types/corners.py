@@ -82,7 +82,12 @@ class Corners(Value):
     def take(self, index: Any) -> Corners:
         """The corners at `index` (integers or a boolean mask), in that order."""
         pick = lambda a: None if a is None else a[index]  # noqa: E731
-        return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+        rows = {name: pick(getattr(self, name)) for name in ("xy", "response", "status", "axes", "sigma")}
+        if not isinstance(index, np.ndarray) or index.ndim != 1:
+            return Corners(**rows)
+        out = object.__new__(Corners)  # rows of what was checked
+        out.__setstate__(rows)
+        return out
 
     def sort(self) -> Corners:
         """The same corners by response (falling), then x, then y."""
