@@ -79,13 +79,13 @@ def markers_of(
     """
     out = []
     known = None if told is None else (family_of(told.dictionary),)
+    mean, shown, open_sides = np.nanmean(squares[marked & inner], axis=0), squares[marked], _open_sides(marked)[marked]
     for side in SIDES if known is None else (known[0].bits.shape[1],):
-        look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
+        look = appearance(mean, side, FRAME, aspect)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            ratios[marked] = evidence(
-                modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border, inner[marked]
-            )
+            seen = modules(shown, look, side, FRAME, open_sides)
+            ratios[marked] = evidence(seen, FRAME.border, inner[marked])
             if framed(ratios[marked], FRAME.border) >= FRAMED:
                 out.append(Markers(MarkedSquares(ratios, marked, inner, FRAME.border), look, known or families(side)))
     return out
