@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.native import bind
 from rcdn.types import Array
+
+_rows_among = bind("rcdn_rows_among")
 
 
 def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
@@ -14,6 +17,7 @@ def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
 
 def rows_among(xy: Array, among: Array) -> Array:
     """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
-    known = list(map(tuple, among.tolist()))
-    place = dict(zip(reversed(known), range(len(known) - 1, -1, -1), strict=True))  # of equal ones the first
-    return np.array([place.get(point, -1) for point in map(tuple, xy.tolist())], np.int64)
+    xy, among = (np.ascontiguousarray(points, np.float64) for points in (xy, among))
+    row = np.empty(len(xy), np.int64)
+    _rows_among(xy, among, np.empty(1 << (2 * len(among) + 1).bit_length(), np.int64), row)
+    return row
