@@ -5,9 +5,9 @@
  * last row, of which squares without a marker may be a part. */
 enum { FIRST = 1, BESIDE = 2, LOOSE = 4, LAST = 8, ROLES = 15 };
 
-/* markers that are looked at together, in so many vectors; columns of the widest board */
-enum { LANE = 16, VECTORS = 4, BLOCK = LANE * VECTORS, WIDEST = 1 << 12 };
-CONSTANTS(gains, FIRST, BESIDE, LOOSE, LAST, BLOCK)
+/* markers that are looked at together, in so many vectors; columns of the widest board of which a part may be seen, and of any */
+enum { LANE = 16, VECTORS = 4, BLOCK = LANE * VECTORS, COLUMNS = 64, WIDEST = 1 << 16 };
+CONSTANTS(gains, FIRST, BESIDE, LOOSE, LAST, BLOCK, COLUMNS)
 
 /* evidence where no layout may put a square */
 #define NEVER -1e6f
@@ -160,33 +160,49 @@ INLINE index_t rows_of(const Turned *turned, index_t t) {
     return rows;
 }
 
-/* How many markers before the first one and after the last, the first square of a picture's first two rows may have, if any square has one. */
-INLINE index_t margin_of(const Turned *turned, const int32_t *widest) {
-    index_t most = 0;
-    for (index_t t = 0; t < turned->turns; t++) {
-        const index_t own = (rows_of(turned, t) / 2 + 2) * widest[t] + turned->count;
-        most = own > most ? own : most;
-    }
-    return most;
+/* Room for the pictures: rows of any of them; how many markers before the first one, and after the last, the first square of a first or second row may have
+ * while any square of the picture has one. */
+typedef struct {
+    index_t rows, margin;
+} Extent;
+
+/* Columns that a board may have: those that are seen, of which the outermost may lie beyond it, or more. */
+INLINE index_t narrowest_of(index_t width) {
+    return width > 4 ? width - 2 : 2;
 }
 
-/* `most` (turns): no layout has more evidence, but for roundings, of boards with `narrowest` .. `widest` (turns) columns of squares, whose n markers stand in
+INLINE index_t widest_of(index_t width) {
+    return width > COLUMNS ? width : COLUMNS;
+}
+
+INLINE Extent extent_of(const Turned *turned, const int32_t *width) {
+    Extent out = {0, 0};
+    for (index_t t = 0; t < turned->turns; t++) {
+        const index_t rows = rows_of(turned, t), margin = (rows / 2 + 2) * widest_of(width[t]) + turned->count;
+        out.rows = rows > out.rows ? rows : out.rows;
+        out.margin = margin > out.margin ? margin : out.margin;
+    }
+    return out;
+}
+
+/* `most` (turns): no layout has more evidence, but for roundings, of boards of which pictures show `width` (turns) squares a row, whose n markers stand in
  * every second square and are numbered row by row. `bits` (blocks, many, BLOCK) of the markers, 0 or 1. Where the rows, each for itself, say less than `least`,
  * that is told instead. */
 FAST_KERNEL(rcdn_most_evidence, (GROUP, Turned, turned), (SIZE, blocks, bits, 0), (IN, float, bits, blocks, turned.many, BLOCK),
-            (WHERE, turned.count > 0), (INT, n, 0, blocks * BLOCK), (WITHIN, int32_t, narrowest, 2, WIDEST, turned.turns), (WITHIN, int32_t, widest, 2, WIDEST, turned.turns),
+            (WHERE, turned.count > 0), (INT, n, 0, blocks * BLOCK), (WITHIN, int32_t, width, 1, WIDEST, turned.turns),
             (REAL, least), (OUT, double, most, turned.turns)) {
-    const index_t margin = margin_of(&turned, widest), size = n + 2 * margin, sums = turned.count * (n + 2);
-    Row *rows = malloc((size_t)turned.count * sizeof(Row) + (size_t)(blocks * BLOCK + 2 * size + sums) * sizeof(float));
+    const Extent extent = extent_of(&turned, width);
+    const index_t margin = extent.margin, size = n + 2 * margin, sums = extent.rows * n + 2 * turned.count;
+    Row *rows = malloc((size_t)extent.rows * sizeof(Row) + (size_t)(blocks * BLOCK + 2 * size + sums) * sizeof(float));
     if (!rows)
         return NO_MEMORY;
-    float *gain = (float *)(rows + turned.count), *even = gain + blocks * BLOCK, *odd = even + size;
+    float *gain = (float *)(rows + extent.rows), *even = gain + blocks * BLOCK, *odd = even + size;
     for (index_t t = 0; t < turned.turns; t++) {
         const index_t count = sums_of_rows(&turned, t, bits, blocks, n, gain, odd + size, rows);
         const int right = (turned.role[t * turned.count] & BESIDE) != 0;
         float best = 3 * NEVER;
         most[t] = most_apart(rows, count, n);
-        for (index_t columns = narrowest[t]; columns <= widest[t] && most[t] >= least; columns++)
+        for (index_t columns = narrowest_of(width[t]); columns <= widest_of(width[t]) && most[t] >= least; columns++)
             best = most_of_board(rows, count, columns, right, n, margin, even, odd, best);
         most[t] = most[t] >= least && best < most[t] ? best : most[t];
     }

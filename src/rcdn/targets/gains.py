@@ -22,7 +22,6 @@ PAPER = 0.6
 """share of a marker's black border that is white on paper without it"""
 UNLIKE = -30.0
 """bits of evidence for a marker under which a square is taken to hide it, which is right to a ten-millionth of a bit"""
-MOST_COLUMNS = 64
 SLACK = 0.01
 """bits a square by which single precision may miss evidence"""
 
@@ -39,6 +38,8 @@ class _Turned(NamedTuple):
 
 _ROLE = constants("gains")
 _BLOCK = _ROLE["BLOCK"]
+MOST_COLUMNS = _ROLE["COLUMNS"]
+"""squares a row of the widest board of which a part may be read"""
 _most = bind("rcdn_most_evidence", _Turned)
 
 
@@ -93,10 +94,9 @@ class MarkedSquares:
             return out
         squares = self._all_turns(mirrored)
         width = np.array([self.marked.shape[1 - turns % 2] for turns in range(4)], np.int32)
-        narrowest, widest = np.maximum(width - 2, 2), np.maximum(width, np.int32(MOST_COLUMNS))
         for family, most in zip(families, out, strict=True):
             if len(family):
-                _most(squares, _bits(family), len(family), narrowest, widest, least - SLACK * count, most)
+                _most(squares, _bits(family), len(family), width, least - SLACK * count, most)
         return out + SLACK * count
 
     def _all_turns(self, mirrored: bool) -> _Turned:
