@@ -83,7 +83,11 @@ class Corners(Value):
     def take(self, index: Any) -> Corners:
         """The corners at `index` (integers or a boolean mask), in that order."""
         pick = lambda a: None if a is None else a[index]  # noqa: E731
-        return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+        if not isinstance(index, np.ndarray) or index.ndim != 1:
+            return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+        out = object.__new__(Corners)  # rows of what was checked need no checks
+        out.__setstate__({name: pick(value) for name, value in vars(self).items()})
+        return out
 
     def sort(self) -> Corners:
         """The same corners by response (falling), then x, then y."""
