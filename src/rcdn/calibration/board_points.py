@@ -8,7 +8,7 @@ import numpy as np
 from rcdn.errors import present
 from rcdn.geometry import project, transform
 from rcdn.types import Array, BoardView, Calibration, Pattern, Plane
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 ASKED = 3
@@ -36,7 +36,7 @@ def side_of(calibration: Calibration, view: BoardView) -> float:
 
 
 def flat_points(
-    calibration: Calibration, view: BoardView, ij: Int[Array, "... 2"] | None = None
+    calibration: Calibration, view: BoardView, ij: Real[Array, "... 2"] | None = None
 ) -> Real[Array, "... 2"]:
     """(..., 2) m: positions of the view's corners, or of the labels `ij` (..., 2), on its perfect board."""
     return plane_of(calibration, view).points(view.ij if ij is None else ij) * side_of(calibration, view)

@@ -31,7 +31,7 @@ from rcdn.types import (
     ModelScore,
     Pose,
 )
-from rcdn.types.arrays import Int
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import grid_size
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
@@ -190,7 +190,7 @@ def _fits(
     return fits
 
 
-def pictures_of(task: Usable) -> Int[Array, " f"]:
+def pictures_of(task: Usable) -> Real[Array, " f"]:
     """(F,) picture number of each view."""
     first = np.unique(task.corners.frame, return_index=True)[1]
     return np.asarray(task.picture[first])

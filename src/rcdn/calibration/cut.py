@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, usual_size
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 Side = Literal["left", "right", "upper", "lower"]
 
@@ -23,7 +23,7 @@ HIDDEN = 0.7
 detected"""
 
 
-def cut_sides(ij: Int[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
+def cut_sides(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
     """The borders of the picture beyond which a full grid with labels `ij` (M, 2) at `xy` (M, 2) px may continue.
 
     () if there are none, for grids with holes and for corners in one line. The next row or column of corners,

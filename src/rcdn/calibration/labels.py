@@ -10,7 +10,7 @@ import numpy as np
 from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 Size = tuple[int, int]
 GRID = 0.25
@@ -82,7 +82,7 @@ def fits(size: Size, whole: Size) -> bool:
     return all(a <= b for a, b in zip(sorted(size), sorted(whole), strict=True))
 
 
-def turn_labels(ij: Array, size: Size, turn: int) -> Int[Array, "n 2"]:
+def turn_labels(ij: Array, size: Size, turn: int) -> Real[Array, "n 2"]:
     """Labels (N, 2) of a board of `size` after `turn` quarter turns."""
     for _ in range(turn):
         ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.calibration.sight import cell_centres, cells_of
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 FINER = 1.5
 """ratio of the number of cells of the mean residuals to that of the coverage, along one side"""
@@ -134,7 +134,7 @@ def mean_residuals(calibration: Calibration) -> Cells:
     return Cells(cell_centres(image_size, (cols, rows)).reshape(-1, 2)[enough], mean, error, systematic)
 
 
-def _cell_of(xy: Real[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Int[Array, " n"]:
+def _cell_of(xy: Real[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Real[Array, " n"]:
     """(N,) number of the cell, among (columns, rows), that contains each of `xy` (N, 2) px."""
     at = np.floor((xy + 0.5) / np.array(image_size) * cells).astype(int).clip(0, np.array(cells) - 1)
     return np.asarray(at[:, 1] * cells[0] + at[:, 0])

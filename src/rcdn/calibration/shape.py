@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import legvander
 
 from rcdn.calibration.bundle import Prior, State
 from rcdn.types import SQUARES, Array, BoardShape, Plane
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 Size = tuple[int, int]
 DEGREE, DECAY = 4, 2.0
@@ -38,7 +38,7 @@ FEWEST_SHAPED = 5
 """least number of views of the whole board for which its shape is estimated; with fewer it is taken as perfect"""
 
 
-def shape_basis(ij: Int[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Real[Array, "n b"]:
+def shape_basis(ij: Real[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Real[Array, "n b"]:
     """(N, B) values of the functions at the labels `ij` (N, 2) of a board of `size` (columns, rows) on its `plane`:
     polynomials that are orthogonal to each other and to a constant over the board's corners, with mean square 1 there
     (0 if the corners are too few for such a function).

@@ -10,7 +10,7 @@ from rcdn.calibration.board_points import flat_points
 from rcdn.errors import present
 from rcdn.geometry import transform
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 SAME_PLACE = 0.02
 """share of the picture's longer side: boards whose outlines are closer (RMS over their corners) count as one view"""
@@ -60,7 +60,7 @@ def tilt_spread(views: list[BoardView]) -> float:
     return float(np.degrees(np.sqrt(max(least, 0.0))))
 
 
-def places(calibration: Calibration, views: list[BoardView]) -> Int[Array, " v"]:
+def places(calibration: Calibration, views: list[BoardView]) -> Real[Array, " v"]:
     """(V,) a group number for each view, equal for views that show the board in the same place (near-duplicates of a
     picture)."""
     spots = np.array([_outline(calibration, v) for v in views])

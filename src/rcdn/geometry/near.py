@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Int, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 _nearest = bind("rcdn_nearest")
 _within = bind("rcdn_within")
@@ -40,7 +40,7 @@ def within(points: Real[Array, "n 2"], at: Real[Array, "k 2"], reach: Real[Array
         room = total
 
 
-def pairs(points: Real[Array, "n 2"], reach: float) -> Int[Array, "m 2"]:
+def pairs(points: Real[Array, "n 2"], reach: float) -> Real[Array, "m 2"]:
     """All pairs (M, 2) of indices i < j of `points` (N, 2) at distances of at most `reach`, sorted."""
     i, j = within(points, points, reach)
     return np.stack([i, j], axis=1)[i < j]

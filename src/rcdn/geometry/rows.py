@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 
 _rows_among = bind("rcdn_rows_among")
 
@@ -16,7 +16,7 @@ def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
     return np.concatenate(parts) if parts else np.zeros(empty)
 
 
-def rows_among(xy: Real[Array, "n 2"], among: Real[Array, "m 2"]) -> Int[Array, " n"]:
+def rows_among(xy: Real[Array, "n 2"], among: Real[Array, "m 2"]) -> Real[Array, " n"]:
     """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
     xy, among = (np.ascontiguousarray(points, np.float64) for points in (xy, among))
     row = np.empty(len(xy), np.int64)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze, shape_of
 
 
@@ -50,7 +50,7 @@ class BoardShape(Value):
         along = np.linalg.lstsq(plane, self.offsets[:, :, :2].reshape(-1, 2), rcond=None)[0]
         return float(along[1, 0] - along[2, 1])
 
-    def at(self, ij: Int[Array, "n 2"]) -> Real[Array, "n 3"]:
+    def at(self, ij: Real[Array, "n 2"]) -> Real[Array, "n 3"]:
         """Offsets (N, 3), m, at the labels `ij` (N, 2) (column, row). Raises RcdnError for labels beyond the board."""
         ij = np.asarray(ij)
         if len(ij) and not ((ij >= 0).all() and (ij < self.size).all()):

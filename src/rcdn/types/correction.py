@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze, shape_of
 
 DEGREE = 3
@@ -40,7 +40,7 @@ class LensCorrection(Value):
             raise RcdnError(f"LensCorrection.extent must hold two positive numbers, not {self.extent.tolist()}")
 
     @property
-    def cells(self) -> Int[Array, " 2"]:
+    def cells(self) -> Real[Array, " 2"]:
         """(2,) number of cells of the domain along x and y."""
         rows, columns, _ = self.control.shape
         return np.array([columns - DEGREE, rows - DEGREE])

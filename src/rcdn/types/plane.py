@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from rcdn.errors import RcdnError, shown
-from rcdn.types.arrays import Int, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.base import Array
 
 Pattern = Literal["checker", "deltille", "aprilgrid"]
@@ -52,7 +52,7 @@ class Plane:
         if self.gap is not None and not 0 < self.gap < np.inf:
             raise RcdnError(f"Plane.gap must be a positive number of tags' sides, not {shown(self.gap)}")
 
-    def points(self, ij: Int[Array, "... 2"]) -> Array:
+    def points(self, ij: Real[Array, "... 2"]) -> Array:
         """Positions (..., 2) of labels `ij` (..., 2), in squares, edges of triangles, or sides of tags; see
         `plane_points`."""
         return plane_points(ij, self.pattern, self.gap)

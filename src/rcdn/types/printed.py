@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Int, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
@@ -33,20 +33,20 @@ class Checkerboard:
     def __str__(self) -> str:
         return f"checkerboard of {self.columns}x{self.rows} inner corners"
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at labels `ij` (N, 2)."""
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0])
 
-    def ij_of(self, ids: Shaped[Array, " n"]) -> Int[Array, "n 2"]:
+    def ij_of(self, ids: Shaped[Array, " n"]) -> Real[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for unknown numbers."""
         ids = numbers(ids, self.columns * self.rows, self)
         return np.stack([ids % self.columns, ids // self.columns], axis=1)
 
-    def places(self) -> Int[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The labels (N, 2) of all its corners, in ascending order of their numbers."""
         return grid_of(self.columns, self.rows)
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Positions (..., 2) of labels `ij` (..., 2) on the board, in squares."""
         return plane_points(ij)
 
@@ -69,21 +69,21 @@ class Deltille:
     def __str__(self) -> str:
         return f"deltille of {self.columns}x{self.rows} inner corners"
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at labels `ij` (N, 2)."""
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0] + ij[:, 1] // 2)
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
+    def ij_of(self, ids: Real[Array, " n"]) -> Real[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for unknown numbers."""
         ids = numbers(ids, self.columns * self.rows, self)
         row = ids // self.columns
         return np.stack([ids % self.columns - row // 2, row], axis=1)
 
-    def places(self) -> Int[Array, "n 2"]:
+    def places(self) -> Real[Array, "n 2"]:
         """The labels (N, 2) of all its corners, in ascending order of their numbers."""
         return self.ij_of(np.arange(self.columns * self.rows))
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Positions (..., 2) of labels `ij` (..., 2) on the board, in sides of a triangle."""
         return plane_points(ij, "deltille")
 
@@ -122,11 +122,11 @@ class PuzzlePart:
         """The target as which a picture of this part is read."""
         return PuzzleBoard()
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at positions `ij` (N, 2) of the code."""
         return self.whole.ids(ij)
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+    def ij_of(self, ids: Real[Array, " n"]) -> Real[Array, "n 2"]:
         """The positions (N, 2) in the code of the corners with the numbers `ids` (N,). Raises RcdnError for numbers
         that are not on this part."""
         ij = self.whole.ij_of(ids)
@@ -141,7 +141,7 @@ class PuzzlePart:
         """The positions (N, 2) in the code of all its corners, in ascending order of their numbers."""
         return grid_of(self.columns, self.rows) + np.array([self.column, self.row])
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Points (..., 2) at positions `ij` (..., 2) of the code, in squares from the first corner of the code."""
         return plane_points(ij)
 
@@ -172,7 +172,7 @@ class Printed:
             )
 
     @property
-    def ids(self) -> Int[Array, " n"]:
+    def ids(self) -> Real[Array, " n"]:
         """The numbers (N,) of all corners, as counted by the target's own tools, in ascending order."""
         return self.target.ids(self.target.places())
 
@@ -185,7 +185,7 @@ class Printed:
         ij = self.target.places() if ids is None else self.ij_of(ids)
         return self.target.plane(ij) * self.spacing
 
-    def ij_of(self, ids: Any) -> Int[Array, "n 2"]:
+    def ij_of(self, ids: Any) -> Real[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that don't exist
         on the target."""
         return self.target.ij_of(np.asarray(ids))

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Int, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
@@ -44,11 +44,11 @@ class Charuco:
         )
         return " ".join((f"ChArUco {self.columns}x{self.rows or '?'} {self.dictionary}", *extra))
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+    def ij_of(self, ids: Real[Array, " n"]) -> Real[Array, "n 2"]:
         """The positions (N, 2) of the corners with the numbers `ids` (N,), the inverse of the method `ids`. Raises
         RcdnError for numbers that don't exist on it."""
         wide = self.columns - 1
@@ -60,7 +60,7 @@ class Charuco:
         None."""
         return grid_of(self.columns - 1, _rows_of(self) - 1)
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Points (..., 2) of the corners `ij` (..., 2) on the board, in squares from its first corner."""
         return plane_points(ij)
 
@@ -79,11 +79,11 @@ class PuzzleBoard:
     def __str__(self) -> str:
         return "PuzzleBoard"
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+    def ij_of(self, ids: Real[Array, " n"]) -> Real[Array, "n 2"]:
         """The positions (N, 2), both coordinates below 501, of the corners with the numbers `ids` (N,). Raises
         RcdnError for numbers that don't exist on it."""
         ids = numbers(ids, PUZZLE**2, self)
@@ -93,7 +93,7 @@ class PuzzleBoard:
         """The positions (N, 2) of all its corners, in ascending order of their numbers."""
         return grid_of(PUZZLE, PUZZLE)
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Points (..., 2) of the corners `ij` (..., 2) on the board, in squares from the first corner of the code."""
         return plane_points(ij)
 
@@ -121,11 +121,11 @@ class AprilGrid:
         extra = f" from tag {self.first_id}" if self.first_id else ""
         return f"AprilGrid {self.columns}x{self.rows or '?'} {self.family}{extra}"
 
-    def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
+    def ids(self, ij: Real[Array, "n 2"]) -> Real[Array, " n"]:
         """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+    def ij_of(self, ids: Real[Array, " n"]) -> Real[Array, "n 2"]:
         """The positions (N, 2) of the corners with the numbers `ids` (N,), the inverse of the method `ids`. Raises
         RcdnError for numbers that don't exist on it."""
         wide = 2 * self.columns
@@ -137,7 +137,7 @@ class AprilGrid:
         None."""
         return self.ij_of(np.arange(4 * self.columns * _rows_of(self)))
 
-    def plane(self, ij: Int[Array, "... 2"]) -> Array:
+    def plane(self, ij: Real[Array, "... 2"]) -> Array:
         """Points (..., 2) of the corners `ij` (..., 2) on the board, in sides of a tag."""
         return plane_points(ij, "aprilgrid", self.gap)
 
