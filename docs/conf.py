@@ -82,6 +82,7 @@ docs/conventions
 docs/formats
 docs/formulation
 docs/pipeline
+docs/constants
 docs/glossary
 ```
 ```{toctree}
