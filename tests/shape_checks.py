@@ -1,6 +1,6 @@
 """Has every function of rcdn whose annotations give shapes of arrays check them, in this process: `install()` before rcdn is imported.
 
-`Float[Array, "n 2"]` (`rcdn.types.arrays`) is read as jaxtyping's, and checked by beartype. Functions without shapes stay as they are.
+`Real[Array, "n 2"]` (`rcdn.types.arrays`) is read as jaxtyping's, and checked by beartype. Functions without shapes stay as they are.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import jaxtyping
 import numpy as np
 from beartype import BeartypeConf, beartype
 
-SHAPES = re.compile(r"\b(?:Bool|Float|Int|Shaped)\[Array")
-KINDS = {name: getattr(jaxtyping, name) for name in ("Bool", "Float", "Int", "Shaped")} | {"Array": np.ndarray}
+SHAPES = re.compile(r"\b(?:Bool|Real|Int|Shaped)\[Array")
+KINDS = {name: getattr(jaxtyping, name) for name in ("Bool", "Real", "Int", "Shaped")} | {"Array": np.ndarray}
 checked: set[str] = set()
 """the functions that check"""
 

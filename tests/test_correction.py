@@ -11,14 +11,14 @@ from rcdn.geometry import (
     basis,
     folds,
     project,
-    project_with_slopes,
+    project_with_jacobian,
     roughness,
     stereographic,
     surface,
     unproject,
     zero_correction,
 )
-from rcdn.geometry.correction import point_of, stereographic_slopes, surface_slopes
+from rcdn.geometry.correction import point_of, stereographic_jacobian, surface_jacobian
 from rcdn.geometry.inverse import unfolded
 from rcdn.geometry.models import fold
 from rcdn.geometry.undistort import NOWHERE, undistortion_maps
@@ -63,7 +63,7 @@ def test_slopes_are_those_of_differences(base):
     p[:, 2], p[0, :2] = z, 0
     inside = (np.abs(stereographic(p)) < camera.correction.extent).all(axis=1)
     assert 5 < inside.sum() < 25
-    xy, by_point, by_parameter = project_with_slopes(camera, p)
+    xy, by_point, by_parameter = project_with_jacobian(camera, p)
     assert np.array_equal(xy, project(camera, p))
     for k in range(len(p)):
         assert by_point[k] == pytest.approx(differences(lambda q: project(camera, q), p[k]), abs=3e-5, rel=1e-6)
@@ -74,10 +74,10 @@ def test_slopes_are_those_of_differences(base):
 def test_fisheye_slopes_hold_beside_and_behind_the_camera():
     camera = corrected(BASES[-1])
     p = np.array([[1.0, 0.2, 0.0], [0.8, -0.6, -0.2], [-1.0, 0.1, -0.5], [0.1, 0.2, -2.0]])
-    _, by_point, _ = project_with_slopes(camera, p)
+    _, by_point, _ = project_with_jacobian(camera, p)
     for k in range(len(p)):
         assert by_point[k] == pytest.approx(differences(lambda q: project(camera, q), p[k]), abs=3e-5)
-        assert stereographic_slopes(p[k]) == pytest.approx(differences(stereographic, p[k]), abs=1e-6)
+        assert stereographic_jacobian(p[k]) == pytest.approx(differences(stereographic, p[k]), abs=1e-6)
     assert stereographic(point_of(stereographic(p))) == pytest.approx(stereographic(p))
 
 
@@ -131,7 +131,7 @@ def test_a_map_that_is_turned_over_has_no_rays_there():
     rays = unproject(camera, frame(camera, 60).reshape(-1, 2))
     seen = rays[np.isfinite(rays).all(axis=1)]
     assert 0 < len(seen) < len(rays)
-    _, by_point, _ = project_with_slopes(camera, seen)
+    _, by_point, _ = project_with_jacobian(camera, seen)
     assert (np.linalg.det(by_point[:, :, :2]) > 0).all()
     assert folds(camera)
     wide = replace(base, K=K * [[1.2], [1.2], [1]])
@@ -153,7 +153,7 @@ def test_beyond_the_domain_the_map_is_continuous_and_never_folds(base):
     radius = np.linspace(np.linalg.norm(extent), widest, 60)
     u = (radius * np.stack([np.cos(angle), np.sin(angle)])).reshape(2, -1).T
     p = point_of(u)
-    _, by_point, _ = project_with_slopes(camera, p)
+    _, by_point, _ = project_with_jacobian(camera, p)
     J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None]
     assert (np.linalg.det(J) > 0).all()
 
@@ -168,7 +168,7 @@ def test_the_surface_is_the_product_of_cubic_splines():
     ]
     expected = np.einsum("nc,nr,rck->nk", *design, correction.control)
     assert surface(correction, u) == pytest.approx(expected, abs=1e-12)
-    assert surface_slopes(correction, u)[0] == pytest.approx(expected, abs=1e-12)
+    assert surface_jacobian(correction, u)[0] == pytest.approx(expected, abs=1e-12)
     used, weights = basis(correction, point_of(u))
     assert weights.sum(axis=1) == pytest.approx(1)
     assert (weights[:, :, None] * correction.control.reshape(-1, 2)[used]).sum(axis=1) == pytest.approx(expected)

@@ -22,6 +22,7 @@ from rcdn.report.overlay import draw_overlay
 from rcdn.report.target import make_page, to_pdf, to_svg
 from rcdn.synthetic import Background, Scene, Sensor, random_scene, render, truth
 from rcdn.types import Board, BoardShape, Corners, Deltille, Printed, plane_points
+from rcdn.types.target import Charuco
 from rcdn_lab.paper.deltille import same_lattice, score, view_scene
 
 CONFIG = rcdn.DetectorConfig(pattern="deltille", threads=1)
@@ -102,6 +103,22 @@ def test_settings_that_do_not_fit_are_refused():
     with pytest.raises(ConfigError, match="pattern"):
         rcdn.DetectorConfig(pattern="hexagons")
     assert rcdn.DetectorConfig.from_json(CONFIG.to_json()) == CONFIG
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("refine", rcdn.config.Refine("saddle", half=3)),
+        ("sharpen", rcdn.config.Sharpen(geometry=False)),
+        ("target", Charuco(5, 7, "DICT_4X4_50", 0.75)),
+    ],
+)
+def test_settings_that_triangles_can_not_use_are_refused(name, value):
+    with pytest.raises(
+        rcdn.errors.ConfigError, match=rf"DetectorConfig.{name} has no meaning for a deltille; leave it out"
+    ):
+        rcdn.DetectorConfig(pattern="deltille", **{name: value})
+    assert getattr(rcdn.DetectorConfig(**{name: value}), name) == value
 
 
 # ---- command line and files

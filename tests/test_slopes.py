@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rcdn.errors import RcdnError
-from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, rotation_slope, unproject
+from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation, rotation_jacobian, unproject
 from rcdn.types import Camera
 
 K = np.array([[610.0, 0, 322], [0, 590, 243], [0, 0, 1]])
@@ -40,7 +40,7 @@ def differences(function, x, step=1e-6):
 def test_slopes_are_those_of_differences(camera):
     p = points()
     p[0, :2] = 0.0  # on the axis
-    xy, by_point, by_parameter = project_with_slopes(camera, p)
+    xy, by_point, by_parameter = project_with_jacobian(camera, p)
     assert np.array_equal(xy, project(camera, p))
     for k in range(len(p)):
         assert by_point[k] == pytest.approx(differences(lambda q: project(camera, q), p[k]), abs=2e-5, rel=1e-6)
@@ -51,7 +51,7 @@ def test_slopes_are_those_of_differences(camera):
 def test_fisheye_slopes_hold_beside_and_behind_the_camera():
     camera = CAMERAS[-1]
     p = np.array([[1.0, 0.2, 0.0], [0.8, -0.6, -0.2], [-1.0, 0.1, -0.5]])
-    _, by_point, _ = project_with_slopes(camera, p)
+    _, by_point, _ = project_with_jacobian(camera, p)
     for k in range(len(p)):
         assert by_point[k] == pytest.approx(differences(lambda q: project(camera, q), p[k]), abs=2e-5)
 
@@ -76,7 +76,7 @@ def test_a_pole_of_the_rational_lens_has_no_ray_beyond_it():
 
 def test_division_is_refused():
     with pytest.raises(RcdnError, match="division"):
-        project_with_slopes(Camera(K, [-0.1], (640, 480), "division"), points())
+        project_with_jacobian(Camera(K, [-0.1], (640, 480), "division"), points())
 
 
 def test_rotations_are_those_of_scipy_and_their_slope_that_of_differences():
@@ -84,7 +84,7 @@ def test_rotations_are_those_of_scipy_and_their_slope_that_of_differences():
     v = np.concatenate([rng.normal(size=(20, 3)), 1e-6 * rng.normal(size=(3, 3)), np.zeros((1, 3))])
     R = rotation(v)
     assert pytest.approx(Rotation.from_rotvec(v).as_matrix(), abs=1e-12) == R
-    J = rotation_slope(v)
+    J = rotation_jacobian(v)
     for k in range(len(v)):
         moved = differences(lambda w: rotation(w), v[k])  # (3, 3, 3)
         for axis in range(3):

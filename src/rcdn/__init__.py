@@ -50,7 +50,7 @@ __all__ = [*_HOMES, "__version__"]
 
 
 def __getattr__(name: str) -> Any:
-    """Names are loaded at their first use, so that `import rcdn` stays light."""
+    """Import a public name at its first use, so that `import rcdn` itself loads nothing heavy."""
     if name not in _HOMES:
         raise AttributeError(f"module 'rcdn' has no attribute {name!r}")
     return getattr(import_module(f"rcdn.{_HOMES[name]}"), name)

@@ -1,4 +1,4 @@
-"""`python -m rcdn`, and the `rcdn` command: what must be there before the imports that take long."""
+"""Entry point of `python -m rcdn` and of the `rcdn` command: installs the Ctrl-C handler before the slow imports."""
 
 import sys
 
@@ -12,7 +12,7 @@ def main() -> None:
         from rcdn.cli import main as run
 
         run()
-    except KeyboardInterrupt:  # as `rcdn.cli` says it, which may not be there yet
+    except KeyboardInterrupt:  # same message as in `rcdn.cli`, which may not have been imported yet
         interrupts.end()
         if sys.stderr is not None:
             sys.stderr.write("error: stopped by Ctrl-C\n")

@@ -1,4 +1,4 @@
-"""Numbered corners of one board, picture by picture: what other programs' solvers take (docs/adapters.md)."""
+"""Numbered corners of one board, picture by picture, as input for other programs' solvers (docs/adapters.md)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rcdn.types import AprilGrid, Array, Board, Charuco, Checkerboard, Printed
 
 
 class View(NamedTuple):
-    """A board in a picture: `picture`, the picture's number from 0; `ids` (N,), the corners' numbers, rising; `xy` (N, 2) px;
-    `points` (N, 3) m, where they lie on the board (z is 0)."""
+    """A board in a picture: `picture`, the picture's number from 0; `ids` (N,), the corners' numbers in ascending
+    order; `xy` (N, 2) px; `points` (N, 3) m, the corners' positions on the board (z is 0)."""
 
     picture: int
     ids: Array
@@ -22,12 +22,15 @@ class View(NamedTuple):
 
 
 def views(pictures: Iterable[Iterable[Board]], printed: Printed, several_cameras: bool = False) -> list[View]:
-    """The views of the board `printed` among the boards of each of `pictures`; a picture without it has none.
+    """The views of the board `printed` among the boards detected in each of `pictures`; pictures without it have no
+    view.
 
-    Corners are numbered as `printed.ids` has them, and `printed.points()` in this order. Of several such boards in a picture the one with most
-    corners is taken. A coded board counts if that very target was read (`DetectorConfig(target=printed.target)`), in parts, too. A plain one counts
-    if it spans all columns and rows: a part of it could lie in several places. With `several_cameras` it must also have a `unique` orientation,
-    since each camera would number other boards from a corner of its own. Raises ConfigError for targets other than Checkerboard, Charuco, AprilGrid.
+    Corners are numbered as in `printed.ids`, and `printed.points()` is in the same order. If a picture shows several
+    such boards, the one with the most corners is used. A coded board is accepted if exactly this target was read
+    (`DetectorConfig(target=printed.target)`), even if only a part of it is visible. A plain board is accepted if it
+    spans all columns and rows, since a part of it could lie in several places. With `several_cameras` its orientation
+    must also be `unique`, because otherwise each camera might count from a different corner. Raises ConfigError for
+    targets other than Checkerboard, Charuco and AprilGrid.
     """
     if not isinstance(printed.target, (Checkerboard, Charuco, AprilGrid)):
         raise ConfigError(
@@ -45,7 +48,8 @@ def views(pictures: Iterable[Iterable[Board]], printed: Printed, several_cameras
 def _numbered(
     board: Board, target: Checkerboard | Charuco | AprilGrid, several_cameras: bool
 ) -> tuple[Array, Array] | None:
-    """The numbers (N,) of a board's corners on the target, rising, and their positions (N, 2); None if it isn't a view of it."""
+    """Numbers (N,) of a board's corners on the target, in ascending order, and their positions (N, 2), px; None if the
+    board is not a view of the target."""
     if not isinstance(target, Checkerboard):
         if board.ids is None or board.target != target:
             return None

@@ -1,4 +1,4 @@
-"""What the methods of `Camera` do, by the floors that know how: lens models, undistortion, files."""
+"""Implementation of the methods of `Camera` by the packages above `types`: lens models, undistortion, files."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def undistortion_maps(camera: Camera, balance: float) -> tuple[Array, Array]:
 
 
 def _number(balance: Any) -> float:
-    """`balance` as a float; raises ConfigError for anything else, a picture for one."""
+    """`balance` as a float. Raises ConfigError for anything else, such as a picture passed by mistake."""
     if not isinstance(balance, Real):
         raise ConfigError(f"balance must be a number, not {type(balance).__name__}; pictures go to undistort(image)")
     return float(balance)

@@ -1,4 +1,4 @@
-"""Processes that were started to share work: they must not outlive the one that started them."""
+"""Worker processes, which must not outlive the process that started them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import threading
 import time
 
 PATIENCE = 1.0
-"""seconds to clean up in after the parent has gone"""
+"""seconds that a worker has for cleaning up after its parent has ended"""
 
 
 def end_with_parent() -> None:
-    """Have this process, which `multiprocessing` started, end if its parent is gone, whatever killed that, and whatever is being computed.
+    """Make this process, started by `multiprocessing`, end when its parent ends, whatever the cause and whatever this
+    process is computing.
 
-    Those that wait for work would see no end of it, since each of them holds both ends of the queue; those that compute would go on for nobody.
+    Otherwise idle workers would wait for ever, since each holds both ends of the queue and so never sees it close, and
+    busy workers would go on computing results that no process reads.
     """
     parent = multiprocessing.parent_process()
     if parent is not None:

@@ -24,11 +24,11 @@ def _require(ok: bool, message: str) -> None:
 
 
 LEVEL = 1000.0
-"""largest threshold; responses are about 1 at most"""
+"""largest threshold; responses do not exceed about 1"""
 WIDEST, WINDOW = 999, 64
-"""px: the largest box of a suppression, and half window of a refinement"""
+"""px: the largest box of non-maximum suppression, and the largest half window of a refinement"""
 MANY = 1_000_000
-"""corners or px: no setting that counts them is larger"""
+"""corners or px: upper limit of every setting that counts them"""
 CLUSTERS, THREADS = 1000, 1024
 """largest numbers of clusters and of threads"""
 
@@ -102,10 +102,11 @@ Threshold = Adaptive | Fixed | Std | MaxFraction
 
 @dataclass(frozen=True)
 class Nms:
-    """Greedy suppression of equal boxes.
+    """Greedy non-maximum suppression with boxes of equal size.
 
-    `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker goes; `peaks`: only pixels that none of their
-    eight neighbours exceeds compete, so that the flank of a wide peak is no corner.
+    `box`: side, px, odd; `overlap`: intersection ÷ box area above which the weaker candidate is dropped; `peaks`: only
+    pixels that none of their eight neighbours exceeds are candidates, so that the flank of a wide peak yields no
+    corner.
     """
 
     box: int = 9
@@ -124,7 +125,7 @@ class Nms:
 class Cluster:
     """k-means++ on the positions (paper section 3.3).
 
-    Clusters of at most `drop` corners go; skipped below `least` corners.
+    Clusters of at most `drop` corners are dropped. The stage is skipped for fewer than `least` corners.
     """
 
     k: int = 10
@@ -154,9 +155,10 @@ class Refine:
 
 @dataclass(frozen=True)
 class Sharpen:
-    """A second refinement that knows the board: a model of the picture fitted to all its corners (docs/decisions/0007).
+    """A second refinement that uses the recovered board: an image model fitted to all its corners
+    (docs/decisions/0007).
 
-    `geometry`: corners also learn from the smoothness of their board.
+    `geometry`: the smoothness of the board also constrains the corners.
     """
 
     geometry: bool = True
@@ -169,23 +171,27 @@ class Sharpen:
 class DetectorConfig:
     """All settings of a `Detector`. The presets are `DetectorConfig.auto()` and `DetectorConfig.paper()`.
 
-    `pattern`: what boards are made of: squares (`checker`) or triangles (`deltille`, docs/decisions/0013-deltille.md). Of deltilles, `auto`
-    is the network that has learnt them, corners are refined by their antisymmetry whatever `refine` says, and `sharpen` does nothing.
+    `pattern`: squares (`checker`) or triangles (`deltille`, docs/decisions/0013-deltille.md). For deltilles, the model
+    `auto` is the network trained on them, corners are refined by their antisymmetry, there is no second fit, and codes
+    are not read: values of `refine`, `sharpen` and `target` other than the defaults raise ConfigError.
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
-    `rescue`: where the adaptive threshold finds nothing, 0.41 of the largest response is the threshold, if that stands out from the map
-    (over 0.15, and 20 times the 99th percentile); the corners are then marked LOW_CONFIDENCE.
-    `seed`: share of the threshold above which a peak may start a board (its corners are then corners, whatever their
-    response); `weak`: share above which it may complete a board that predicts it (1: no peak under the threshold may).
+    `rescue`: if the adaptive threshold finds nothing, the threshold becomes 0.41 of the largest response, provided that
+    this response stands out from the map (over 0.15, and 20 times the 99th percentile); its corners are marked
+    LOW_CONFIDENCE.
+    `seed`: share of the threshold above which a peak may start a board (its corners are then accepted, whatever their
+    response); `weak`: share above which a peak may complete a board that predicts it (1: no peak below the threshold
+    may).
     `border`: corners closer than this to the image border are dropped, px.
-    `recovery`: of boards; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
-    `target`: `auto` reads the codes of ChArUco boards, AprilGrids and PuzzleBoards where there are any (docs/coded-boards.md); `plain`, which the
-    preset `paper` has, takes all boards for plain ones. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target alone: smaller parts of it
-    are certain, since fewer answers compete. Of deltilles no codes are read.
-    `sharpen`: fit the corners of boards once more, with their board known; None: as the refinement left them.
-    `pyramid`: look at reduced copies of large pictures and enlarged ones of small or finely patterned ones, too.
+    `recovery`: method of board recovery; `graph`: the validated link graph; `growth`: the paper's (docs/recovery.md).
+    `target`: `auto` reads the codes of any ChArUco boards, AprilGrids and PuzzleBoards (docs/coded-boards.md); `plain`,
+    as in the preset `paper`, treats all boards as plain. A `Charuco`, `AprilGrid` or `PuzzleBoard` reads that target
+    alone: smaller parts of it can then be identified with certainty, since there are fewer competing hypotheses.
+    `sharpen`: fit the corners of boards a second time, given their board; None: keep the refined positions.
+    `pyramid`: also process reduced copies of large pictures, and enlarged copies of small or finely patterned ones.
     `threads`: threads of the network; 0 = all cores. The result doesn't depend on it.
-    `device`: where the network runs: `cpu`, `cuda` (a GPU, through onnxruntime-gpu), or `auto`: the GPU if there is one. The same corners within
-    rounding; on a GPU the whole response is computed, on the CPU only where corners can be.
+    `device`: where the network runs: `cpu`, `cuda` (a GPU, through onnxruntime-gpu), or `auto`: the GPU if there is
+    one. The corners are the same within rounding; a GPU computes the whole response, the CPU only where corners are
+    possible.
     """
 
     model: str = "auto"
@@ -221,10 +227,7 @@ class DetectorConfig:
         _one_of(self, "recovery", get_args(Recovery))
         _one_of(self, "pattern", ("checker", "deltille"))
         _check_target(self.target)
-        _require(
-            self.pattern == "checker" or self.recovery == "graph",
-            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
-        )
+        self._check_pattern()
         _one_of(self, "device", get_args(Device))
         _flags(self, "pyramid", "rescue")
         _bounded(self, "border", 0, MANY)
@@ -233,8 +236,23 @@ class DetectorConfig:
         _bounded(self, "min_corners", 1, MANY, whole=True)
         _bounded(self, "threads", 0, THREADS, whole=True)
 
+    def _check_pattern(self) -> None:
+        """Raises ConfigError for settings that boards of triangles can't use."""
+        if self.pattern == "checker":
+            return
+        _require(
+            self.recovery == "graph",
+            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
+        )
+        usable = {
+            "refine": self.refine == Refine(), "sharpen": self.sharpen in (None, Sharpen()),
+            "target": self.target in ("auto", "plain"),
+        }  # fmt: skip
+        for name, fits in usable.items():
+            _require(fits, f"DetectorConfig.{name} has no meaning for a deltille; leave it out")
+
     def __repr__(self) -> str:
-        """The nearer preset with what differs from it: Python that makes an equal value."""
+        """The closer preset with the settings that differ from it: a Python expression for an equal value."""
         fields = [f.name for f in dataclasses.fields(self)]
         presets = {name: DetectorConfig.preset(name) for name in ("auto", "paper")}
         differs = {k: [n for n in fields if getattr(self, n) != getattr(v, n)] for k, v in presets.items()}
@@ -243,17 +261,17 @@ class DetectorConfig:
 
     @property
     def weights(self) -> str:
-        """The weights that `model` stands for: `auto` has a network of its own for deltilles."""
+        """Name or path of the weights that `model` stands for: `auto` uses a separate network for deltilles."""
         return "rcdn_deltille" if self.pattern == "deltille" and self.model == "auto" else self.model
 
     @classmethod
     def auto(cls, **changes: Any) -> DetectorConfig:
-        """The best that rcdn can do (the default)."""
+        """The most accurate settings of rcdn (the default)."""
         return cls(**changes)
 
     @classmethod
     def paper(cls, **changes: Any) -> DetectorConfig:
-        """What the paper says, literally: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
+        """The settings stated in the paper: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
             "refine": Refine("mixed", half=2), "sharpen": None, "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
@@ -284,10 +302,10 @@ class DetectorConfig:
 
 
 def _check_target(value: Any) -> None:
-    """Raises ConfigError unless `value` says which targets are read."""
+    """Raises ConfigError unless `value` is a valid setting `target`."""
     if isinstance(value, str) and value in get_args(Targets):
         return
-    from rcdn.types.target import Target, target_of, target_record  # here: it takes NumPy, which settings don't need
+    from rcdn.types.target import Target, target_of, target_record  # imported here: it needs NumPy, settings don't
 
     _require(
         isinstance(value, Target),
@@ -303,7 +321,7 @@ _PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Clu
 
 
 def _to_plain(value: Any) -> Any:
-    if hasattr(value, "kind"):  # a target, which has a form of its own in all files
+    if hasattr(value, "kind"):  # a target, which has its own representation in all files
         from rcdn.types.target import target_record
 
         return target_record(value)

@@ -19,7 +19,7 @@ from rcdn.pyramid import distinct_boards, distinct_corners
 from rcdn.targets.circles import is_circle_grid
 from rcdn.targets.glance import Glance, glance_at
 from rcdn.types import Array, Board, Corners, Target, Warnings, allowed
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 from rcdn.types.limits import READ_IN_A_MIRROR
 from rcdn.types.shown import drawing, paragraph
 from rcdn.views import ViewResult, Views
@@ -78,7 +78,7 @@ class Detector:
     def __repr__(self) -> str:
         return f"<Detector {self.config!r} on {self._model.device}>"
 
-    def response(self, image: Any) -> Float[Array, "h w"]:
+    def response(self, image: Any) -> Real[Array, "h w"]:
         """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
         return self._model(grey_of(image), self.config.threads)
 
@@ -180,7 +180,7 @@ def _surroundings(grey: Array, board: Board) -> Surroundings | None:
     return surroundings(grey, board)
 
 
-def _unseen(board: Board, seen: Float[Array, "n 2"]) -> Corners:
+def _unseen(board: Board, seen: Real[Array, "n 2"]) -> Corners:
     """The corners of a board that are none of those `seen` (N, 2) in views: codes told where to look for them."""
     return Corners(board.xy, board.response, board.status).take(rows_among(board.xy, seen) < 0)
 

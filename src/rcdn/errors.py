@@ -7,16 +7,16 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 LONGEST = 60
-"""characters of a value that a message shows"""
+"""largest number of characters of a value in a message"""
 
 
 def shown(value: Any) -> str:
-    """A value as messages show it: on one line, and cut where it is long, whatever it is."""
+    """Text of any value for a message: on one line, and truncated if it is long."""
     try:
         if isinstance(value, int) and abs(value) >= 10**LONGEST:
             return f"a number of more than {LONGEST} digits"
         text = repr(value[: 2 * LONGEST] if isinstance(value, (str, bytes, list, tuple)) else value)
-    except (ValueError, RecursionError):  # an integer too long to be written, or what holds one
+    except (ValueError, RecursionError):  # an integer too long to print, or a container of one
         return f"a {type(value).__name__} that is too long to be shown"
     text = " ".join(text.split())
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
@@ -35,7 +35,7 @@ class ConfigError(RcdnError, ValueError):
 
 
 class FormatError(RcdnError):
-    """A file of detections, cameras or a calibration that can't be read, or a result that its format can't hold."""
+    """A file of detections, cameras or a calibration that can't be read, or a result that a format can't represent."""
 
 
 class OutputError(RcdnError):
@@ -43,15 +43,16 @@ class OutputError(RcdnError):
 
 
 class DependencyError(RcdnError, ImportError):
-    """An optional dependency is missing; the message says which extra brings it."""
+    """An optional dependency is missing; the message names the extra that installs it."""
 
 
 class CalibrationError(RcdnError):
-    """Boards that don't settle a camera, a pose or a pair of cameras; the message says what pictures to take."""
+    """Boards that don't determine a camera, a pose or a pair of cameras; the message says which pictures to take."""
 
 
 def present(value: T | None, what: str) -> T:
-    """`value`, which is there. Raises RcdnError, naming `what`, if it is None: a guard that holds under `python -O`, too."""
+    """`value`, if it is not None. Raises RcdnError, naming `what`, if it is None: unlike an assertion, `python -O`
+    keeps this check."""
     if value is None:
         raise RcdnError(f"{what} is missing")
     return value

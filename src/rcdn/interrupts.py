@@ -1,4 +1,7 @@
-"""Ctrl-C of the command: never in the middle of an import, nor lost in a destructor. It imports little: it is there before all else."""
+"""Handling of Ctrl-C in the command: it never interrupts an import and is never lost in a destructor.
+
+This module imports little, because it is loaded before all others.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +14,19 @@ from types import FrameType
 from typing import Any
 
 AGAIN = 0.02
-"""seconds after which a Ctrl-C that had to wait is tried again"""
+"""seconds after which a deferred Ctrl-C is raised again"""
 
 _here = threading.local()
-"""`held`: how many of them there are around what this thread runs; only the main thread is interrupted"""
+"""`held`: number of nested `held` blocks that this thread is in; only the main thread is interrupted"""
 
 _ended = False
 
 
 def install() -> None:
-    """Have Ctrl-C wait for the end of an import, where it would leave half a module, or be taken for an ImportError, or be lost.
+    """Defer Ctrl-C to the end of an import: within one it would leave a half-initialised module, be turned into an
+    ImportError, or be lost.
 
-    Nothing changes where Ctrl-C is ignored (`nohup`), or the system has no timers (Windows).
+    Nothing changes where Ctrl-C is ignored (`nohup`), or where the system has no interval timers (Windows).
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
@@ -33,7 +37,8 @@ def install() -> None:
 
 @contextlib.contextmanager
 def held() -> Iterator[None]:
-    """Have Ctrl-C wait for the end of the block, which would leave something half done: a thread that nobody waits for, a line that is lost."""
+    """Defer Ctrl-C to the end of the block, for work that must not stop half-way: a thread would be left without being
+    joined, or a line of output lost."""
     _here.held = getattr(_here, "held", 0) + 1
     try:
         yield
@@ -42,7 +47,7 @@ def held() -> Iterator[None]:
 
 
 def end() -> None:
-    """Ignore Ctrl-C from now on: all that is left is to say how it ended."""
+    """Ignore Ctrl-C from now on: only the report of the command's outcome is left to write."""
     global _ended
     _ended = True
     if signal.getsignal(signal.SIGINT) is _interrupt:
@@ -51,7 +56,7 @@ def end() -> None:
 
 
 def ended() -> bool:
-    """Whether `end` was called: nothing more is to be said of a Ctrl-C."""
+    """Whether `end` was called: a further Ctrl-C is then not reported."""
     return _ended
 
 
@@ -71,7 +76,7 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 def _unraisable(what: Any) -> None:
-    """An interrupt that came where nothing can be raised comes again."""
+    """Schedule an interrupt again if it arrived where no exception can propagate; the default hook handles the rest."""
     if what.exc_type is KeyboardInterrupt:
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
     else:

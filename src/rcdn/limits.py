@@ -1,4 +1,4 @@
-"""How large a picture may be: a few hundred bytes can claim gigabytes of pixels."""
+"""The largest picture that is read: a file of a few hundred bytes can declare gigabytes of pixels."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import os
 from rcdn.errors import ConfigError, ImageError
 
 VARIABLE = "RCDN_MAX_MEGAPIXELS"
-"""environment variable, so that processes that are started have it, too"""
+"""environment variable, so that child processes inherit the limit"""
 MEGAPIXELS = 250.0
-"""the largest picture without that; 10⁶ pixels"""
+"""the limit if the variable is not set; 10⁶ pixels"""
 BYTES_A_PIXEL = 16
-"""the largest file for each pixel of the largest picture: four 32-bit channels, uncompressed"""
+"""bytes of the largest file, per pixel of the largest picture: four 32-bit channels, uncompressed"""
 OPENCV = "OPENCV_IO_MAX_IMAGE_PIXELS"
 """OpenCV's own limit, 2³⁰ pixels, which it reads when it is loaded"""
 
 
 def max_megapixels() -> float:
-    """The limit in force. Raises ConfigError if the environment variable is no positive number."""
+    """The limit in force. Raises ConfigError if the environment variable is not a positive number."""
     text = os.environ.get(VARIABLE, "")
     if not text:
         return MEGAPIXELS
@@ -31,7 +31,8 @@ def max_megapixels() -> float:
 
 
 def set_max_megapixels(limit: float) -> None:
-    """Have this process, and those it starts, read pictures of up to `limit` megapixels. Before OpenCV is loaded: its limit follows."""
+    """Let this process and its child processes read pictures of up to `limit` megapixels. Call it before OpenCV is
+    imported, since OpenCV's own limit is raised with it."""
     os.environ[VARIABLE] = f"{limit:.15g}"
     if limit * 1e6 > 1 << 30:
         os.environ.setdefault(OPENCV, str(int(limit * 1e6)))
@@ -48,12 +49,12 @@ def check_size(name: str, width: int, height: int) -> None:
 
 
 def most_bytes() -> int:
-    """The largest file that is read."""
+    """The size of the largest file that is read, bytes."""
     return int(max_megapixels() * 1e6) * BYTES_A_PIXEL
 
 
 def too_many_bytes(name: str) -> ImageError:
-    """What to say of a file beyond `most_bytes`."""
+    """The error for a file larger than `most_bytes`."""
     return ImageError(
         f"{name}: more than {most_bytes() / 1e9:.3g} GB, the most that pictures of {max_megapixels():g} megapixels take; "
         f"if that is right, allow it with --max-megapixels or {VARIABLE}"

@@ -1,4 +1,4 @@
-"""How detections and truth compare: matching, precision, recall, localisation error."""
+"""Comparison of detections with the ground truth: matching, precision, recall, localisation error."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def match(found: Float[Array, "n 2"], truth: Float[Array, "m 2"], radius: float) -> tuple[Array, Array]:
+def match(found: Real[Array, "n 2"], truth: Real[Array, "m 2"], radius: float) -> tuple[Array, Array]:
     """One-to-one pairs closer than `radius` px, nearest first (greedy by distance, the strict protocol).
 
     `found` (N, 2), `truth` (M, 2). Returns index pairs (P, 2) into found and truth, and their distances (P,).
@@ -32,8 +32,8 @@ def match(found: Float[Array, "n 2"], truth: Float[Array, "m 2"], radius: float)
     return np.array(pairs, int).reshape(-1, 2), np.array(gaps)
 
 
-def nearest(found: Array, truth: Array, radius: float) -> Float[Array, " n"]:
-    """(N,) True where some truth lies closer than `radius` px: by the paper's reading a duplicate counts as true."""
+def nearest(found: Array, truth: Array, radius: float) -> Real[Array, " n"]:
+    """(N,) True where a true corner is closer than `radius` px: as in the paper, a duplicate is a true positive."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):
         return np.zeros(len(found), bool)
@@ -47,10 +47,11 @@ def precision_recall(scores: Array, hits: Array, total: int) -> tuple[Array, Arr
     return true / np.arange(1, len(true) + 1), true / max(total, 1)
 
 
-def counted(found: Float[Array, "n 2"], truth: Array, blind: Array, radius: float, reach: float) -> Array:
-    """`found` (N, 2) without those closer than `reach` px to a `blind` spot (K, 2), if no corner of `truth` is closer than `radius`.
+def counted(found: Real[Array, "n 2"], truth: Array, blind: Array, radius: float, reach: float) -> Array:
+    """`found` (N, 2) without detections closer than `reach` px to a `blind` spot (K, 2), unless a corner of `truth` is
+    closer than `radius` px.
 
-    Corners that are neither demanded nor forbidden are such spots.
+    Blind spots are corners whose detection counts neither as a true nor as a false positive.
     """
     if not len(blind) or not len(found):
         return found
@@ -60,7 +61,7 @@ def counted(found: Float[Array, "n 2"], truth: Array, blind: Array, radius: floa
 def best_f1(scores: Array, hits: Array, total: int) -> dict[str, float]:
     """`f1`, `precision`, `recall` at the threshold `threshold` with the largest F1, and average precision `ap`.
 
-    Detections of one score come and go together: no threshold parts them.
+    Detections of equal score are accepted or rejected together, since no threshold separates them.
     """
     if not len(scores):
         return {"f1": 0.0, "precision": 0.0, "recall": 0.0, "threshold": 0.0, "ap": 0.0}

@@ -1,8 +1,9 @@
-"""The compiled kernels (src/native): what would be a Python loop over pixels or corners.
+"""The compiled kernels (src/native), which replace Python loops over pixels or corners.
 
-A kernel is a C function that takes arrays, pictures, integers and reals, and returns an integer. C owns its signature (src/native/kernel.h): the
-dimensions of its arrays, the limits of its integers. Each call is checked against it. The module that owns an algorithm binds its kernel,
-prepares arrays, and says in its docstring what the kernel computes: `_kernel = bind("rcdn_name")`. `help(_kernel)` shows the signature.
+A kernel is a C function that takes arrays, pictures, integers and reals, and returns an integer. Its signature is
+declared in C (src/native/kernel.h): the dimensions of its arrays, the limits of its integers. Each call is checked
+against it. The module that owns an algorithm binds its kernel (`_kernel = bind("rcdn_name")`), prepares the arrays, and
+documents what the kernel computes. `help(_kernel)` shows the signature.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from rcdn.errors import RcdnError
 
 
 def bind(name: str, *groups: type[tuple[Any, ...]]) -> Callable[..., int]:
-    """The kernel `name` as a function of what its signature lists but SIZE, LET and WHERE. It runs without Python's lock.
+    """The kernel `name` as a function of the arguments in its signature, except SIZE, LET and WHERE. It runs without
+    the global interpreter lock.
 
-    `groups`: the named tuples, in order, that it takes for groups of arguments; their fields must be those that C knows.
+    `groups`: the named tuples, in order, that the kernel takes for groups of arguments; their fields must match those
+    declared in C.
 
-    A call raises TypeError for an array of another type or order (kernels convert nothing), one that may not be written to, or another number of
-    arguments; ValueError for another shape, a number beyond its limits, an index that leads nowhere, or arrays that share memory; MemoryError where
-    the kernel's own memory lacks. Nothing is computed then. AttributeError: there is no such kernel, or a group has other fields.
+    A call raises TypeError for an array of another type or memory order (kernels convert nothing), a read-only output
+    array, or a wrong number of arguments; ValueError for another shape, a number beyond its limits, an index out of
+    range, or arrays that share memory; MemoryError if the kernel can't allocate its own memory. Nothing is computed in
+    these cases. `bind` raises AttributeError if there is no such kernel, or if a group has other fields.
     """
     library = _library()
     if name not in library.kernels:
@@ -36,14 +40,14 @@ def bind(name: str, *groups: type[tuple[Any, ...]]) -> Callable[..., int]:
 
 
 def constants(unit: str) -> Mapping[str, int]:
-    """The constants by which a file of kernels, src/native/`unit`.c, and its callers agree. C owns them."""
+    """The constants shared by a file of kernels, src/native/`unit`.c, and its callers. They are defined in C."""
     known: Mapping[str, int] = _library().constants[unit]
     return known
 
 
 @functools.cache
 def _library() -> Any:
-    """The module of the kernels: `kernels`, their `arguments`, and `constants`."""
+    """The extension module: `kernels`, their `arguments`, and `constants`."""
     try:
         return import_module("rcdn._native")
     except ImportError as error:

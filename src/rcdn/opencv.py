@@ -1,4 +1,4 @@
-"""Drop-ins with the shapes of OpenCV's own detectors, for code that has them."""
+"""Drop-in replacements for OpenCV's detectors, with the same shapes of arguments and results."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from rcdn.types import Array, Charuco
 from rcdn.types.ranges import grid_size
 
 KEPT = 8
-"""boards for which a detector is kept"""
+"""number of boards whose detectors are cached"""
 
 
 def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:
     """A drop-in for `cv2.findChessboardCorners(image, pattern_size)`: (found, corners (N, 1, 2) float32, row by row).
 
-    `pattern_size`: inner corners (columns, rows). The corners are sub-pixel already. (False, None) where no complete board of that size
-    is in the picture. Raises ConfigError for a size under 3×3 and ImageError for an unusable image.
+    `pattern_size`: inner corners (columns, rows). The corners are already refined to sub-pixel accuracy. Returns
+    (False, None) if the picture shows no complete board of that size. Raises ConfigError for a size under 3×3 and
+    ImageError for an unusable image.
     """
     cols, rows = grid_size(pattern_size, "pattern_size", 3)
     for board in _detector("plain").boards(image):
@@ -33,12 +34,14 @@ def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[
 
 
 def detect_charuco(image: Any, board: Any) -> tuple[Array | None, Array | None]:
-    """A drop-in for `cv2.aruco.CharucoDetector(board).detectBoard(image)[:2]`: (corners (N, 1, 2) float32, ids (N, 1) int32), rising by id.
+    """A drop-in for `cv2.aruco.CharucoDetector(board).detectBoard(image)[:2]`: (corners (N, 1, 2) float32, ids (N, 1)
+    int32), in ascending order of ids.
 
-    The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, whose dictionary, size, ids and legacy flag count. The corners are
-    sub-pixel already; of several such boards in the picture they are those of the largest. (None, None) where nothing of it is certain.
-    Raises ConfigError for another board, and for one whose markers are none of OpenCV's or aren't numbered one after the other; ImageError
-    for an unusable image.
+    The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, of which the dictionary, size, ids and legacy
+    flag are used. The corners are already refined to sub-pixel accuracy; if the picture shows several such boards, they
+    are those of the largest. Returns (None, None) if no part of the board is identified with certainty. Raises
+    ConfigError for another type of board, and for one whose markers are not in any of OpenCV's dictionaries or are not
+    numbered consecutively; ImageError for an unusable image.
     """
     target = charuco_of(board)
     found = [b for b in _detector(target).boards(image) if b.target == target and b.ids is not None]
@@ -51,20 +54,21 @@ def detect_charuco(image: Any, board: Any) -> tuple[Array | None, Array | None]:
 
 
 def charuco_of(board: Any) -> Charuco:
-    """OpenCV's board as a target. Raises ConfigError if there is no such target."""
+    """OpenCV's board as a target. Raises ConfigError if it has no equivalent target."""
     if not isinstance(board, cv2.aruco.CharucoBoard):
         raise ConfigError(f"board must be a cv2.aruco.CharucoBoard, not {shown(board)}")
     columns, rows = board.getChessboardSize()
     ids = np.ravel(board.getIds())
     if not np.array_equal(ids, ids[0] + np.arange(len(ids))):
         raise ConfigError("board: its markers must be numbered one after the other, as they are unless ids are given")
-    legacy = bool(board.getLegacyPattern()) and rows % 2 == 0  # with an odd number of rows both patterns are one
+    legacy = bool(board.getLegacyPattern()) and rows % 2 == 0  # for an odd number of rows both patterns are equal
     ratio = round(board.getMarkerLength() / board.getSquareLength(), 6)
     return Charuco(columns, rows, _dictionary_of(board.getDictionary(), int(ids[-1])), ratio, int(ids[0]), legacy)
 
 
 def _dictionary_of(dictionary: Any, highest: int) -> str:
-    """The name of OpenCV's dictionary that has the same markers, up to `highest` at least. Raises ConfigError if none has."""
+    """Name of OpenCV's dictionary that has the same markers, at least up to number `highest`. Raises ConfigError if
+    there is none."""
     from rcdn.targets.families import families
 
     side = int(dictionary.markerSize)
@@ -77,5 +81,5 @@ def _dictionary_of(dictionary: Any, highest: int) -> str:
 
 @lru_cache(maxsize=KEPT)
 def _detector(target: Charuco | Literal["plain"]) -> Detector:
-    """One detector for all calls, made at the first."""
+    """The detector for this target, created at the first call and cached."""
     return Detector(DetectorConfig(target=target))

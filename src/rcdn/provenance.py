@@ -1,4 +1,4 @@
-"""Where a figure or a file of weights comes from: commit, date, machine, versions."""
+"""Provenance of a figure or a file of weights: commit, date, machine, versions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ def provenance() -> dict[str, Any]:
 
 OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python", "opencv-contrib-python-headless")
 RUNTIMES = ("onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "onnxruntime-openvino")
-"""distributions of ONNX Runtime: it isn't imported for its version, since it takes notes about the machine when it is"""
+"""distributions of ONNX Runtime, whose version is read without importing it: an import collects data about the
+machine"""
 
 
 def versions(*distributions: str) -> dict[str, str]:
-    """Versions of those distributions that are installed."""
+    """Versions of those of the `distributions` that are installed."""
     found = {}
     for name in distributions:
         with contextlib.suppress(metadata.PackageNotFoundError):
@@ -40,7 +41,7 @@ def versions(*distributions: str) -> dict[str, str]:
 
 
 def commit() -> str:
-    """Commit of the source tree that runs, with `+` if tracked files differ from it; `unknown` for an installed copy."""
+    """Commit of the running source tree, with `+` if tracked files differ from it; `unknown` for an installed copy."""
     here = Path(__file__)
 
     def git(*words: str) -> str:
@@ -50,7 +51,7 @@ def commit() -> str:
     try:
         git(
             "ls-files", "--error-unmatch", here.name
-        )  # or an installed copy would tell of whatever repository it lies in
+        )  # else an installed copy would report an unrelated repository around it
         dirty = git("status", "--porcelain", "--untracked-files=no")
         return git("rev-parse", "HEAD") + ("+" if dirty else "")
     except (OSError, subprocess.CalledProcessError):

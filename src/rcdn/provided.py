@@ -1,7 +1,8 @@
-"""Where the methods of a camera find the work that floors above it do (docs/decisions/0028-methods-of-values.md).
+"""Registry through which the methods of `Camera` reach their implementation in higher packages
+(docs/decisions/0028-methods-of-values.md).
 
-`rcdn.types.camera` says what it needs, as a protocol; the package, which stands above all floors, says here who does it. Nothing is imported
-before it is asked for.
+`rcdn.types.camera` declares the interface as a protocol; the top-level package, which may import all others, registers
+the implementation here. The implementation is imported at its first use.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ _providers: list[Callable[[], Any]] = []
 
 
 def provide_camera_work(provider: Callable[[], Any]) -> None:
-    """Let `provider()` be what does the work of `rcdn.types.camera.CameraWork`. Called once, by `rcdn/__init__.py`."""
+    """Register `provider()` as the source of the implementation of `rcdn.types.camera.CameraWork`. Called once, by
+    `rcdn/__init__.py`."""
     _providers[:] = [provider]
 
 
 def camera_work() -> Any:
-    """What does the work of `rcdn.types.camera.CameraWork`."""
+    """The registered implementation of `rcdn.types.camera.CameraWork`."""
     return _providers[0]()

@@ -19,7 +19,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest, within
 from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.types import Array, Board, Corners
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 SMALL_PICTURE = 330 * 250
 """px; a picture up to this size is looked at enlarged, too, unless its boards are plainly seen"""
@@ -80,12 +80,12 @@ class View:
         size = tuple(max(1, round(n * self.scale)) for n in (x1 - x0, y1 - y0))
         return np.asarray(cv2.resize(larger, size, interpolation=cv2.INTER_AREA))
 
-    def ratio(self) -> Float[Array, " 2"]:
+    def ratio(self) -> Real[Array, " 2"]:
         """Pixels of the view for one of the picture, (2,); not quite `scale`, since views have whole sizes."""
         x0, y0, x1, y1 = self.box
         return np.array([max(1, round(n * self.scale)) / n for n in (x1 - x0, y1 - y0)])
 
-    def to_picture(self, xy: Array) -> Float[Array, "n 2"]:
+    def to_picture(self, xy: Array) -> Real[Array, "n 2"]:
         """Positions (N, 2) of the view in the picture."""
         if self.scale == 1:
             return np.asarray(xy + np.array(self.box[:2], float))
@@ -105,7 +105,7 @@ def whole_views(shape: tuple[int, ...]) -> list[View]:
     return views
 
 
-def closer_view(xy: Float[Array, "n 2"], boards: list[Board], shape: tuple[int, ...]) -> View | None:
+def closer_view(xy: Real[Array, "n 2"], boards: list[Board], shape: tuple[int, ...]) -> View | None:
     """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None.
 
     Corners in `boards` of larger squares, or between their corners, don't count.
@@ -153,7 +153,7 @@ def halved_first(views: list[View]) -> View | None:
     return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
 
-def shown_nearby(response: Float[Array, "h w"], boards: list[Board], shape: tuple[int, ...]) -> Array:
+def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) near what a coarser view shows by its `response` (h, w) and `boards`."""
     side = 2 * SURE_REACH + 1
     cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
@@ -163,7 +163,7 @@ def shown_nearby(response: Float[Array, "h w"], boards: list[Board], shape: tupl
     return cells
 
 
-def shown_faintly(response: Float[Array, "h w"], shape: tuple[int, ...]) -> Array:
+def shown_faintly(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) where the `response` (h, w) of a coarser view is faint but dense, as in squares that are nearly
     too small for it."""
     share = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
@@ -207,13 +207,13 @@ def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
     return cells
 
 
-def _mark(cells: Array, low: Array, high: Float[Array, " 2"]) -> None:
+def _mark(cells: Array, low: Array, high: Real[Array, " 2"]) -> None:
     """Put to True, in place, the `cells` that a box from `low` to `high` (2,) px touches."""
     (x0, y0), (x1, y1) = (np.maximum(n, 0).astype(int) for n in (low // CELL, high // CELL + 1))
     cells[y0:y1, x0:x1] = True
 
 
-def _at_the_frame(rim: Float[Array, "n 2"], second: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
+def _at_the_frame(rim: Real[Array, "n 2"], second: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
     """(n,) bool: which next corners beyond a `rim` (n, 2) px would lie neither half a square or more within a picture (H, W) nor outside of it."""
     return ~_in_frame(rim + NEXT[1] * (rim - second), shape) & _in_frame(rim + NEXT[0] * (rim - second), shape)
 
@@ -223,7 +223,7 @@ def _in_frame(xy: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
     return np.asarray(((xy >= 0) & (xy <= np.array(shape[1::-1]) - 1)).all(axis=1))
 
 
-def _answered(xy: Float[Array, "n 2"], rim: Array, second: Array, scale: float) -> Bool[Array, " n"]:
+def _answered(xy: Real[Array, "n 2"], rim: Array, second: Array, scale: float) -> Array:
     """(n,) bool: at which of the next corners beyond a `rim` (n, 2) px, as the `second` line behind it continues, one of `xy` (N, 2) px
     lies, as seen in a view of `scale`."""
     step = np.linalg.norm(rim - second, axis=1)
@@ -265,7 +265,7 @@ def may_go_on(view: View, xy: Shaped[Array, "n 2"], boards: list[Board], shape: 
     return bool((np.add.reduceat(close, first, dtype=int) > 0.5 * np.diff(first, append=len(close))).any())
 
 
-def unexplained(view: View, xy: Float[Array, "n 2"], boards: list[Board]) -> Array:
+def unexplained(view: View, xy: Real[Array, "n 2"], boards: list[Board]) -> Array:
     """Which peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool.
 
     Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its

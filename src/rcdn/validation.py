@@ -1,4 +1,5 @@
-"""The fixed hard validation set, and how a response map scores on it: the same for training and for the docs' figures."""
+"""The fixed hard validation set and the score of a response map on it, used both in training and for the docs'
+figures."""
 
 from __future__ import annotations
 
@@ -13,21 +14,23 @@ from rcdn.synthetic import HARD, Ranges, random_crop
 from rcdn.types import Array
 
 Score = tuple[Array, Array, Array, int]
-"""score of each peak, whether it hits, distances of the hits (px), number of corners"""
+"""score of each peak, whether it is a true positive, distances of the true positives (px), number of corners"""
 COUNT, SIZE, FIRST, BORDER, RADIUS, DOUBT = 400, 144, 9_000_000_000, 8, 2.0, 4.0
-"""400 crops of 144 px of the ranges HARD; the rim of 8 px doesn't count; 2 px to match; 4 px around doubtful corners"""
+"""400 crops of 144 px from the ranges HARD; an ignored margin of 8 px; matching radius of 2 px; ignored radius of 4 px
+around doubtful corners"""
 
 
 @lru_cache(maxsize=2)
 def validation_set(count: int = COUNT, ranges: Ranges = HARD) -> tuple[tuple[Array, Array], ...]:
-    """(picture, labels) of the fixed hard validation set; no photographs in it, so that anybody can make it."""
+    """(picture, labels) of the fixed hard validation set; it contains no photographs, so that anyone can reproduce
+    it."""
     return tuple(random_crop(FIRST + k, SIZE, ranges) for k in range(count))
 
 
 def summary(scores: list[Score]) -> dict[str, float]:
     """F1 at the best threshold, its precision and recall, that threshold, average precision, and `pixel_error`.
 
-    `pixel_error`: mean distance of the peaks to the exact corners, px; NaN if no peak hits.
+    `pixel_error`: mean distance of the matched peaks from the exact corners, px; NaN if no peak matches.
     """
     peaks, hits, gaps = (np.concatenate([row[k] for row in scores]) for k in range(3))
     error = round(float(gaps.mean()), 4) if len(gaps) else float("nan")
@@ -35,10 +38,11 @@ def summary(scores: list[Score]) -> dict[str, float]:
 
 
 def score_crop(response: Array, labels: Array, least: float = 0.05) -> Score:
-    """(score of each peak, whether it hits, distances of the hits, number of corners) of one crop.
+    """(score of each peak, whether it is a true positive, distances of the true positives, number of corners) of one
+    crop.
 
-    What counts is inside the rim: corners there with the peaks that match them, and peaks there that match none. A peak
-    at a doubtful corner or at a corner in the rim is neither right nor wrong.
+    Only the area within the margin counts: its corners with the peaks that match them, and its peaks that match no
+    corner. A peak at a doubtful corner or at a corner in the margin is neither a true nor a false positive.
     """
     xy, score = nms(response, least, Nms(5))
     sure = labels[:, 2] > 0
@@ -53,5 +57,5 @@ def score_crop(response: Array, labels: Array, least: float = 0.05) -> Score:
 
 
 def _inside(xy: Array, shape: tuple[int, ...]) -> Array:
-    """Which of `xy` (N, 2) lie inside the rim."""
+    """(N,) True where `xy` (N, 2) lies inside the margin of BORDER px."""
     return np.asarray(((xy >= BORDER) & (xy <= np.array(shape[::-1]) - 1 - BORDER)).all(axis=1))

@@ -7,7 +7,7 @@ import pytest
 
 from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration import next_view as module
-from rcdn.calibration.added_view import Information, Prior, judged_points, share_told, variances, weight_of
+from rcdn.calibration.added_view import Information, Prior, judged_points, share_known, variances, weight_of
 from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.next_view import NEARER, next_view, sentence
@@ -95,7 +95,7 @@ def test_residuals_that_err_together_promise_less(middling):
     _, calibration = middling
     doubted = replace(calibration, cov=9 * calibration.cov)
     plain, careful = next_view(calibration), next_view(doubted)
-    ratio = share_told(doubted, Prior.of(doubted)) / share_told(calibration, Prior.of(calibration))
+    ratio = share_known(doubted, Prior.of(doubted)) / share_known(calibration, Prior.of(calibration))
     assert ratio == pytest.approx(1 / 9, rel=1e-3)
     assert careful.before == pytest.approx(3 * plain.before)
     assert careful.after == pytest.approx(3 * plain.after, rel=1e-3)
@@ -104,7 +104,7 @@ def test_residuals_that_err_together_promise_less(middling):
 def test_a_view_of_the_calibration_tells_about_its_share(middling):
     """Corners err independently here: the stated covariance is about that of the information; that by ten views is a little on the safe side."""
     _, calibration = middling
-    assert share_told(calibration, Prior.of(calibration)) == pytest.approx(0.9, abs=0.2)
+    assert share_known(calibration, Prior.of(calibration)) == pytest.approx(0.9, abs=0.2)
     assert weight_of(calibration) == pytest.approx(1 / NOISE, rel=0.3)
     assert plane_of(calibration) == SQUARES
 

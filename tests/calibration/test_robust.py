@@ -145,7 +145,7 @@ def test_a_pose_in_the_wrong_one_of_a_planes_two_is_turned():
     wrong = robust._flipped(right, corners, np.array([0, 3]))
     assert np.abs(wrong.poses[[0, 3], :3, :3] - right.poses[[0, 3], :3, :3]).max(axis=(1, 2)).min() > 0.2
     sigma, free = np.full(len(frame), 0.2), default_free(right)
-    state, noise = robust.rough_fit(wrong, corners, sigma, free)
+    state, noise = robust.initial_fit(wrong, corners, sigma, free)
     done = robust.fit(state, noise, corners, sigma, free)
     assert not any(done.reasons)
     assert done.state.poses[:, :3, :3] == pytest.approx(right.poses[:, :3, :3], abs=0.02)
@@ -176,7 +176,7 @@ def test_the_fit_says_what_it_rests_on():
     _, truth = random_boards(BROWN, 9, 6, 0.2)
     sigma = np.full(len(frame), 0.2)
     start = State.mono(BROWN, np.array(truth))
-    state, noise = robust.rough_fit(start, corners, sigma, default_free(start))
+    state, noise = robust.initial_fit(start, corners, sigma, default_free(start))
     done = robust.fit(state, noise, corners, sigma, default_free(start))
     assert (done.weight > 0).tolist() == done.used.tolist()
     assert done.residuals == pytest.approx(residuals(done.state, corners), nan_ok=True)

@@ -8,8 +8,8 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.difference import camera_difference
-from rcdn.calibration.selection import _by_picture, _exchanged, _greedy, _with_one_more, most_telling
-from rcdn.calibration.uncertainty import unrotated_slopes
+from rcdn.calibration.selection import _by_picture, _exchanged, _greedy, _with_one_more, most_informative
+from rcdn.calibration.uncertainty import unrotated_jacobian
 from rcdn.errors import ConfigError
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 
@@ -37,7 +37,7 @@ def mixed():
 
 def test_telling_pictures_are_found(mixed):
     _, _, done = mixed
-    chosen = most_telling(done, 8)
+    chosen = most_informative(done, 8)
     assert len(chosen) == 8
     assert sum(name.startswith("telling") for name in chosen) >= 7
     assert list(chosen) == sorted(chosen, key=lambda name: int(name.split()[1]))
@@ -50,7 +50,7 @@ def test_they_make_nearly_the_camera_of_all(mixed):
         found = calibrate([boards[k] for k in some], SPACING, model="brown", flat=True)
         return camera_difference(done.camera, found.camera).rms
 
-    best = off([names.index(name) for name in most_telling(done, 8)])
+    best = off([names.index(name) for name in most_informative(done, 8)])
     rng = np.random.default_rng(1)
     assert best < 0.5 * np.median([off(rng.choice(32, 8, replace=False)) for _ in range(9)])
 
@@ -60,7 +60,7 @@ def test_hardly_any_other_set_of_three_tells_more(mixed):
     _, _, done = mixed
     views = done.used_views
     information = _by_picture(done, views, [v.name for v in views])[:20]
-    slopes, there = unrotated_slopes(done.camera, frame_grid(done.camera.image_size))
+    slopes, there = unrotated_jacobian(done.camera, frame_grid(done.camera.image_size))
     rows = slopes[there].reshape(-1, slopes.shape[2])
 
     def variance(some):
@@ -73,18 +73,18 @@ def test_hardly_any_other_set_of_three_tells_more(mixed):
 
 def test_all_are_taken_where_there_are_no_more(mixed):
     _, names, done = mixed
-    assert set(most_telling(done, 100)) <= set(names)
-    assert len(most_telling(done, 100)) == len({v.name for v in done.used_views})
+    assert set(most_informative(done, 100)) <= set(names)
+    assert len(most_informative(done, 100)) == len({v.name for v in done.used_views})
 
 
 def test_pictures_with_several_boards_count_once():
     boards, _ = random_boards(BROWN, 6, 12, noise=0.2)
     names = [f"{k // 2}" for k in range(12)]
     done = calibrate(boards, SPACING, names=names, model="brown", flat=True)
-    chosen = most_telling(done, 4)
+    chosen = most_informative(done, 4)
     assert len(set(chosen)) == len(chosen) == 4
 
 
 def test_too_few_are_refused(mixed):
     with pytest.raises(ConfigError, match="many must be at least 3"):
-        most_telling(mixed[2], 2)
+        most_informative(mixed[2], 2)

@@ -59,7 +59,7 @@ def test_pixels_undo_coordinates_and_slopes_are_their_derivatives():
     uv = np.random.default_rng(4).uniform(-0.3, 0.3, xy.shape)
     there = maps.pixels(which, uv, xy, repeats=12)
     np.testing.assert_allclose(maps(which, there), uv, atol=1e-12)
-    slopes, step = maps.with_slopes(which, there)[1], 1e-4
+    slopes, step = maps.with_jacobian(which, there)[1], 1e-4
     for axis in (0, 1):
         move = step * np.eye(2)[axis]
         by = (maps(which, there + move) - maps(which, there - move)) / (2 * step)

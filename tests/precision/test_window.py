@@ -27,7 +27,7 @@ def test_every_pixel_is_where_the_map_says(settings, kind):
     grey, found, maps, rim = board(**settings)
     w = seen(grey.astype(kind), found, maps, rim)
     xy = w.spot.transpose(1, 2, 0) + w.centre[:, None]
-    uv, slopes = maps.with_slopes(np.arange(len(found)), xy.astype(float))
+    uv, slopes = maps.with_jacobian(np.arange(len(found)), xy.astype(float))
     np.testing.assert_allclose(w.u[w.mask], uv[..., 0][w.mask], atol=1e-5)
     np.testing.assert_allclose(w.v[w.mask], uv[..., 1][w.mask], atol=1e-5)
     length = np.linalg.norm(slopes, axis=-1)

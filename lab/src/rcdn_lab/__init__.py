@@ -1,4 +1,5 @@
-"""The laboratory of rcdn: every figure of its documentation, ours beside others, each by one command.
+"""The laboratory of rcdn: every figure of its documentation, for rcdn and for other detectors, each reproduced by one
+command.
 
-It adds the verbs `rcdn evaluate` and `rcdn bench` to the command line (entry points of the group `rcdn.verbs`).
+It adds the commands `rcdn evaluate` and `rcdn bench` to the command line (entry points of the group `rcdn.verbs`).
 """

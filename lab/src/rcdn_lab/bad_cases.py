@@ -1,4 +1,5 @@
-"""Sets of pictures that make no good camera, each with a known fault; simulated, from known cameras and exact poses."""
+"""Simulated sets of pictures with a known fault, from known cameras and exact poses, from which no good camera can be
+calibrated."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random
 from rcdn_lab.real_boards import curved_board
 
 NOISE = 0.1
-"""px of a corner along one axis"""
+"""px, standard deviation of a corner along one axis"""
 VIEWS = 20
 BROWN = CAMERAS["brown"]
 Rng = np.random.Generator
@@ -22,7 +23,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True, eq=False)
 class CaseInput:
-    """What `calibrate` is given: `boards`, the names of their pictures, and options that differ from the usual."""
+    """Input of `calibrate`: `boards`, the names of their pictures, and options that differ from the defaults."""
 
     boards: list[Board]
     names: list[str]
@@ -32,7 +33,8 @@ class CaseInput:
 
 @dataclass(frozen=True)
 class BadCase:
-    """A fault in words, how to `make` it, and the `keys` of reasons one of which must come first."""
+    """A fault in words, the function `make` that simulates it, and the `keys` of reasons, one of which must come first
+    in the verdict."""
 
     name: str
     make: Callable[[Rng], CaseInput]
@@ -42,15 +44,17 @@ class BadCase:
 FLAT = np.column_stack([labels() * SPACING, np.zeros(SIZE[0] * SIZE[1])])
 """(N, 3) m: the corners of a perfect board"""
 OBLONG = FLAT * [0.04, 0, 0]
-"""(N, 3) m: offsets of the corners of a board whose x is printed 4 % too long"""
+"""(N, 3) m: displacements of the corners of a board whose x is printed 4 % too long"""
 
 
 def view(
     camera: Camera, T: Array, rng: Rng, noise: float = NOISE, offsets: Array | None = None, least: float = 0.6
 ) -> Board | None:
-    """What `camera` sees of the board under `T` (4, 4), with noise; None if less than the share `least` is in the picture.
+    """The board under `T` (4, 4) as seen by `camera`, with noise; None if less than the share `least` is in the
+    picture.
 
-    `offsets` (N, 3) m of the corners, as in `camera_scenes.see`."""
+    `offsets` (N, 3) m, displacements of the corners, as in `camera_scenes.see`.
+    """
     points = FLAT if offsets is None else FLAT + offsets
     return _board(camera, labels(), project(camera, points @ T[:3, :3].T + T[:3, 3]), rng, noise, least)
 
@@ -65,7 +69,7 @@ def _board(camera: Camera, ij: Array, xy: Array, rng: Rng, noise: float = NOISE,
 
 
 def views(make: Callable[[Array], Board | None], rng: Rng, many: int = VIEWS, **pose: Any) -> list[Board]:
-    """`many` boards that `make` sees under random poses."""
+    """`many` boards that `make` returns under random poses."""
     found: list[Board] = []
     while len(found) < many:
         seen = make(random_pose(rng, **pose))
@@ -75,7 +79,7 @@ def views(make: Callable[[Array], Board | None], rng: Rng, many: int = VIEWS, **
 
 
 def plain(camera: Camera, rng: Rng, many: int = VIEWS, **pose: Any) -> list[Board]:
-    """Boards without any fault."""
+    """Boards without a fault."""
     return views(lambda T: view(camera, T, rng), rng, many, **pose)
 
 
@@ -84,7 +88,7 @@ def _as(boards: list[Board], prefix: str = "img", **options: Any) -> CaseInput:
 
 
 def _groups(*cameras: Camera) -> Callable[[Rng], CaseInput]:
-    """Pictures of several cameras, one after the other."""
+    """Pictures of several cameras, one camera after the other."""
 
     def make(rng: Rng) -> CaseInput:
         return _as([b for c in cameras for b in plain(c, rng, VIEWS // len(cameras))])
@@ -102,7 +106,7 @@ def zoomed(camera: Camera, factor: float) -> Camera:
 OTHER = Camera(
     np.array([[555.0, 0, 309], [0, 553, 251], [0, 0, 1]]), np.array([-0.18, 0.03, -0.001, 0.001, 0.0]), (640, 480)
 )
-"""another specimen with another lens"""
+"""another camera with another lens"""
 
 
 def _paper(rng: Rng) -> CaseInput:
@@ -130,7 +134,7 @@ def _one_tilt(rng: Rng) -> CaseInput:
 
 
 def _within(low: tuple[float, float], high: tuple[float, float]) -> Callable[[Rng], CaseInput]:
-    """All boards far away and inside one part of the sensor, shares of its sides."""
+    """All boards far away and inside one part of the sensor; `low` and `high`: shares of its sides."""
 
     def make(rng: Rng) -> CaseInput:
         size = np.array(BROWN.image_size)
@@ -146,7 +150,8 @@ def _within(low: tuple[float, float], high: tuple[float, float]) -> Callable[[Rn
 
 
 def _duplicates(shake: float) -> Callable[[Rng], CaseInput]:
-    """Four places of the board, each in five pictures that differ by `shake` rad and noise."""
+    """Four poses of the board, each in five pictures that differ by rotations of standard deviation `shake` rad and by
+    noise."""
 
     def make(rng: Rng) -> CaseInput:
         found: list[Board | None] = []
@@ -159,7 +164,7 @@ def _duplicates(shake: float) -> Callable[[Rng], CaseInput]:
 
 
 def _turned(T: Array, R: Array) -> Array:
-    """`T` (4, 4) with the camera turned by `R` (3, 3)."""
+    """`T` (4, 4) with the camera rotated by `R` (3, 3)."""
     M = np.eye(4)
     M[:3, :3] = R
     return np.asarray(M @ T)
@@ -176,7 +181,7 @@ def _usable_poses(rng: Rng, many: int) -> list[Array]:
 
 
 def _wrong_labels(rng: Rng) -> CaseInput:
-    """In five views a column was passed over: labels beyond it are one too high."""
+    """In five views a column is skipped: labels beyond it are one too high."""
     boards = plain(BROWN, rng)
     for k in range(0, VIEWS, 4):
         b = boards[k]
@@ -187,7 +192,8 @@ def _wrong_labels(rng: Rng) -> CaseInput:
 
 
 def circle_centres(rng: Rng) -> CaseInput:
-    """Centroids of discs, as a circle grid gives them, instead of points: the projected centre isn't the centroid, but nearly."""
+    """Centroids of discs, as measured on a circle grid: the centroid of a projected disc is nearly, but not exactly,
+    its projected centre."""
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * 0.45 * SPACING
 
@@ -214,7 +220,7 @@ def _oblong(rng: Rng) -> CaseInput:
 
 
 def _rolling_shutter(rng: Rng) -> CaseInput:
-    """The board moves while rows are read: up to 3 cm and 4° within a picture."""
+    """The board moves while the rows are read: up to 3 cm and 4° within a picture."""
 
     def seen(T: Array) -> Board | None:
         ij, speed, turn = labels(), rng.normal(0, 0.015, 3), rng.normal(0, 0.03, 3)
@@ -230,7 +236,7 @@ def _rolling_shutter(rng: Rng) -> CaseInput:
 
 
 def _ripples(rng: Rng) -> CaseInput:
-    """A lens whose distortion waves over the sensor, by up to half a pixel."""
+    """A lens with periodic distortion over the sensor, up to half a pixel."""
 
     def seen(T: Array) -> Board | None:
         ij = labels()
@@ -245,7 +251,7 @@ def _pinhole_for_fisheye(rng: Rng) -> CaseInput:
 
 
 def _other_size(every: int) -> Callable[[Rng], CaseInput]:
-    """Every so-many-th picture has twice the width and height."""
+    """Every `every`-th picture has twice the width and height."""
 
     def make(rng: Rng) -> CaseInput:
         boards = plain(BROWN, rng)
@@ -264,8 +270,8 @@ def _named_by_squares(rng: Rng) -> CaseInput:
 
 
 def _mirrored_half(rng: Rng) -> CaseInput:
-    """Half of the pictures mirrored before corners were found: a mirrored checkerboard is a checkerboard again. The principal point, 26 px
-    off the middle, lies on both sides of it then."""
+    """Half of the pictures were mirrored before corner detection: a mirrored checkerboard is still a checkerboard. The
+    principal point, 26 px off the centre, is then on opposite sides of it."""
     width = BROWN.image_size[0]
     boards = plain(BROWN.with_parameters(BROWN.parameters + np.eye(9)[2] * 16), rng)
     for k in range(VIEWS // 2, VIEWS):
@@ -280,7 +286,7 @@ def _smeared_half(rng: Rng) -> CaseInput:
 
 
 def _stretched_half(rng: Rng) -> CaseInput:
-    """Half of the pictures come from a video of another aspect, scaled to the size of the others."""
+    """Half of the pictures come from a video with another aspect ratio, scaled to the size of the others."""
     p = BROWN.parameters.copy()
     p[0] *= 1.1
     return _groups(BROWN, BROWN.with_parameters(p))(rng)
@@ -294,7 +300,8 @@ def _scattered(share: float) -> Callable[[Rng], CaseInput]:
 
 
 TOGETHER = ("one_camera", "aspect", "smooth", "left_out", "uneven", "systematic", "rms")
-"""several cameras in one set; until they are told apart, what they leave in residuals"""
+"""reasons for several cameras in one set: the direct one, and symptoms in the residuals if the cameras are not
+distinguished"""
 BEND = ("smooth", "dropped", "rms", "systematic", "left_out")
 VARIETY = ("tilt", "tilt_spread", "views", "focal", "centre", "typical", "unsettled")
 CASES = (
@@ -324,4 +331,4 @@ CASES = (
     BadCase("half of the pictures smeared", _smeared_half, ("uneven",)),
     BadCase("a fifth of the corners wrong", _scattered(0.2), ("dropped", "left_out")),
 )  # fmt: skip
-"""every fault, by groups of causes"""
+"""all faults, grouped by cause"""

@@ -1,4 +1,4 @@
-"""Boards as known cameras see them: exact corners, noise, gross errors, missing parts. For simulations and tests."""
+"""Boards seen by known cameras: exact corners, noise, gross errors, missing parts. For simulations and tests."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ CAMERAS = {
 
 
 def random_camera(model: str, seed: int) -> Camera:
-    """The camera of CAMERAS; of `rational` one whose numbers are drawn, the denominator's as widely as the solver holds possible."""
+    """The camera of CAMERAS; for `rational` a random one, whose denominator is drawn as widely as the solver's prior
+    allows."""
     if model != "rational":
         return CAMERAS[model]
     rng, n = np.random.default_rng(seed), np.linspace(0, 1.1, 100)
@@ -56,7 +57,8 @@ def random_pose(
     distance: tuple[float, float] = (0.3, 0.8),
     size: tuple[int, int] = SIZE,
 ) -> Array:
-    """(4, 4) T_cam_board of a board `distance` m away, up to `spread` off the axis (tangent) and tilted by up to `tilt` rad."""
+    """(4, 4) T_cam_board of a board `distance` m away, up to `spread` off the axis (tangent) and tilted by up to `tilt`
+    rad."""
     z = rng.uniform(*distance)
     centre = np.array([*rng.uniform(-spread, spread, 2) * [1, 0.75] * z, z])
     axis = np.append(rng.normal(size=2), 0)
@@ -69,9 +71,11 @@ def random_pose(
 
 
 def see(camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array | None = None) -> tuple[Array, Array]:
-    """(N, 2) labels and (N, 2) exact pixels of the corners of a board that fall into the picture.
+    """(N, 2) labels and (N, 2) exact pixels of the corners of a board that project into the picture.
 
-    `offsets` (columns × rows, 3) m: how far the corners lie off their places on a perfect plane, in the order of `labels`."""
+    `offsets` (columns × rows, 3) m: displacements of the corners from their positions on a perfect plane, in the order
+    of `labels`.
+    """
     ij = labels(size)
     on_board = np.column_stack([ij * SPACING, np.zeros(len(ij))]) + (0.0 if offsets is None else offsets)
     xy = project(camera, on_board @ T[:3, :3].T + T[:3, 3])
@@ -80,7 +84,7 @@ def see(camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array |
 
 
 def board(ij: Array, xy: Array, image_size: tuple[int, int], sigma: Array | None = None) -> Board:
-    """A board of these corners; its colours settle its labels."""
+    """A board of these corners; its colours determine its labels."""
     return Board(xy, ij, image_size, np.ones(len(xy)), np.zeros(len(xy)), "unique", sigma)
 
 
@@ -96,10 +100,12 @@ def random_boards(
     spread: float = 0.5,
     tilt: float = 0.8,
 ) -> tuple[list[Board], list[Array]]:
-    """`views` boards with at least half of their corners in the picture, or all of them if `whole`, and their true poses.
+    """`views` boards with at least half of their corners in the picture, or all of them if `whole`, and their true
+    poses.
 
-    Labels of a part start at its own (0, 0); the pose is that of the whole. Gaussian `noise` px; a share of `outliers` is thrown 5 to 40 px
-    away. `offsets` of the corners, m, as in `see`: of one board, or a function that draws them anew for every view.
+    Labels of a part start at its own (0, 0); the pose is that of the whole board. Gaussian `noise` px; a share of
+    `outliers` is displaced by 5 to 40 px. `offsets` of the corners, m, as in `see`: of one board, or a function that
+    draws them anew for every view.
     """
     rng, bending = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     boards: list[Board] = []

@@ -1,12 +1,14 @@
-"""Cameras from coded boards, ours and OpenCV's, on pictures that they were not calibrated from.
+"""Cameras from coded boards, ours and OpenCV's, evaluated on pictures from which they were not calibrated.
 
-For each of several random halves of a set of pictures both calibrate from one half, each from its own corners with its own solver: ours told nothing
-but the spacing, OpenCV told the target, too (CharucoDetector, then `calibrateCamera` with k1 k2 p1 p2 k3). In each picture of the other
-half the pose is solved by least squares from every second corner, and the residuals of the others count, then the other way round:
+For each of several random halves of a set of pictures both calibrate from one half, each from its own corners with its
+own solver: ours is given only the spacing, OpenCV the target, too (CharucoDetector, then `calibrateCamera` with k1 k2
+p1 p2 k3). In each picture of the other half the pose is solved by least squares from every second corner, and the
+residuals of the others count; then the two are exchanged:
 
     RMS = √(Σ |observed − projected|² / N)
 
-over all corners of all pictures and halves that both found. Corners of each are its own; the camera's too, and ours includes the board's shape.
+over all corners of all pictures and halves that both found. Each uses its own corners and its own camera, and ours the
+board's shape.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ FEWEST_SHARED, FEWEST_PICTURES = 12, 8
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One picture: our `board`, and OpenCV's corners by `ids` (M,) at `xy` (M, 2)."""
+    """One picture: our `board`, and OpenCV's corners with `ids` (M,) at `xy` (M, 2)."""
 
     name: str
     board: Board
@@ -47,13 +49,13 @@ class Shot:
 
     @property
     def common(self) -> Array:
-        """The numbers of the corners that both found."""
+        """The ids of the corners that both found."""
         return np.intersect1d(present(self.board.ids, "ids"), self.ids)
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A camera, and the shape of the board that came with it."""
+    """A camera, and the shape of the board estimated with it."""
 
     camera: Camera
     shape: BoardShape | None = None
@@ -67,7 +69,8 @@ def pictures_of(folder: Path) -> list[Path]:
 
 
 def shots_of(paths: Sequence[Path], step: Callable[[int, int], None] | None = None) -> list[Shot]:
-    """The pictures in which both found the ChArUco board that most show; ours is told nothing, OpenCV what ours read."""
+    """The pictures in which both found the most frequent ChArUco board; ours is given no target, OpenCV the one that
+    ours read."""
     detector = Detector(DetectorConfig.preset("auto", target="auto"))
     found: list[tuple[str, Array, Board]] = []
     for k, path in enumerate(paths):
@@ -93,7 +96,8 @@ def shots_of(paths: Sequence[Path], step: Callable[[int, int], None] | None = No
 
 
 def compared(shots: Sequence[Shot], spacing: float, seeds: int) -> dict[str, Any]:
-    """The held-out RMS of both, px, over `seeds` random halves; halves that settle no camera for one of them are counted in `failed`.
+    """The held-out RMS of both, px, over `seeds` random halves; halves that determine no camera for one of them are
+    counted in `failed`.
 
     Raises RcdnError with fewer than 8 pictures.
     """
@@ -118,7 +122,7 @@ def compared(shots: Sequence[Shot], spacing: float, seeds: int) -> dict[str, Any
 
 
 def ours(shots: Sequence[Shot], spacing: float) -> Known:
-    """Our calibration from our corners, told the spacing alone."""
+    """Our calibration from our corners, given only the spacing."""
     found = calibrate([s.board for s in shots], spacing, names=[s.name for s in shots])
     return Known(found.camera, found.shape)
 
@@ -134,7 +138,8 @@ def opencvs(shots: Sequence[Shot], spacing: float) -> Known:
 
 
 def held_out(shot: Shot, known: Known, spacing: float, own: bool) -> Array:
-    """(N, 2) residuals, px, of the corners that both found, each under the pose of every second other one; `own`: of our corners."""
+    """(N, 2) residuals, px, of the corners that both found, each under the pose from the other half of a checkerboard
+    split of them; `own`: of our corners."""
     ids, xy = (present(shot.board.ids, "ids"), shot.board.xy) if own else (shot.ids, shot.xy)
     common = shot.common
     order = np.argsort(ids)
@@ -153,11 +158,11 @@ def held_out(shot: Shot, known: Known, spacing: float, own: bool) -> Array:
 
 
 def _labels(shot: Shot, ids: Array) -> Array:
-    """(N, 2) places on the target of the corners with these numbers."""
+    """(N, 2) labels on the target of the corners with these ids."""
     return np.asarray(shot.board.target.ij_of(ids)) if shot.board.target is not None else np.zeros((0, 2), int)
 
 
 def _rms(gaps: Sequence[Array]) -> float:
-    """Root mean squared length; infinite if a corner can't be seen."""
+    """Root mean squared length; infinite if a corner has no projection."""
     square = np.concatenate(gaps or [np.full((1, 2), np.nan)])
     return float(np.sqrt(np.nan_to_num((square**2).sum(axis=1), nan=np.inf).mean()))

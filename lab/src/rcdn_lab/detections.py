@@ -1,4 +1,5 @@
-"""A file of detections against a file of truth (docs/formats.md): whole boards, recall, wrong corners, wrong labels, false alarms."""
+"""Comparison of a file of detections with a file of truth (docs/formats.md): whole boards, recall, wrong corners, wrong
+labels, false alarms."""
 
 from __future__ import annotations
 
@@ -36,10 +37,10 @@ SYMMETRIES = _TURNS + [t @ np.array([[1, 0], [0, -1]]) for t in _TURNS]
 
 
 def table(detections: Path, truth: Path) -> list[dict[str, Any]]:
-    """One row a set, and one for all.
+    """One row for each set, and one over all.
 
-    A picture whose truth is null is `open`: it is only counted whether a board was found; one without corners must stay empty.
-    Raises FormatError if a file isn't what it should be.
+    A picture whose truth is null is `open`: only whether a board was found is counted; in one without corners a board
+    is a false alarm. Raises FormatError for an invalid file.
     """
     images, _ = read_detections(detections)
     found = {"/".join(PurePosixPath(i.path.replace("\\", "/")).parts[-2:]): i for i in images}
@@ -89,8 +90,9 @@ def _score_picture(
 
 
 def judged(xy: Array, ij: Array, true: Array, columns: int) -> tuple[bool, bool]:
-    """Whether a board with corners `xy` (N, 2) px and labels `ij` (N, 2) has no wrong label, and whether it is whole besides: each of the `true`
-    corners (M, 2), and no other. `columns` of the true board, whose corners come row by row; 0: its labels aren't known."""
+    """Whether a board with corners `xy` (N, 2) px and labels `ij` (N, 2) has no wrong label, and whether it is also
+    whole: it has each of the `true` corners (M, 2), and no other. `columns` of the true board, whose corners are given
+    row by row; 0: its labels are unknown."""
     pairs, _ = match(xy, true, RADIUS)
     fits = True
     if columns and len(pairs) > 2:
@@ -100,7 +102,7 @@ def judged(xy: Array, ij: Array, true: Array, columns: int) -> tuple[bool, bool]
 
 
 def _counted(board: Board, true: Array, ignore: Array) -> tuple[Array, Array]:
-    """Positions and labels of a board without those on an ignored spot that hit no true corner."""
+    """Positions and labels of a board, except those at an ignored position that match no true corner."""
     if not len(ignore) or not len(board):
         return board.xy, board.ij
     drop = cKDTree(ignore).query(board.xy)[0] < RADIUS
@@ -109,7 +111,7 @@ def _counted(board: Board, true: Array, ignore: Array) -> tuple[Array, Array]:
 
 
 def labels_fit(mine: Array, true: Array) -> bool:
-    """Does one symmetry of the square lattice and one shift take every label (N, 2) to its true one?"""
+    """Whether one symmetry of the square lattice and one translation take every label (N, 2) to its true one."""
     return any(len(np.unique(true - mine @ s.T, axis=0)) == 1 for s in SYMMETRIES)
 
 

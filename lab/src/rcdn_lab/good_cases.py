@@ -1,4 +1,5 @@
-"""Sets of pictures that make a camera one can use: simulated lenses, noise, parts, a few wrong corners. None of them may cry wolf."""
+"""Sets of pictures from which a usable camera can be calibrated: simulated lenses, noise, parts, a few wrong corners.
+None may be judged bad or unsure."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from rcdn_lab.real_boards import curved_board
 
 @dataclass(frozen=True)
 class GoodCase:
-    """What is usual in words, and how to `make` it."""
+    """A usual case in words, and the function `make` that simulates it."""
 
     name: str
     make: Callable[[np.random.Generator], CaseInput]
@@ -44,7 +45,7 @@ def larger(camera: Camera, scale: float) -> Camera:
     if scale == 1:
         return camera
     K = camera.K * [[scale], [scale], [1]]
-    K[:2, 2] += (scale - 1) / 2  # pixel (0, 0) is the centre of the first
+    K[:2, 2] += (scale - 1) / 2  # pixel (0, 0) is the centre of the first pixel
     width, height = (round(n * scale) for n in camera.image_size)
     return replace(camera, K=K, image_size=(width, height))
 

@@ -1,6 +1,8 @@
-"""Does guidance help? Simulated people who hold a board where they are told, as people do, or where the sensor isn't covered yet.
+"""The benefit of guidance: simulated people who hold a board where the guide wants it, at random, or where the sensor
+is not covered yet.
 
-How far each camera is off at the corners of the frame after 4, 6, 8, … pictures, and from how many on it stays below a tenth of a pixel.
+The error of each camera at the corners of the frame after 4, 6, 8, … pictures, and the number from which on it stays
+below 0.1 px.
 """
 
 from __future__ import annotations
@@ -38,17 +40,18 @@ STRETCH, PRINT_ERROR, BEND = 0.002, 0.00005, 0.0005
 NOISE = 0.1
 """px"""
 TURN, NEARER, ASIDE = 6.0, 0.07, 0.04
-"""how people follow, standard deviations: degrees about each axis, share of the distance, tangent to the sides"""
+"""deviations of people from the wanted pose, standard deviations: degrees about each axis, share of the distance,
+tangent of the sideways angle"""
 TILT = 45.0
-"""degrees, at most, of a pose at random"""
+"""largest tilt of a random pose, degrees"""
 FEWEST_SEEN = 27
-"""corners that must be in the frame"""
+"""least number of corners in the frame"""
 TRIES = 30
-"""poses at random, of which the one that covers most of the sensor anew is taken"""
+"""random poses, of which the one that newly covers most of the sensor is taken"""
 CELLS, COVERED = (12, 9), 0.95
-"""equal parts of the sensor, and the share of them after which coverage begins anew"""
+"""equal parts of the sensor, and the share of them after which coverage starts again"""
 COUNTS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)
-"""numbers of pictures after which a camera is looked at"""
+"""numbers of pictures after which a camera is evaluated"""
 TARGET = 0.1
 """px, in the corners of the frame"""
 MIDDLE = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 0]) * SPACING
@@ -58,7 +61,7 @@ Person = Callable[["Scene", int, int], list[Calibration | None]]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A `camera`, and a board whose corners lie `offsets` (N, 3) m off their places."""
+    """A `camera`, and a board whose corners are displaced by `offsets` (N, 3) m."""
 
     camera: Camera
     offsets: Array | None
@@ -72,14 +75,15 @@ class Scene:
         return board(ij - ij.min(axis=0), noisy, self.camera.image_size, np.full(len(xy), NOISE))
 
     def somewhere(self, rng: np.random.Generator) -> Board:
-        """The board at a `random_pose` at which enough of it is seen."""
+        """The board at a `random_pose` at which enough of it is visible."""
         while True:
             seen = self.picture(random_pose(rng), rng)
             if seen is not None:
                 return seen
 
     def anywhere(self, rng: np.random.Generator) -> Board:
-        """The board with its middle anywhere in the frame, as near and far as it is guided to, tilted by up to TILT."""
+        """The board with its centre anywhere in the frame, at distances within the range of the guide, tilted by up to
+        TILT."""
         distances = reach_of(self.camera, SIZE, SQUARES, SPACING)
         while True:
             spot = rng.uniform(0, 1, 2) * self.camera.image_size
@@ -99,7 +103,7 @@ class Scene:
 
 
 def guided(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
-    """Cameras after 1, 2, … `most` pictures of a person who follows the guide, roughly."""
+    """Cameras after 1, 2, … `most` pictures of a person who follows the guide approximately."""
     rng = np.random.default_rng([seed, 1])
     guide = Guide(scene.camera.image_size, SPACING, model=scene.camera.model, size=SIZE)
     done: list[Calibration | None] = []
@@ -111,13 +115,14 @@ def guided(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
 
 
 def at_random(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
-    """The same of one who holds it as people do: `random_pose`, as in all our simulations, 0.3 to 0.8 m away and tilted by up to 46°."""
+    """The same for a person who holds the board at a `random_pose`, as in all our simulations: 0.3 to 0.8 m away,
+    tilted by up to 46°."""
     rng = np.random.default_rng([seed, 2])
     return _calibrated(scene, [scene.somewhere(rng) for _ in range(most)])
 
 
 def by_coverage(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
-    """The same of one who, of such poses, takes the one under which most of the sensor is covered anew."""
+    """The same for a person who takes, of several such poses, the one that newly covers most of the sensor."""
     rng, covered = np.random.default_rng([seed, 3]), np.zeros(CELLS, bool)
     boards: list[Board] = []
     for _ in range(most):
@@ -125,12 +130,13 @@ def by_coverage(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
         boards.append(some[int(np.argmax([int((_cells(b) & ~covered).sum()) for b in some]))])
         covered |= _cells(boards[-1])
         if covered.mean() > COVERED:
-            covered[:] = False  # once more
+            covered[:] = False  # start again
     return _calibrated(scene, boards)
 
 
 def by_the_book(scene: Scene, seed: int, most: int) -> list[Calibration | None]:
-    """The same of one who knows what helps: anywhere in the frame up to its rim, as near and far as the guide wants it, tilted by up to TILT."""
+    """The same for an expert: the board anywhere in the frame up to its border, at distances within the range of the
+    guide, tilted by up to TILT."""
     rng = np.random.default_rng([seed, 5])
     return _calibrated(scene, [scene.anywhere(rng) for _ in range(most)])
 
@@ -140,7 +146,8 @@ PEOPLE: dict[str, Person] = {"guided": guided, "random": at_random, "coverage": 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Over several runs, after `counts` (K,) pictures: root mean square error in the corners of the frame, `off` (K,) px, and the `stated` one."""
+    """Medians over several runs, after `counts` (K,) pictures: root mean square error in the corners of the frame,
+    `off` (K,) px, and the `stated` one."""
 
     counts: Array
     off: Array
@@ -148,7 +155,7 @@ class Curve:
 
     @property
     def needed(self) -> float:
-        """Pictures from which on the error stays below TARGET, interpolated; infinite if it doesn't."""
+        """Number of pictures from which on the error stays below TARGET, interpolated; infinite if it does not."""
         above = np.flatnonzero(~(self.off <= TARGET))
         if not len(above):
             return float(self.counts[0])
@@ -160,7 +167,7 @@ class Curve:
 
 
 def curve(person: str, lens: str, boards: str, runs: int, most: int) -> Curve:
-    """Of `runs` simulated people."""
+    """The curve of `runs` simulated people."""
     counts = np.array([n for n in COUNTS if n <= most])
     off, stated = np.full((runs, len(counts)), np.nan), np.full((runs, len(counts)), np.nan)
     for seed in range(runs):
@@ -177,24 +184,26 @@ def curve(person: str, lens: str, boards: str, runs: int, most: int) -> Curve:
 
 
 def _median(values: Array) -> Array:
-    """(K,) over the runs; infinite where half of them have no camera."""
+    """(K,) median over the runs; infinite where half of them have no camera."""
     return np.asarray(np.median(np.where(np.isfinite(values), values, np.inf), axis=0))
 
 
 def corner_error(found: Camera, truth: Camera) -> float:
-    """Root mean square px along one axis, over the frame's corners that both see, by which `found` is off after the best rotation."""
+    """Root mean square error of `found` along one axis, px, over the frame's corners in which both have rays, after the
+    best rotation."""
     vectors, _ = difference(truth, found, frame_grid(truth.image_size))
     return float(np.sqrt(np.nanmean(vectors[_corner_index()] ** 2)))
 
 
 def corner_deviation(found: Calibration) -> float:
-    """What the calibration states for `corner_error`."""
+    """The standard deviation that the calibration states for `corner_error`."""
     cov = projection_deviation(found, frame_grid(found.camera.image_size))[_corner_index()]
     return float(np.sqrt(np.nanmean(np.einsum("nii->ni", cov))))
 
 
 def row_of(lens: str, boards: str, runs: int, most: int) -> dict[str, Any]:
-    """The figures of one lens and kind of board; shares of people who don't get there within `most` pictures are upper bounds."""
+    """The figures of one lens and kind of board; for people who do not reach the target within `most` pictures the
+    ratios are upper bounds."""
     curves = {name: curve(name, lens, boards, runs, most) for name in PEOPLE}
     mine = curves["guided"]
     ratio = mine.stated / mine.off
@@ -225,14 +234,14 @@ def _followed(T: Array, rng: np.random.Generator) -> Array:
 
 
 def _facing(ray: Array) -> Array:
-    """(3, 3) the least rotation that takes the z axis to `ray`."""
+    """(3, 3) the smallest rotation that takes the z axis to `ray`."""
     axis = np.array([-ray[1], ray[0], 0.0])
     sine = float(np.linalg.norm(axis))
     return np.asarray(rotation(axis * (np.arctan2(sine, ray[2]) / max(sine, 1e-12))))
 
 
 def _cells(seen: Board) -> Array:
-    """CELLS bool: the parts of the sensor that hold a corner."""
+    """CELLS bool: the parts of the sensor that contain a corner."""
     size = np.array(seen.image_size) / CELLS
     out = np.zeros(CELLS, bool)
     at = np.clip((seen.xy / size).astype(int), 0, np.array(CELLS) - 1)
@@ -241,7 +250,7 @@ def _cells(seen: Board) -> Array:
 
 
 def _calibrated(scene: Scene, boards: list[Board]) -> list[Calibration | None]:
-    """After COUNTS pictures; None between."""
+    """Calibrations after COUNTS pictures; None in between."""
     done: list[Calibration | None] = [None] * len(boards)
     for n in COUNTS:
         if n <= len(boards):

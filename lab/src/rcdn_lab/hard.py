@@ -1,4 +1,4 @@
-"""F1 of shipped weights on the fixed hard validation crops."""
+"""F1 score of shipped weights on the fixed hard validation crops."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from rcdn_lab.table_weights import load_network
 
 
 def table(models: tuple[str, ...] = ("auto", "paper")) -> list[dict[str, Any]]:
-    """One row a model: F1 at 2 px at its best threshold, precision, recall, average precision, mean distance of peaks to truth, px."""
+    """One row for each model: F1 at 2 px at its best threshold, precision, recall, average precision, mean distance of
+    peaks from the truth, px."""
     out = []
     for name in models:
         model = load_network(name)

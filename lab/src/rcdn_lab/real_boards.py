@@ -1,4 +1,4 @@
-"""Boards that are not perfect: printed a little too long in one direction, with a smooth error in the plane, and bent."""
+"""Imperfect boards: printed slightly too long in one direction, with a smooth error in the plane, and bent."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from rcdn.types import Array
 from rcdn_lab.camera_scenes import SIZE, SPACING, labels
 
 WAVES = 4
-"""cosines that a smooth error is the sum of"""
+"""number of cosines whose sum is a smooth error"""
 FREQUENCIES = (0.5, 2.5)
 """rad per half of the board's longer side"""
 
 
 def smooth_error(rng: np.random.Generator, rms: float, size: tuple[int, int] = SIZE) -> Array:
-    """(N,) a random smooth function over the corners of a board of `size`, a constant and a slope taken out, of root mean square `rms`.
+    """(N,) a random smooth function over the corners of a board of `size`, without its constant and linear parts, of
+    root mean square `rms`.
 
-    A sum of cosines of random directions, not the polynomials that a calibration solves for.
+    A sum of cosines of random directions, not the polynomials that a calibration estimates.
     """
     centred = labels(size) - (np.array(size) - 1) / 2
     places = 2 * centred / (max(size) - 1)
@@ -29,7 +30,8 @@ def smooth_error(rng: np.random.Generator, rms: float, size: tuple[int, int] = S
 
 
 def curved_board(depth: Array | tuple[float, float], size: tuple[int, int] = SIZE) -> Array:
-    """(N, 3) m: offsets of the corners of a paraboloid whose middle stands out by `depth` (2,) m along the board's columns and rows."""
+    """(N, 3) m: displacements of the corners of a paraboloid whose centre is raised by `depth` (2,) m along the board's
+    columns and rows."""
     u = labels(size) / (np.array(size) - 1) * 2 - 1
     out = (1 - u**2) @ np.asarray(depth, float)
     return np.column_stack([0 * out, 0 * out, out])
@@ -38,8 +40,8 @@ def curved_board(depth: Array | tuple[float, float], size: tuple[int, int] = SIZ
 def uneven_board(
     rng: np.random.Generator, stretch: float, print_error: float, bend: float, size: tuple[int, int] = SIZE
 ) -> Array:
-    """(N, 3) m: offsets of the corners of a board whose x is printed longer than its y by the share `stretch`, with smooth errors of root
-    mean square `print_error` m along either axis of its plane and `bend` m out of it."""
+    """(N, 3) m: displacements of the corners of a board whose x is printed longer than its y by the share `stretch`,
+    with smooth errors of root mean square `print_error` m along either axis of its plane and `bend` m out of it."""
     centred = (labels(size) - (np.array(size) - 1) / 2) * SPACING
     plane = centred * [stretch / 2, -stretch / 2]
     plane = plane + np.stack([smooth_error(rng, print_error, size) for _ in range(2)], axis=1)

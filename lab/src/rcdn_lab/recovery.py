@@ -1,4 +1,4 @@
-"""The paper's board recovery beside ours: the same rendered pictures, the same corners, exact truth."""
+"""The paper's board recovery compared with ours: the same rendered pictures, the same corners, exact truth."""
 
 from __future__ import annotations
 
@@ -35,15 +35,16 @@ KINDS: dict[str, Setting] = {
     "small squares": Setting(square=8),
     "no board": Setting(boards=0, clutter="tiles"),
 }
-"""What is shown: boards of 9 × 6 corners; squares of 20 px, 30 where a lens or a bend shall change them much; `several`: four of them."""
+"""What is shown: boards of 9 × 6 corners; squares of 20 px, 30 where a lens or a bend changes them much; `several`:
+four of them."""
 PRESETS = ("auto", "paper")
-"""Whose corners are recovered from."""
+"""Presets whose corners are used."""
 COUNTS = ("growth", "graph")
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One picture (H, W), the corners that `preset` finds in it, and what both recoveries make of them."""
+    """One picture (H, W), the corners that `preset` finds in it, and the boards of both recoveries."""
 
     kind: str
     preset: str
@@ -54,7 +55,7 @@ class Case:
 
     @property
     def differ(self) -> bool:
-        """Do the recoveries differ in the corners of any board?"""
+        """Whether the recoveries differ in the corners of any board."""
         one, other = ({frozenset(map(tuple, b.xy.tolist())) for b in boards} for boards in (self.growth, self.graph))
         return one != other
 
@@ -67,11 +68,11 @@ def table(
 ) -> list[dict[str, Any]]:
     """One row for each kind of picture and preset, of `count` pictures each, and one of all pictures for each preset.
 
-    `least`: fewest corners of a board, for both. `show` is called with every case; `progress` with the pictures done and those
-    to do. `whole`: true boards that one recovered board has with all visible corners, no other, and
-    right labels; `recall`: share of the visible corners that are in a board; `wrong`: corners of boards that are none;
-    `labels`: boards with a wrong label; `false`: boards without a true corner. A label is right if it is up to one symmetry of
-    the lattice and one shift a board. The same arguments give the same rows.
+    `least`: fewest corners of a board, for both. `show` is called with every case; `progress` with the number of
+    pictures done and in total. `whole`: true boards for which one recovered board has all visible corners, no other,
+    and correct labels; `recall`: share of the visible corners that are in a board; `wrong`: corners of boards that
+    match no true one; `labels`: boards with a wrong label; `false`: boards without a true corner. Labels are compared
+    up to one symmetry of the lattice and one translation for each board. The same arguments give the same rows.
     """
     total = {(kind, preset): _Tally() for kind in (*KINDS, "ALL") for preset in PRESETS}
     done = 0

@@ -1,7 +1,9 @@
-"""Do cameras repeat, and by as much as they state? Random halves of the pictures of one camera, calibrated apart.
+"""Repeatability of cameras, compared with their stated uncertainty: random halves of the pictures of one camera,
+calibrated separately.
 
-Residuals are no yardstick: a more flexible model always has smaller ones. Two halves share nothing but the camera, so that what they differ
-by is what a calibration is uncertain by (but for errors that are the same in all pictures).
+Residuals are no suitable measure: a more flexible model always has smaller ones. Two halves have only the camera in
+common, so that their difference shows the uncertainty of a calibration (except for errors that are the same in all
+pictures).
 """
 
 from __future__ import annotations
@@ -21,17 +23,18 @@ from rcdn.errors import CalibrationError, RcdnError
 from rcdn.types import Array, Board, Camera
 
 SPLITS, FEWEST = 8, 10
-"""random splits of a set; pictures of a set, below which its halves are too small"""
+"""random splits of a set; least number of pictures of a set, for its halves to be large enough"""
 CELLS = (24, 18)
-"""where two cameras are compared, over the frame"""
+"""grid over the frame at which two cameras are compared"""
 CORE = 4
 """fx, fy, cx, cy: the first of a camera's parameters"""
 
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """One half's `camera`; `std` (4,) px of fx, fy, cx, cy and `spread` (N, 2, 2) px² the covariance of its projections at the points after
-    the best rotation, both None where nothing is stated; or `failure`, why there is no camera."""
+    """One half's `camera`; `std` (4,) px of fx, fy, cx, cy and `spread` (N, 2, 2) px² the covariance of its projections
+    at the points after the best rotation, both None if none is stated; or `failure`, the reason why there is no
+    camera."""
 
     camera: Camera | None
     std: Array | None = None
@@ -41,10 +44,11 @@ class Half:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Of one set and one solver: `pictures`; `splits` that gave two cameras and `failed` ones; `px`: root mean square over the seen area and
-    the splits of the difference of the halves' cameras after the best rotation, `median_px` the median over splits; `focal` the same of fx as a
-    share; `ratio`: root mean square of (difference ÷ stated deviation) of fx, fy, cx, cy, `within` the share within one; `projections` and
-    `projections_within` the same of projections over the seen area. None: not stated."""
+    """Figures of one set and one solver: `pictures`; `splits` that gave two cameras and `failed` ones; `px`: root mean
+    square over the seen area and the splits of the difference of the halves' cameras after the best rotation,
+    `median_px` the median over splits; `focal` the relative difference of fx; `ratio`: root mean square of (difference
+    ÷ stated deviation) of fx, fy, cx, cy, `within` the share within one; `projections` and `projections_within` the
+    same for projections over the seen area. None: not stated."""
 
     set: str
     solver: str
@@ -62,7 +66,7 @@ class Repeatability:
 
 
 def halves(pictures: Sequence[str], split: int) -> tuple[set[str], set[str]]:
-    """Two random halves of the distinct `pictures`, the same for everybody."""
+    """Two random halves of the distinct `pictures`, the same for all solvers."""
     names = sorted(set(pictures))
     order = np.random.default_rng([0, split]).permutation(len(names))
     first = {names[k] for k in order[: len(names) // 2]}
@@ -78,7 +82,7 @@ def seen_area(boards: Sequence[Board]) -> Array:
 
 
 def ours(boards: Sequence[Board], names: Sequence[str], points: Array, model: str = "auto") -> Half:
-    """`rcdn.calibrate`, as users get it."""
+    """`rcdn.calibrate` with the users' defaults."""
     try:
         done = calibrate(boards, 1.0, names=names, model=model)
     except CalibrationError as error:
@@ -87,7 +91,8 @@ def ours(boards: Sequence[Board], names: Sequence[str], points: Array, model: st
 
 
 def opencv(boards: Sequence[Board], names: Sequence[str], points: Array, model: str) -> Half:
-    """OpenCV's solver of a lens `model` on the same corners, with what it states of fx, fy, cx, cy (its fisheye module states nothing)."""
+    """OpenCV's solver for a lens `model` on the same corners, with its standard deviations of fx, fy, cx, cy (its
+    fisheye module returns none)."""
     size = boards[0].image_size
     board = [np.column_stack([b.ij - b.ij.min(axis=0), np.zeros(len(b))]) for b in boards]
     try:
@@ -109,7 +114,7 @@ def _opencv(board: list[Array], boards: Sequence[Board], size: tuple[int, int], 
 def _opencv_fisheye(board: list[Array], boards: Sequence[Board], size: tuple[int, int]) -> Half:
     K = np.array([[0.4 * size[0], 0, (size[0] - 1) / 2], [0, 0.4 * size[0], (size[1] - 1) / 2], [0, 0, 1.0]])
     names = ("CALIB_RECOMPUTE_EXTRINSIC", "CALIB_FIX_SKEW", "CALIB_USE_INTRINSIC_GUESS")
-    home = cv2.fisheye if hasattr(cv2.fisheye, names[0]) else cv2  # OpenCV 5 moved them
+    home = cv2.fisheye if hasattr(cv2.fisheye, names[0]) else cv2  # OpenCV 5 moved these flags
     flags = sum(getattr(home, n) for n in names)
     objects = [b.reshape(1, -1, 3).astype(np.float64) for b in board]
     pictures = [b.xy.reshape(1, -1, 2).astype(np.float64) for b in boards]
@@ -123,7 +128,8 @@ Solver = Callable[[Sequence[Board], Sequence[str], Array], Half]
 def repeat(
     name: str, boards: Sequence[Board], names: Sequence[str], solver: str, solve: Solver, splits: int = SPLITS
 ) -> Repeatability:
-    """Calibrate random halves of `boards` of pictures `names` with `solve` and compare each two. Raises RcdnError for too few pictures."""
+    """Calibrate random halves of `boards` of pictures `names` with `solve` and compare the two. Raises RcdnError for
+    too few pictures."""
     if len(set(names)) < FEWEST:
         raise RcdnError(f"set {name}: {len(set(names))} pictures with boards; halves need {FEWEST} at least")
     points = seen_area(boards)
@@ -165,7 +171,8 @@ def _figures(name: str, solver: str, pictures: int, points: Array, pairs: list[t
 
 
 def _projected(gap: Array, spread: Array) -> Array:
-    """Differences (N, 2) of projections along both axes ÷ their deviations, in one row; points without a ray in either are left out."""
+    """Differences (N, 2) of projections along both axes ÷ their standard deviations, flattened; points without a ray in
+    either are left out."""
     z = gap / np.sqrt(np.einsum("nii->ni", spread))
     return np.asarray(z[np.isfinite(z).all(axis=1)].ravel())
 
@@ -175,7 +182,7 @@ def _root(squares: Sequence[float]) -> float:
 
 
 def row(of: Repeatability) -> dict[str, Any]:
-    """As a line of a table."""
+    """As a table row."""
     return {
         "set": of.set, "solver": of.solver, "pictures": of.pictures, "splits": of.splits, "failed": of.failed,
         "px": of.px, "median px": of.median_px, "focal %": 100 * of.focal, "difference / stated": of.ratio,
@@ -185,7 +192,8 @@ def row(of: Repeatability) -> dict[str, Any]:
 
 
 def summary(found: Sequence[Repeatability]) -> list[dict[str, Any]]:
-    """A row for each solver: geometric mean of px, medians of the ratios, means of the shares, over the sets in which all solvers have figures."""
+    """A row for each solver: geometric mean of px, medians of the ratios, means of the shares, over the sets in which
+    all solvers have figures."""
     solvers = list(dict.fromkeys(f.solver for f in found))
     figures = {(f.set, f.solver): f for f in found if np.isfinite(f.px)}
     sets = [s for s in dict.fromkeys(f.set for f in found) if all((s, solver) in figures for solver in solvers)]

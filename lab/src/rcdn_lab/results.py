@@ -1,4 +1,4 @@
-"""Results as files."""
+"""Result files."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from rcdn.provenance import provenance
 
 
 def save(path: Path, suite: str, settings: dict[str, Any], rows: list[dict[str, Any]]) -> None:
-    """One result file: what was measured, with which settings, where, and the figures. Whole or not at all."""
+    """Write one result file: suite, settings, provenance and figures. Whole or not at all."""
     record = {"suite": suite, "provenance": provenance(), "settings": settings, "rows": rows}
     write_text(path, json.dumps(record, indent=1) + "\n")

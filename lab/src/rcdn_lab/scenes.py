@@ -1,4 +1,4 @@
-"""Raw corners on rendered VGA scenes that no training ever saw: precision and recall under each threshold (cf. Table 2)."""
+"""Raw corners on rendered VGA scenes not used in training: precision and recall under each threshold (cf. Table 2)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FIRST = 7_000_000_000
 RADIUS = 4.0
 """px; the paper's limit for a true corner (section 4.1)"""
 BLIND = 8.0
-"""px; detections this close to a corner that is neither demanded nor forbidden don't count"""
+"""px; detections this close to a corner that is neither demanded nor forbidden do not count"""
 RULES: dict[str, Any] = {
     "0.5": Fixed(0.5),
     "std 0.8": Std(0.8),
@@ -29,11 +29,12 @@ RULES: dict[str, Any] = {
     "adaptive": Adaptive(),
 }
 Counts = dict[str, tuple[int, int, int, int, int, float]]
-"""row → detections, true by the paper's reading, true one to one, corners, wholly right pictures, sum of distances"""
+"""row → detections, true ones by the paper's definition, true ones one to one, corners, fully correct pictures, sum of
+distances"""
 
 
 def rows() -> dict[str, DetectorConfig]:
-    """The detectors that are compared: `paper` under each threshold of Table 2, and `auto`."""
+    """The detectors compared: `paper` under each threshold of Table 2, and `auto`."""
     out = {f"paper, {name}": DetectorConfig.paper(threshold=rule, threads=1) for name, rule in RULES.items()}
     out["auto"] = DetectorConfig.auto(threads=1)
     return out
@@ -67,7 +68,8 @@ def score_scene(index: int) -> Counts:
 
 
 def table(count: int = 300, workers: int = 2, progress: Callable[[int], None] | None = None) -> list[dict[str, Any]]:
-    """One row a detector: micro-averaged precision (paper's reading and one to one), recall, whole pictures, mean error of hits, px."""
+    """One row for each detector: micro-averaged precision (by the paper's definition and one to one), recall, fully
+    correct pictures, mean error of hits, px."""
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         results: Iterable[Counts] = pool.map(score_scene, range(count), chunksize=4)
         total: dict[str, Array] = {name: np.zeros(6) for name in rows()}

@@ -1,4 +1,4 @@
-"""Work shared out over processes, with results in the order of the tasks."""
+"""Distributes tasks over processes, with results in the order of the tasks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def share_out(
 ) -> Iterator[Result]:
     """`work` on each of `tasks`, in their order, by `workers` processes; `start(*given)` is called first in each.
 
-    With one worker all is done in this process. `progress` is called with the tasks done and all of them.
+    With one worker everything is done in this process. `progress` is called with the number of tasks done and in total.
     """
     if workers == 1:
         start(*given)
@@ -38,7 +38,7 @@ def share_out(
 
 
 def _start(start: Callable[..., None], given: tuple[Any, ...]) -> None:
-    """A process has one core to itself."""
+    """Initialise a process. OpenCV gets one thread, because there is a process for each core."""
     import cv2
 
     end_with_parent()

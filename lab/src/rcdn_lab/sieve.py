@@ -1,4 +1,5 @@
-"""How many corners the sieve loses (corners/sieve.py): the network's peaks everywhere against the cells that it is evaluated in."""
+"""Corners lost by the sieve (corners/sieve.py): the peaks of the network evaluated everywhere, compared with the cells
+that the sieve marks."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ from rcdn_lab.sweep.score import SHARE as OF_PITCH
 from rcdn_lab.sweep.settings import FACTORS
 
 REACH = 2.0
-"""px of a view; a peak so close to a corner is the corner's"""
+"""px of a view; a peak this close to a corner belongs to it"""
 ALL = "all"
 Task = tuple[str, str, int]
 """factor, level, index of the picture"""
@@ -34,8 +35,9 @@ _model: list[ResponseModel] = []
 
 @dataclass(frozen=True)
 class Count:
-    """Of one or more views: `peaks` of the dense response above the threshold, and those in marked cells (`kept`); `corners` of the boards that such
-    a peak belongs to, and those whose peak is kept (`found`); `cells`, and those that are `marked`."""
+    """Counts over one or more views: `peaks` of the dense response above the threshold, and those in marked cells
+    (`kept`); `corners` of the boards to which such a peak belongs, and those whose peak is kept (`found`); `cells`, and
+    those that are `marked`."""
 
     peaks: int = 0
     kept: int = 0
@@ -49,7 +51,7 @@ class Count:
 
 
 def settings_of(count: int) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {
         "count": count, "preset": "auto", "first seed": FIRST, "cell": CELL, "share": SHARE, "floor": FLOOR,
         "corner's peak": f"the nearest, within {REACH} px of the view and {OF_PITCH} of the distance to the nearest neighbour",
@@ -59,10 +61,10 @@ def settings_of(count: int) -> dict[str, Any]:
 def table(
     count: int = 5, factors: Sequence[str] = (), workers: int = 1, progress: Callable[[int, int], None] | None = None
 ) -> list[dict[str, Any]]:
-    """One row for each factor and level of the sweep, of `count` pictures each, and a last one of all.
+    """One row for each factor and level of the sweep, of `count` pictures each, and a last one over all.
 
-    `factors`: of `FACTORS`, none: all; `progress` is called with the pictures done and those to do. The same arguments give the same rows, whatever
-    `workers`. Raises ConfigError for an unknown factor.
+    `factors`: of `FACTORS`, empty: all; `progress` is called with the number of pictures done and in total. The same
+    arguments give the same rows, whatever `workers`. Raises ConfigError for an unknown factor.
     """
     if unknown := sorted(set(factors) - set(FACTORS)):
         raise ConfigError(f"--factor: nothing is called {', '.join(unknown)}; known: {', '.join(FACTORS)}")
@@ -86,7 +88,7 @@ def _recall(row: dict[str, Any]) -> float:
 
 
 def by_factor(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row a factor, which names its worst level, out of `table`'s, and one of all."""
+    """One row for each factor, which names its worst level, from `table`'s rows, and one over all."""
     levels = [row for row in rows if row["factor"] != ALL]
     parts = {
         factor: [row for row in levels if row["factor"] == factor]
@@ -105,7 +107,7 @@ SHORT = ("corners", "lost", "recall", "peaks", "recall of peaks", "share of cell
 
 
 def _row(factor: str, level: str, c: Count) -> dict[str, Any]:
-    """The figures of a row; None for shares of nothing."""
+    """The figures of a row; None for ratios with denominator 0."""
 
     def share(part: int, whole: int) -> float | None:
         return round(part / whole, 6) if whole else None
@@ -128,7 +130,7 @@ def _one(task: Task) -> Count:
 
 
 def counted(model: ResponseModel, made: Picture) -> Count:
-    """What the sieve of a model keeps of a picture's views. Raises ConfigError for a model that isn't sieved."""
+    """Counts of a model's sieve over a picture's views. Raises ConfigError for a model without a sieve."""
     views = whole_views(made.image.shape)
     parts = pictures_of(made.image, views)
     return sum((_of_view(model, v, p, made.boards) for v, p in zip(views, parts, strict=True)), Count())
@@ -146,7 +148,8 @@ def _of_view(model: ResponseModel, view: View, part: Array, boards: Sequence[Boa
 
 
 def _owner(view: View, xy: Array, boards: Sequence[BoardTruth]) -> Array:
-    """Indices of the peaks `xy` (N, 2) px of a view that belong to visible corners of the boards: one a corner that has one."""
+    """Indices of the peaks `xy` (N, 2) px of a view that belong to visible corners of the boards: one for each corner
+    that has one."""
     truth = np.concatenate([np.zeros((0, 2)), *(b.xy[b.visible] for b in boards)])
     pitch = np.concatenate([np.zeros(0), *(b.pitch[b.visible] for b in boards)])
     gap, index = (a[:, 0] for a in nearest(view.to_picture(xy), truth))

@@ -1,4 +1,5 @@
-"""Do the stated standard deviations hold? Simulated calibrations of known cameras, and how often the truth lies within them."""
+"""Validity of the stated standard deviations: simulated calibrations of known cameras, and how often the truth lies
+within them."""
 
 from __future__ import annotations
 
@@ -19,18 +20,19 @@ NOISES = (0.1, 0.3, 1.0)
 OUTLIERS = 0.05
 MODELS = ("pinhole", "brown", "fisheye", "rational")
 BOARDS = ("flat", "uneven", "paper")
-"""kinds of boards: perfect; uneven in the same way in all views; held by hand, bent anew in every view"""
+"""kinds of boards: perfect; uneven in the same way in all views; held by hand, with a different bend in every view"""
 STRETCH, PRINT_ERROR, BEND = 0.003, 0.0001, 0.0007
-"""of an uneven board: share by which its x is longer than its y; root mean square errors in its plane and out of it, m"""
+"""of an uneven board: relative excess of its x over its y; root mean square errors in its plane and out of it, m"""
 PAPER = 0.0003
-"""root mean square bend of held paper, m"""
+"""root mean square bend of hand-held paper, m"""
 CORE = 4
 """fx, fy, cx, cy: the first of a camera's parameters"""
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Of one run: error ÷ stated standard deviation of all `parameters` (P,) and of the `aspect` fx ÷ fy, at `noise` px."""
+    """Errors of one run: error ÷ stated standard deviation of all `parameters` (P,) and of the `aspect` fx ÷ fy, at
+    `noise` px."""
 
     noise: float
     parameters: Array
@@ -39,9 +41,10 @@ class Errors:
 
 @dataclass(frozen=True)
 class Trust:
-    """Of one lens model and kind of boards: `runs` and `failed` ones; shares of all parameters `within` one and two standard deviations;
-    `spread`, the root mean square of error ÷ deviation; `by_noise`: px → share within one; shares within one of fx and fy (`focal`), fx ÷ fy
-    (`aspect`), cx and cy (`centre`), and of the `lens`' numbers (NaN: there are none)."""
+    """Figures of one lens model and kind of boards: `runs` and `failed` ones; shares of all parameters `within` one and
+    two standard deviations; `spread`, the root mean square of error ÷ deviation; `by_noise`: px → share within one;
+    shares within one of fx and fy (`focal`), fx ÷ fy (`aspect`), cx and cy (`centre`), and of the distortion
+    coefficients, `lens` (NaN: there are none)."""
 
     model: str
     boards: str
@@ -58,7 +61,7 @@ class Trust:
 
 
 def row(of: Trust) -> dict[str, Any]:
-    """As a line of a table."""
+    """As a table row."""
     return {
         "model": of.model,
         "boards": of.boards,
@@ -76,7 +79,8 @@ def row(of: Trust) -> dict[str, Any]:
 
 
 def simulated_boards(camera: Camera, seed: int, boards: str, noise: float, views: int = 20) -> list[Board]:
-    """`views` boards of the kind `boards` as `camera` sees them, parts included, with `noise` px and 5 % gross outliers."""
+    """`views` boards of the kind `boards` as seen by `camera`, including parts, with `noise` px and 5 % gross
+    outliers."""
     if boards == "uneven":
         offsets = uneven_board(np.random.default_rng([seed, 2]), STRETCH, PRINT_ERROR, BEND)
         return random_boards(camera, seed, views, noise, OUTLIERS, offsets=offsets)[0]
@@ -91,7 +95,8 @@ def _held(rng: np.random.Generator) -> Array:
 
 
 def trust(model: str, runs: int, seed: int = 0, boards: str = "flat") -> Trust:
-    """Calibrate `runs` times from 20 views of a kind of `boards`, parts included, with noise of 0.1, 0.3 and 1 px in turn and 5 % gross outliers."""
+    """Calibrate `runs` times from 20 views of a kind of `boards`, including parts, with noise of 0.1, 0.3 and 1 px in
+    turn and 5 % gross outliers."""
     done = list(_errors(model, runs, seed, boards))
     z = np.stack([e.parameters for e in done]) if done else np.full((1, CORE), np.nan)
     noise = np.array([e.noise for e in done])
@@ -108,7 +113,7 @@ def _share(z: Array, within: float = 1) -> float:
 
 
 def _errors(model: str, runs: int, seed: int, boards: str) -> Iterator[Errors]:
-    """Of each run that gave a camera."""
+    """Errors of each run that gave a camera."""
     for k in range(seed, seed + runs):
         noise, camera = NOISES[k % len(NOISES)], random_camera(model, k)
         try:

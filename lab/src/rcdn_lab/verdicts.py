@@ -1,4 +1,4 @@
-"""Does the verdict tell good sets of pictures from bad ones, and does its first line say what is wrong?"""
+"""Whether the verdict distinguishes good sets of pictures from bad ones, and whether its first line names the fault."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from rcdn_lab import bad_cases, good_cases
 from rcdn_lab.bad_cases import CaseInput
 
 SHOWN = 120
-"""letters of the first line that a table has room for"""
+"""characters of the first line that fit a table"""
 Step = Callable[[int, int], None] | None
 REAL = (
     "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left", "stereo1-right",
     "trinocular-left", "trinocular-middle", "trinocular-right", "udacity-wide", "gopro", "ocam-fish1", "theta", "sourishg-left", "sourishg-right",
 )  # fmt: skip
-"""public sets of photographs (`evaluation.calibration.sets`) that people calibrate with"""
+"""public sets of photographs (`rcdn_lab.calibration.sets`) with which people calibrate"""
 MIXED = (("opencv-left", "opencv-right"), ("stereo1-left", "stereo1-right"), ("sourishg-left", "sourishg-right"))
-"""and sets of two cameras that a person may take for one"""
+"""pairs of sets from two cameras that a person may take for one"""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one set: what was `expected` (`bad`, `good`, `real`), the verdict's `level` (`error`: no calibration), the `key` of its first
-    reason, its `first_line`; whether it `passed`, and whether the reason is the one that explains the fault (`named`)."""
+    """Outcome for one set: what was `expected` (`bad`, `good`, `real`), the verdict's `level` (`error`: no
+    calibration), the `key` of its first reason, its `first_line`; whether it `passed`, and whether the reason is the
+    one that explains the fault (`named`)."""
 
     case: str
     expected: str
@@ -42,7 +43,7 @@ class Outcome:
 
 
 def row(of: Outcome) -> dict[str, Any]:
-    """As a line of a table."""
+    """As a table row."""
     return {
         "case": of.case,
         "expected": of.expected,
@@ -55,7 +56,8 @@ def row(of: Outcome) -> dict[str, Any]:
 
 
 def bad_outcome(case: bad_cases.BadCase, seed: int = 0, model: str = "auto") -> Outcome:
-    """Passed if the level is unsure or bad, or no calibration is given. `model`: the lens, unless the case has its own."""
+    """Passed if the level is unsure or bad, or if calibration fails. `model`: the lens, unless the case specifies its
+    own."""
     level, key, line = judged_input(case.make(np.random.default_rng(seed)), model)
     passed = level in ("unsure", "bad", "error")
     return Outcome(case.name, "bad", level, key, line, passed, key in (*case.keys, "error"))
@@ -69,8 +71,8 @@ def good_outcome(case: good_cases.GoodCase, seed: int = 0, model: str = "auto") 
 
 
 def real_outcome(name: str, boards: Sequence[Board], names: Sequence[str], expected: str = "real") -> Outcome:
-    """Of photographs: passed unless the level is bad (whether an unsure one has a true reason is for people to say); of `expected` `bad`
-    ones, that show two cameras, passed if it is unsure or bad."""
+    """For photographs: passed unless the level is bad (whether the reason for an unsure one is right needs human
+    judgement); for `expected` `bad` ones, which show two cameras, passed if it is unsure or bad."""
     level, key, line = judged_input(CaseInput(list(boards), list(names)))
     if expected == "bad":
         return Outcome(
@@ -81,7 +83,8 @@ def real_outcome(name: str, boards: Sequence[Board], names: Sequence[str], expec
 
 
 def judged_input(given: CaseInput, model: str = "auto") -> tuple[str, str, str]:
-    """Level, key of the gravest reason ("" if all are good) and first line; `error` and its message where no camera is given."""
+    """Level, key of the worst reason ("" if all are good) and first line; `error` and its message if calibration
+    fails."""
     try:
         done = calibrate(given.boards, given.spacing, names=given.names, **({"model": model} | given.options))
     except CalibrationError as error:

@@ -1,4 +1,5 @@
-"""Which weights a figure was measured with, to be written beside it: a file whose network has changed since is told from one that hasn't."""
+"""The weights with which a figure was measured, recorded with it, so that a file is recognised as outdated when its
+network has changed."""
 
 from __future__ import annotations
 
@@ -11,5 +12,5 @@ PRESETS = ("auto", "paper")
 
 
 def weights_of(names: Iterable[str]) -> dict[str, str]:
-    """Preset → sha256 of the weights of its network; names that aren't presets are left out."""
+    """Preset → sha256 of the weights of its network; names that are not presets are left out."""
     return {name: load_model(DetectorConfig.preset(name).weights).facts["sha256"] for name in names if name in PRESETS}

@@ -120,14 +120,14 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
 def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
     """The camera; of the pictures that tell most about it, if they are to be selected."""
     from rcdn.calibration import calibrate
-    from rcdn.calibration.selection import most_telling
+    from rcdn.calibration.selection import most_informative
 
     solve = partial(calibrate, model=problem.model, size=run.size, flat=problem.flat, fix=problem.fix)
     spacing = metres(problem.spacing)
     done = solve(boards, spacing, names=names, leave_out=problem.leave_out)
     if problem.select is None:
         return done
-    some = set(most_telling(done, problem.select))
+    some = set(most_informative(done, problem.select))
     kept = [k for k, name in enumerate(names) if name in some]
     talk.note(f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera")
     return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept])

@@ -23,7 +23,7 @@ from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
-from rcdn.types.arrays import Bool, Float, Int, Shaped
+from rcdn.types.arrays import Bool, Int, Real, Shaped
 
 Sized = TypeVar("Sized", bound=_Sized)
 __all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
@@ -205,7 +205,7 @@ def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> 
 def _labelled(
     field: Field,
     candidates: Candidates,
-    xy: Float[Array, "n 2"],
+    xy: Real[Array, "n 2"],
     index: Int[Array, " m"],
     ij: Int[Array, "m 2"],
     turn: Orientation,

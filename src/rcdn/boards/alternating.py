@@ -15,7 +15,7 @@ from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 from rcdn.types.plane import plane_points
 
 UNEVEN = float(log(1.5))
@@ -89,7 +89,7 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
     return log(np.maximum(one, 1e-9) / np.maximum(two, 1e-9)) * np.where(odd, 1.0, -1.0)
 
 
-def _completed(field: Field, at: dict[Label, int], gap: float, free: Float[Array, " n"]) -> dict[Label, int]:
+def _completed(field: Field, at: dict[Label, int], gap: float, free: Real[Array, " n"]) -> dict[Label, int]:
     """The grid with all corners that lie where it goes on, as far as they are `free` (N,), without those that don't lie where the others say."""
     at = dict(at)
     usable = np.flatnonzero(free & (field.fit > 0))

@@ -11,13 +11,13 @@ from rcdn.geometry.elementary import exp
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _sample, _contrast, _steps = bind("rcdn_sample"), bind("rcdn_edge_contrast"), bind("rcdn_edge_steps")
 _crossings = bind("rcdn_crossings")
 
 
-def edge_contrast(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l 2"]) -> Float[Array, "l 3"]:
+def edge_contrast(grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"]) -> Real[Array, "l 3"]:
     """What separates the two sides of each link, (L, 3) grey levels: one mean difference for each third of its length.
 
     `start`, `end` (L, 2) px. Positive: the side at rising angle (clockwise on the screen) from the direction start → end is brighter.
@@ -28,7 +28,7 @@ def edge_contrast(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l 
     return out
 
 
-def edge_sharpness(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l 2"]) -> float:
+def edge_sharpness(grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"]) -> float:
     """How sudden the edges of links are: the step within 0.2 of a link's length, share of that within 0.6; their median.
 
     `start`, `end` (L, 2) px. Near 1 for a printed edge in focus, 0.33 for a ramp, 0.38 where grey levels wave like a sine.
@@ -41,7 +41,7 @@ def edge_sharpness(grey: Array, start: Float[Array, "l 2"], end: Float[Array, "l
     return median(near / np.where(np.abs(far) > 1e-6, far, np.inf))
 
 
-def sample_grey(grey: Array, xy: Float[Array, "... 2"]) -> Array:
+def sample_grey(grey: Array, xy: Real[Array, "... 2"]) -> Array:
     """Bilinear grey levels at `xy` (..., 2)."""
     out = np.empty(xy.shape[:-1])
     _sample(grey, _plane(xy).reshape(-1, 2), out.reshape(-1))
@@ -75,7 +75,7 @@ _AT, _TAPS = np.linspace(-SPAN, SPAN, STEPS, dtype=np.float32), _slope_taps()
 
 
 def crossings(
-    grey: Array, xy: Float[Array, "n 2"], du: Float[Array, "n 2"], dv: Float[Array, "n 2"], colour: Float[Array, " n"]
+    grey: Array, xy: Real[Array, "n 2"], du: Real[Array, "n 2"], dv: Real[Array, "n 2"], colour: Real[Array, " n"]
 ) -> tuple[Array, Array]:
     """Where a board's two edges cross near a spot that the board predicts, and how plainly they are seen.
 

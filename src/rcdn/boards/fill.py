@@ -21,7 +21,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 _usual = bind("rcdn_grid_usual")
 ROUNDS = 8
@@ -69,7 +69,7 @@ class _Seen:
         self.at = np.concatenate([self.at, as_labels(at)])
         self.strength = np.concatenate([self.strength, strength])
 
-    def shares(self, at: Int[Array, "k 2"], strength: Float[Array, "k 2"]) -> Array:
+    def shares(self, at: Int[Array, "k 2"], strength: Real[Array, "k 2"]) -> Array:
         """`strength` (K, 2) at labels `at` (K, 2) against the median of those within two squares; 0 where nothing is seen."""
         usual, at = np.empty((len(at), 2)), as_labels(at)
         _usual(self.at, np.ascontiguousarray(self.strength), at, usual)

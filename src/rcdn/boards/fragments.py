@@ -13,7 +13,7 @@ from rcdn.boards.graph import Field, Label, label
 from rcdn.geometry.elementary import arctan2
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 AROUND = 10
 """neighbours of a corner that may be those of its cells"""
@@ -35,7 +35,7 @@ QUALITY = 0.12
 """least response × fit of a corner"""
 
 
-def fragments(field: Field, free: Float[Array, " n"], known: int) -> list[dict[Label, int]]:
+def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[Label, int]]:
     """Grids {(u, v): corner} among the corners that are `free` (N,) bool, of the first `known`, the largest first.
 
     They hold six corners or more; each has the colours of a board, but may be no board at all.
@@ -51,7 +51,7 @@ def fragments(field: Field, free: Float[Array, " n"], known: int) -> list[dict[L
     return sorted(grids, key=lambda g: (-len(g), min(g.values())))[:PIECES]
 
 
-def _quads(xy: Float[Array, "n 2"]) -> Float[Array, "q 4"]:
+def _quads(xy: Real[Array, "n 2"]) -> Real[Array, "q 4"]:
     """Four corners each (Q, 4), rows of `xy` (N, 2), that stand like those of a square, clockwise on the screen, each once."""
     near = nearest(xy, xy, min(AROUND, len(xy) - 1) + 1)[1][:, 1:]
     side = xy[near] - xy[:, None]
@@ -68,14 +68,14 @@ def _quads(xy: Float[Array, "n 2"]) -> Float[Array, "q 4"]:
     return np.unique(np.take_along_axis(quads, (first + np.arange(4)) % 4, axis=1), axis=0)
 
 
-def _coloured(field: Field, quads: Float[Array, "q 4"]) -> Array:
+def _coloured(field: Field, quads: Real[Array, "q 4"]) -> Array:
     """Those of the `quads` (Q, 4) whose corners lie along their axes and agree on the colour inside."""
     step = field.xy[np.roll(quads, -1, axis=1)] - field.xy[quads]
     colour, turn = field.side_colour(quads, arctan2(step[..., 1], step[..., 0]))
     return quads[(turn < TURN).all(axis=1) & (np.abs(colour.sum(axis=1)) == 4)]
 
 
-def _shown(field: Field, quads: Float[Array, "q 4"]) -> Array:
+def _shown(field: Field, quads: Real[Array, "q 4"]) -> Array:
     """Those of the `quads` (Q, 4) whose four sides are seen in the picture, in two thirds of their lengths at least."""
     start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
     contrast = edge_contrast(field.grey, field.xy[start], field.xy[end])

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 ACROSS = 5.0
 """Weight of the distance across the direction in the cost of a neighbour."""
@@ -96,7 +96,7 @@ def _with_line(pool: Pool, index: Array, side: int) -> Array | None:
     return np.rot90(np.column_stack([turned, line]), -side)
 
 
-def _next_line(last: Array) -> Float[Array, "l 2"]:
+def _next_line(last: Array) -> Real[Array, "l 2"]:
     """Where the next line (L, 2) is sought, from the last three (L, 3, 2): angle and length of the step go on as they changed."""
     one, two = last[:, 1] - last[:, 0], last[:, 2] - last[:, 1]
     angle = 2 * np.arctan2(two[:, 1], two[:, 0]) - np.arctan2(one[:, 1], one[:, 0])
@@ -104,7 +104,7 @@ def _next_line(last: Array) -> Float[Array, "l 2"]:
     return np.asarray(last[:, 2] + AHEAD * length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def _assign(pool: Pool, guess: Array, taken: Array) -> Float[Array, " l"] | None:
+def _assign(pool: Pool, guess: Array, taken: Array) -> Real[Array, " l"] | None:
     """A corner (L,) for each prediction (L, 2), the closest pair first, none twice; None if one is left without."""
     distance, near = nearest(pool.xy, guess, min(NEAREST_TO_GUESS, len(pool.xy)))
     able = pool.free[near] & ~np.isin(near, taken)

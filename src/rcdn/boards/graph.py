@@ -17,7 +17,7 @@ from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
 from rcdn.native import bind
 from rcdn.types import Array, Status
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 _links = bind("rcdn_links")
 _boxed = bind("rcdn_inside")
@@ -67,7 +67,7 @@ class Field:
         return PointCells(self.xy.copy())
 
     @cached_property
-    def _moved(self) -> Float[Array, " 1"]:
+    def _moved(self) -> Real[Array, " 1"]:
         """(1,) px: how far a corner has moved from there, at most."""
         return np.zeros(1)
 
@@ -76,7 +76,7 @@ class Field:
         """(1,) int: in how many rounds grids have asked for corners beside them."""
         return np.zeros(1, np.int64)
 
-    def near(self, some: Bool[Array, " n"], spots: Float[Array, "k 2"], margin: float) -> Array:
+    def near(self, some: Bool[Array, " n"], spots: Real[Array, "k 2"], margin: float) -> Array:
         """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
         low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
         if len(self.xy) <= FEW or self._cells.share(low, high) > WIDE:
@@ -86,7 +86,7 @@ class Field:
         at = self.xy[rows]
         return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
 
-    def look(self, spots: Float[Array, "k 2"], reach: Float[Array, " k"]) -> None:
+    def look(self, spots: Real[Array, "k 2"], reach: Real[Array, " k"]) -> None:
         """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
@@ -114,7 +114,7 @@ class Field:
         return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
     @property
-    def quality(self) -> Float[Array, " n"]:
+    def quality(self) -> Real[Array, " n"]:
         """Response × fit (N,): how much each corner is an X-corner, by the network and by the rings around it."""
         return self.response * self.fit
 
@@ -126,7 +126,7 @@ class Field:
         return np.where(axis == 0, 1, -1) * self.polarity[index], turn.min(axis=-1)
 
 
-def _apart(xy: Array, known: Float[Array, "n 2"]) -> Bool[Array, " k"]:
+def _apart(xy: Array, known: Real[Array, "n 2"]) -> Bool[Array, " k"]:
     """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
     fresh = nearest(known, xy)[0][:, 0] >= SAME
     for one, other in pairs(xy, SAME).tolist():
@@ -158,7 +158,7 @@ def links(field: Field) -> Int[Array, "n 4"]:
     return out
 
 
-def near_pairs(xy: Float[Array, "n 2"], usable: Float[Array, " k"], count: int) -> tuple[Array, Array, Array, Array]:
+def near_pairs(xy: Real[Array, "n 2"], usable: Real[Array, " k"], count: int) -> tuple[Array, Array, Array, Array]:
     """Each corner of `usable` (K,), numbers of rows of `xy` (N, 2), and its `count` nearest among them: from, to, distance px, direction (M,) rad."""
     distance, near = nearest(xy[usable], xy[usable], count + 1)
     row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
@@ -167,14 +167,14 @@ def near_pairs(xy: Float[Array, "n 2"], usable: Float[Array, " k"], count: int) 
     return i, j, distance[row, rank], arctan2(step[:, 1], step[:, 0])
 
 
-def slot_of(axes: Float[Array, "m k"], angle: Float[Array, " m"]) -> Array:
+def slot_of(axes: Real[Array, "m k"], angle: Real[Array, " m"]) -> Array:
     """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
     turn = cos_sin(angle[:, None] - axes)[0]
     axis = np.abs(turn).argmax(axis=1)
     return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 
 
-def mutual(out: Float[Array, "n s"], i: Array, j: Array, length: Array, slot: Array) -> Array:
+def mutual(out: Real[Array, "n s"], i: Array, j: Array, length: Array, slot: Array) -> Array:
     """`out` (N, S), −1 for none, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
     i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
     _mutual(i, j, length, slot, np.empty(out.shape), np.empty_like(out), out)

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.boards.graph import Label
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 _around = bind("rcdn_grid_around")
 _predict = bind("rcdn_grid_predict")
@@ -75,14 +75,14 @@ class Grid:
         return beside(self.labels, self.xy[self.corners])
 
 
-def predictions(labels: Int[Array, "m 2"], xy: Float[Array, "m 2"], spots: Int[Array, "k 2"]) -> Predictions:
+def predictions(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Predictions:
     """`Grid.predictions` at `spots` (K, 2) of the corners `labels`, `xy` (M, 2)."""
     guess = Predictions.room(len(spots))
     _predict(labels, xy, spots, *guess)
     return guess
 
 
-def beside(labels: Int[Array, "m 2"], xy: Float[Array, "m 2"]) -> tuple[Array, Predictions]:
+def beside(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> tuple[Array, Predictions]:
     """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
@@ -124,17 +124,17 @@ class Predictions(NamedTuple):
         return Predictions(self.maps[index], self.support[index], self.pitch[index])
 
     @property
-    def xy(self) -> Float[Array, "k 2"]:
+    def xy(self) -> Real[Array, "k 2"]:
         """Positions (K, 2) px."""
         return self.maps[:, :2]
 
     @property
-    def du(self) -> Float[Array, "k 2"]:
+    def du(self) -> Real[Array, "k 2"]:
         """Steps (K, 2) px along u."""
         return self.maps[:, 2:4]
 
     @property
-    def dv(self) -> Float[Array, "k 2"]:
+    def dv(self) -> Real[Array, "k 2"]:
         """Steps (K, 2) px along v."""
         return self.maps[:, 4:]
 

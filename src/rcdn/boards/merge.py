@@ -14,7 +14,7 @@ from rcdn.geometry.boxes import BoxCells
 from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real, Shaped
 
 GAP = 3
 """parts may lie this many squares apart"""
@@ -112,12 +112,12 @@ def _reach(steps: Array) -> float:
     return 2 * (GAP + 1) * float(np.abs(np.nan_to_num(steps)).max(axis=(0, 2)).sum())
 
 
-def _steps(labels: Int[Array, "m 2"], xy: Float[Array, "m 2"], spots: Int[Array, "k 2"]) -> Int[Array, "k 2 2"]:
+def _steps(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Shaped[Array, "k 2 2"]:
     """Steps (K, 2, 2) at labels `spots` (K, 2) of corners `labels`, `xy` (M, 2)."""
     return predictions(labels, xy, spots).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
 
 
-def _close(labels: Int[Array, "m 2"], others: Float[Array, "k 2"], reach: int) -> Array:
+def _close(labels: Int[Array, "m 2"], others: Real[Array, "k 2"], reach: int) -> Array:
     """Rows of `labels` (M, 2) that lie within `reach` squares of one of `others` (K, 2)."""
     low, high = others.min(axis=0) - reach, others.max(axis=0) + reach
     rows = np.flatnonzero(((labels >= low) & (labels <= high)).all(axis=1))
@@ -179,7 +179,7 @@ def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motio
     return motion if count >= max(LEAST_VOTES, SHARE * int(voters.sum())) else None
 
 
-def _inverses(steps: Array) -> Float[Array, "m 2 2"]:
+def _inverses(steps: Array) -> Real[Array, "m 2 2"]:
     """Inverses (M, 2, 2) of steps, NaN where these span nothing."""
     (a, b), (c, d) = steps.transpose(1, 2, 0)
     area = a * d - b * c
@@ -187,7 +187,7 @@ def _inverses(steps: Array) -> Float[Array, "m 2 2"]:
     return np.asarray((np.array([[d, -b], [-c, a]]) / area).transpose(2, 0, 1))
 
 
-def _same_steps(squares: Float[Array, "k 2 2"], steps: Float[Array, "k 2 2"]) -> Bool[Array, "k 4"]:
+def _same_steps(squares: Real[Array, "k 2 2"], steps: Real[Array, "k 2 2"]) -> Bool[Array, "k 4"]:
     """(K, 4) bool: are a guest's `steps` (K, 2, 2), after so many turns, the host's, by its `squares` (K, 2, 2), but for a quarter of a square?"""
     out = []
     for _ in range(4):

@@ -17,7 +17,7 @@ from rcdn.boards.local import Grid
 from rcdn.corners import Candidates
 from rcdn.corners.histogram import edge_directions
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 DIRECTIONS = (2, 4)
 """A corner with fewer or more edge directions starts no board."""
@@ -56,7 +56,7 @@ def find_boards_paper(grey: Shaped[Array, "h w"], candidates: Candidates, least:
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
-def recover(xy: Float[Array, "n 2"], angles: Array, count: Array) -> list[Labels]:
+def recover(xy: Real[Array, "n 2"], angles: Array, count: Array) -> list[Labels]:
     """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of `edge_directions`.
 
     First all boards that grow by lines from 3 × 3 corners, then those that grow by cells among the corners that are left: a corner at

@@ -11,7 +11,7 @@ from rcdn.boards.grow import SHOWN, SHOWN_WEAK
 from rcdn.boards.local import Grid, windows
 from rcdn.boards.validate import STEPS, is_full
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 FEW = 2
 """corners that are no evidence for a column by themselves: a dark background makes as many where it meets a white margin as a square would"""
@@ -72,7 +72,7 @@ def _ends(field: Field, grid: Grid, sign: int, spots: Int[Array, "k 2"], inward:
     return np.where(crossed, 0.0, shown)
 
 
-def _share(contrast: Float[Array, "k 3"], usual: Float[Array, " k"]) -> Array:
+def _share(contrast: Real[Array, "k 3"], usual: Real[Array, " k"]) -> Array:
     """The least of the thirds of `contrast` (K, 3), share of what is `usual` (K,)."""
     return (contrast / np.where(usual == 0, np.inf, usual)[:, None]).min(axis=1)
 
@@ -85,7 +85,7 @@ class _Known:
         self.has, self.xy = rows >= 0, grid.xy[grid.corners[rows]]
 
 
-def _clear(grey: Array, maps: Float[Array, "k 6"]) -> Bool[Array, " k"]:
+def _clear(grey: Array, maps: Real[Array, "k 6"]) -> Bool[Array, " k"]:
     """Which predicted corners (K,), of `maps` (K, 6) as in `Predictions`, lie far enough from the picture's frame."""
     height, width = grey.shape
     reach = CLEAR * np.maximum(np.abs(maps[:, 2:4]), np.abs(maps[:, 4:]))

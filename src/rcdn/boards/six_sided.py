@@ -11,7 +11,7 @@ from rcdn.boards.triangles import STEPS, Field
 from rcdn.corners.six_sector import ring, six_axes
 from rcdn.geometry.elementary import log
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
 """steps to where a lattice may go on: a shadow's edge takes a line of corners with it"""
@@ -49,8 +49,8 @@ TINY, TINY_LEAST = 8.0, 20
 
 
 def six_sided(
-    grey: Array, xy: Float[Array, "k 2"], du: Float[Array, "k 2"], dv: Float[Array, "k 2"], sign: int
-) -> Float[Array, " k"]:
+    grey: Array, xy: Real[Array, "k 2"], du: Real[Array, "k 2"], dv: Real[Array, "k 2"], sign: int
+) -> Real[Array, " k"]:
     """Contrast (K,) of corners at `xy` (K, 2) whose six sectors alternate as the lattice says, steps of the logarithm of the grey level; 0 of others.
 
     `du`, `dv` (K, 2) px: the lattice's steps there; `sign`: colour of the sector between them. Sectors must alternate near the corner
@@ -71,7 +71,7 @@ def six_sided(
     return np.asarray(np.where(out[0] > 0, out[1], 0.0))
 
 
-def shortest(guess: Predictions) -> Float[Array, " k"]:
+def shortest(guess: Predictions) -> Real[Array, " k"]:
     """Shortest of the lattice's three steps (K,), px."""
     return np.asarray(np.min([np.linalg.norm(s, axis=1) for s in (guess.du, guess.dv, guess.dv - guess.du)], axis=0))
 

@@ -16,7 +16,7 @@ from rcdn.boards.graph import Label, mutual, near_pairs, slot_of
 from rcdn.corners import Candidates
 from rcdn.geometry.elementary import cos_sin
 from rcdn.types import Array, Status
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
 """from a corner to its neighbours, by rising angle"""
@@ -81,7 +81,7 @@ class Field:
         return colour, np.abs(closest) / np.maximum(np.nan_to_num(room, nan=1e-9), 1e-9)
 
 
-def links(field: Field) -> Float[Array, "n 6"]:
+def links(field: Field) -> Real[Array, "n 6"]:
     """Mutual links (N, 6): the neighbour in each of six slots, by rising angle from the first axis, −1 for none.
 
     A link lies along an axis at both of its ends, and has the same colour to its side at both.
@@ -129,7 +129,7 @@ INSIDE, ALONG = 0.2, np.linspace(0.3, 0.7, 5)
 """how far from a side, and where along it, the picture is looked at, shares of the triangle's height and side"""
 
 
-def triangle_contrast(grey: Array, corners: Array) -> Float[Array, "t 3 2"]:
+def triangle_contrast(grey: Array, corners: Array) -> Real[Array, "t 3 2"]:
     """What separates the inside of triangles (T, 3, 2) px from what lies beyond each side, (T, 3) grey levels; positive: the inside is brighter."""
     if not len(corners):
         return np.zeros((0, 3))

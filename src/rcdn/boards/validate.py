@@ -13,7 +13,7 @@ from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 _prune = bind("rcdn_grid_prune")
 _excess = bind("rcdn_grid_excess")
@@ -96,7 +96,7 @@ FEW, FEW_FAINT = 16, 0.6
 """a board of fewer corners needs this median response whatever is usual: staggered tiles have saddles with 0.55"""
 
 
-def plain(grid: Grid, response: Float[Array, " n"], usual: float) -> bool:
+def plain(grid: Grid, response: Real[Array, " n"], usual: float) -> bool:
     """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
     own = median(response[grid.corners])
     return own >= FAINT * usual and (len(grid) >= FEW or own >= FEW_FAINT)

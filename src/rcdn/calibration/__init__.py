@@ -1,4 +1,4 @@
-"""Cameras and poses from boards."""
+"""Calibration of cameras, pairs and rigs from detected boards, and estimation of board poses."""
 
 from rcdn.calibration.behind import from_behind
 from rcdn.calibration.calibrate import MODELS, calibrate

@@ -1,7 +1,9 @@
-"""What one more view would tell: its information on the camera with its own pose marginalised, and the covariance with it.
+"""Information of one additional view: its contribution to the camera with its own pose marginalised, and the resulting
+covariance.
 
-A view whose corners have the Jacobian J in the camera's parameters and B in the board's motion, both divided by the corners' standard
-deviations, brings the information JᵀJ − JᵀB (BᵀB)⁻¹ BᵀJ (the Schur complement of its pose: Triggs et al., Bundle Adjustment, 2000, §6).
+A view whose corners have the Jacobian J with respect to the camera's parameters and B with respect to the board's
+motion, both divided by the corners' standard deviations, contributes the information JᵀJ − JᵀB (BᵀB)⁻¹ BᵀJ (the Schur
+complement of its pose: Triggs et al., Bundle Adjustment, 2000, §6).
 """
 
 from __future__ import annotations
@@ -14,30 +16,31 @@ from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
 from rcdn.calibration.sight import out_of_sight
 from rcdn.calibration.uncertainty import projection_uncertainty
-from rcdn.geometry import cross_matrix, project_with_slopes, unproject
+from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEGLIGIBLE = 1e-12
-"""× the largest eigenvalue of a covariance of unit diagonal: what lies below is no freedom"""
+"""× the largest eigenvalue of a covariance with unit diagonal: directions below it have no freedom"""
 BATCH = 256
 """views that are computed together"""
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Of C views: `camera` (C, P, P) on the camera's parameters; `reach` (C, 6, P), minus the derivative of the board's motion in them;
-    `own` (C, 6, 6), the covariance of that motion under a known camera."""
+    """Information of C views: `camera` (C, P, P) on the camera's parameters; `reach` (C, 6, P), minus the derivative of
+    the board's motion with respect to them; `own` (C, 6, 6), the covariance of that motion under a known camera."""
 
     camera: Array
     reach: Array
     own: Array
 
     @classmethod
-    def of(cls, camera: Camera, points: Float[Array, "c n 3"], weight: Float[Array, "c n"]) -> Information:
-        """Of views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point isn't seen."""
+    def of(cls, camera: Camera, points: Real[Array, "c n 3"], weight: Real[Array, "c n"]) -> Information:
+        """For views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point
+        is not visible."""
         flat = points.reshape(-1, 3)
-        _, by_point, by_camera = project_with_slopes(camera, flat)
+        _, by_point, by_camera = project_with_jacobian(camera, flat)
         by_motion = np.concatenate([-by_point @ cross_matrix(flat), by_point], axis=2)
         shape = (len(points), -1)
         scale = np.repeat(weight.reshape(-1), 2).reshape(*shape, 1)
@@ -50,8 +53,9 @@ class Information:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What a calibration of `views` views states, in independent parts: camera parameters = `root` (P, R) times R unit variables; mean
-    motion of the boards = −`reach` (6, P) times the parameters' error, plus an error of its own with covariance `own` (6, 6)."""
+    """The covariance of a calibration from `views` views, in independent parts: camera parameters = `root` (P, R) times
+    R unit variables; mean motion of the boards = −`reach` (6, P) times the parameters' error, plus an independent error
+    with covariance `own` (6, 6)."""
 
     root: Array
     reach: Array
@@ -74,16 +78,18 @@ class Prior:
 
 
 def weight_of(calibration: Calibration) -> float:
-    """1 / px: of a usual corner, whose variance is the median sigma's and the scatter's beyond it."""
+    """1 / px: weight of a typical corner, whose variance is that of the median sigma plus that of the additional
+    scatter."""
     sigma = np.concatenate([v.sigma[v.used] for v in calibration.used_views] or [np.zeros(0)])
     known = sigma[np.isfinite(sigma)]
     usual = float(np.median(known)) if len(known) else 0.0
     return 1 / max(float(np.hypot(calibration.noise, usual)), 1e-6)
 
 
-def share_told(calibration: Calibration, prior: Prior) -> float:
-    """By what the information of a view, as if its corners erred independently, is to be multiplied so that the used views together bring
-    what `calibration.cov` states: residuals of one view are correlated, and a view tells less than its corners seem to."""
+def share_known(calibration: Calibration, prior: Prior) -> float:
+    """Factor for the information of a view computed with independent corners, with which the used views together have
+    the information that `calibration.cov` states: residuals of one view are correlated, so that a view contributes less
+    than independent corners would."""
     if not any(v.used.any() for v in calibration.used_views) or any(v.pose is None for v in calibration.used_views):
         return 1.0
     total = view_information(calibration).information.sum(axis=0)
@@ -92,29 +98,31 @@ def share_told(calibration: Calibration, prior: Prior) -> float:
 
 
 def variances(
-    prior: Prior, more: Information, by_camera: Float[Array, "g 2 p"], by_motion: Float[Array, "g 2 6"]
-) -> Float[Array, "c g"]:
+    prior: Prior, more: Information, by_camera: Real[Array, "g 2 p"], by_motion: Real[Array, "g 2 6"]
+) -> Real[Array, "c g"]:
     """(C, G) px²: variance of projections at G points, mean of both axes, with each of C views added.
 
-    `by_camera` (G, 2, P) and `by_motion` (G, 2, 6): derivatives of the projection. The mean motion is then one over one view more.
+    `by_camera` (G, 2, P) and `by_motion` (G, 2, 6): derivatives of the projection. The mean motion is then that over
+    one more view.
     """
     n = prior.views
     count, many = len(more.camera), len(by_camera)
     flat = by_motion.reshape(2 * many, 6)
     reach = (n * prior.reach + more.reach) / (n + 1)
     own = (n**2 * prior.own + more.own) / (n + 1) ** 2
-    slopes = by_camera.reshape(1, 2 * many, -1) - flat @ reach
+    jacobian = by_camera.reshape(1, 2 * many, -1) - flat @ reach
     information = np.eye(prior.root.shape[1]) + prior.root.T @ more.camera @ prior.root
     half = np.linalg.inv(np.linalg.cholesky((information + information.transpose(0, 2, 1)) / 2))
-    rows = (slopes @ prior.root) @ half.transpose(0, 2, 1)
+    rows = (jacobian @ prior.root) @ half.transpose(0, 2, 1)
     square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
     return np.asarray(square.reshape(count, many, 2).mean(axis=2))
 
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """What the worst projection uncertainty over the frame would be with one view more: `before` px, as it is; the `camera` and what is known
-    of it, `prior`; `weight` 1 / px of a corner; derivatives of the projection at points over the frame, `by_camera` and `by_motion`."""
+    """Prediction of the worst projection uncertainty over the frame with one more view: `before`, the present one, px;
+    the `camera` and its covariance, `prior`; `weight` of a corner, 1 / px; derivatives of the projection at points over
+    the frame, `by_camera` and `by_motion`."""
 
     camera: Camera
     prior: Prior
@@ -125,18 +133,18 @@ class Forecast:
 
     @classmethod
     def of(cls, calibration: Calibration) -> Forecast | None:
-        """None if nobody knows the covariance, or the lens sees nothing."""
+        """None if the covariance is unknown, or the lens has no ray."""
         points, by_camera, by_motion = judged_points(calibration.camera)
         if not len(points) or not np.isfinite(calibration.cov).all():
             return None
         prior = Prior.of(calibration)
-        weight = weight_of(calibration) * float(np.sqrt(share_told(calibration, prior)))
+        weight = weight_of(calibration) * float(np.sqrt(share_known(calibration, prior)))
         before = float(np.nanmax(projection_uncertainty(calibration, points)))
         return cls(calibration.camera, prior, weight, by_camera, by_motion, before)
 
-    def after(self, points: Float[Array, "c n 3"], seen: Float[Array, "c n"]) -> Float[Array, " c"]:
-        """(C,) px: with each of C views that see `points` (C, N, 3), m, camera coordinates; `seen` (C, N): for how many corners each
-        stands, 0 where it isn't seen."""
+    def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> Real[Array, " c"]:
+        """(C,) px: with each of C views that see `points` (C, N, 3), m, camera coordinates; `seen` (C, N): number of
+        corners that each point stands for, 0 where it is not visible."""
         worst = []
         for k in range(0, len(points), BATCH):
             more = Information.of(self.camera, points[k : k + BATCH], self.weight * np.sqrt(seen[k : k + BATCH]))
@@ -145,12 +153,13 @@ class Forecast:
 
 
 def judged_points(camera: Camera) -> tuple[Array, Array, Array]:
-    """Points (G, 2) px over the frame where the lens sees, with the derivatives of the projection of a far point there in the camera's
-    parameters (G, 2, P) and in the boards' mean motion (G, 2, 6), as in `projection_uncertainty`."""
+    """Points (G, 2) px over the visible part of the frame, with the derivatives of the projection of a distant point
+    there with respect to the camera's parameters (G, 2, P) and to the boards' mean motion (G, 2, 6), as in
+    `projection_uncertainty`."""
     points = frame_grid(camera.image_size)
     points = points[~np.logical_or(*out_of_sight(camera, points))]
     rays = unproject(camera, points)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    _, by_point, by_camera = project_with_slopes(camera, rays)
+    _, by_point, by_camera = project_with_jacobian(camera, rays)
     turn = -by_point @ cross_matrix(rays)
     return points, by_camera, np.concatenate([turn, 0 * by_point], axis=2)

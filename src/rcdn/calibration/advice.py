@@ -1,4 +1,4 @@
-"""What to tell the person with the camera: what the verdict found, then notes that are no judgement."""
+"""Advice to the user: the reasons of the verdict, followed by notes that do not affect it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from rcdn.types import Calibration
 
 
 def judged(calibration: Calibration) -> Calibration:
-    """`calibration` with its verdict, and with advice that says the same."""
+    """`calibration` with its verdict, and with advice that contains the same reasons."""
     found = judge(calibration)
     return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))
 
 
 def advise(calibration: Calibration) -> tuple[str, ...]:
-    """The advice that `judged` gives."""
+    """The advice of `judged`."""
     return judged(calibration).advice
 
 

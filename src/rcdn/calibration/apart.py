@@ -1,4 +1,4 @@
-"""Cameras of some of the views, each calibrated apart from the others, and how much they differ."""
+"""Separate calibrations of groups of views, and the differences of their cameras."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from rcdn.calibration.shape import FEWEST_SHAPED, shape_basis
 from rcdn.calibration.start import Seen, first_camera, poses
 from rcdn.errors import RcdnError
 from rcdn.types import Array, BoardView, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 AGREEING = 0.75
-"""share of the views that their own camera must rest on"""
+"""least share of a group's views that its own calibration must use"""
 
 
 @dataclass(frozen=True, eq=False)
 class CameraGroup:
-    """Pictures that belong together: their `names`, a short `label`, the `camera` of them alone with the standard deviations `std` (P,) of its
-    parameters (by the scatter of whole views), its RMS, px, and `views`, how many it rests on."""
+    """Pictures that belong together: their `names`, a short `label`, the `camera` from them alone with the standard
+    deviations `std` (P,) of its parameters (from the scatter of whole views), its RMS, px, and `views`, the number of
+    views that it uses."""
 
     names: tuple[str, ...]
     label: str
@@ -39,7 +40,8 @@ class CameraGroup:
 def calibrate_apart(
     calibration: Calibration, views: Sequence[BoardView], every: Sequence[BoardView], anew: bool = False
 ) -> CameraGroup | None:
-    """The camera of `views` alone, of the same model; `anew`: from nothing, else from the common solution. None if there is none."""
+    """The camera from `views` alone, of the same model; `anew`: without an initial guess, otherwise from the joint
+    solution. None if it fails."""
     corners, sigma, shaped = _corners(calibration, views)
     camera = calibration.camera
     seen = [Seen(corners.board[corners.frame == f], corners.xy[corners.frame == f]) for f in range(len(views))]
@@ -52,7 +54,7 @@ def calibrate_apart(
     if len(T) < FEWEST or not np.isfinite(T).all():
         return None
     state = State.mono(camera, T)
-    state, noise = robust.rough_fit(state, corners, sigma, default_free(state))
+    state, noise = robust.initial_fit(state, corners, sigma, default_free(state))
     state = replace(state, shape=np.zeros((corners.basis.shape[1] if shaped else 0, 3)))
     free = default_free(state, shape=shaped)
     fit = robust.fit(state, noise, corners, sigma, free, spacing=calibration.spacing)
@@ -67,8 +69,8 @@ def calibrate_apart(
 
 
 def _corners(calibration: Calibration, views: Sequence[BoardView]) -> tuple[Corners3, Array, bool]:
-    """All corners of `views` on the perfect board, their sigma, and whether its shape is to be solved for, too: the calibration's is a
-    compromise if its views aren't of one camera."""
+    """All corners of `views` on the perfect board, their sigma, and whether the board's shape is to be estimated, too:
+    the calibration's shape is a compromise if its views come from several cameras."""
     every = [np.ones(len(v), bool) for v in views]
     corners, sigma = corners_of(replace(calibration, shape=None), views, every)
     if calibration.shape is None or sum(has_shape(calibration, v) for v in views) < FEWEST_SHAPED:
@@ -79,15 +81,16 @@ def _corners(calibration: Calibration, views: Sequence[BoardView]) -> tuple[Corn
     return replace(corners, basis=np.concatenate(basis)), sigma, True
 
 
-def significance(groups: Sequence[CameraGroup]) -> Float[Array, " 4"]:
-    """(4,) the largest difference of two groups in fx, fy, cx and cy, in standard deviations of it."""
+def significance(groups: Sequence[CameraGroup]) -> Real[Array, " 4"]:
+    """(4,) the largest difference of two groups in fx, fy, cx and cy, divided by its standard deviation."""
     pairs = [(a, b) for k, a in enumerate(groups) for b in groups[k + 1 :]]
     gaps = [np.abs(a.camera.parameters - b.camera.parameters) / np.hypot(a.std, b.std) for a, b in pairs]
     return np.asarray(np.max(gaps, axis=0)[:4])
 
 
 def apart_by(first: Camera, second: Camera) -> float:
-    """By how much two cameras of one picture size differ, px, RMS over the picture, after the best rotation; infinite if they share no rays."""
+    """Difference of two cameras of one picture size, px, RMS over the picture, after the best rotation; infinite if
+    they share no rays."""
     try:
         return camera_difference(first, second, common_grid(first, second, longer=16)).rms
     except RcdnError:

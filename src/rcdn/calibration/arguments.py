@@ -1,4 +1,4 @@
-"""Arguments of the public functions, checked: an error names the argument and what it takes."""
+"""Validation of the arguments of public functions: an error names the argument and what is expected."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def check_boards(boards: Any, name: str = "boards") -> None:
 
 
 def check_board(board: Any, name: str = "board") -> None:
-    """Raise ConfigError unless it is one."""
+    """Raise ConfigError unless `board` is a Board."""
     if not isinstance(board, Board):
         raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
 
 
 def check_camera(camera: Any, name: str = "camera") -> None:
-    """Raise ConfigError unless it is a camera whose numbers can be those of a lens."""
+    """Raise ConfigError unless `camera` is a Camera with valid parameters."""
     if not isinstance(camera, Camera):
         hint = f"; give {name}=calibration.camera" if isinstance(camera, Calibration) else ""
         raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}{hint}")
@@ -43,7 +43,7 @@ def check_camera(camera: Any, name: str = "camera") -> None:
 
 
 def texts(values: Any, name: str) -> list[str]:
-    """A list of text; one text is a list of one. Raises ConfigError for anything else."""
+    """A list of strings; a single string gives a list of one. Raises ConfigError for anything else."""
     found = [values] if isinstance(values, str) else list(values) if isinstance(values, Collection) else [None]
     if not all(isinstance(v, str) for v in found):
         raise ConfigError(f"{name} must be a list of text, not {shown(values)}")

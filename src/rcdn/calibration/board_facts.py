@@ -1,4 +1,4 @@
-"""What the solved shape of the board says of it: whether its squares are square, and how far it is bent."""
+"""Properties of the estimated shape of the board: the aspect ratio of its squares, and its bending."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from rcdn.types import Calibration
 
 @dataclass(frozen=True)
 class BoardFacts:
-    """`stretch`: by how much the board's columns are wider apart than its rows (a share); `bend`: how far its corners lie out of a plane, from the
-    lowest to the highest, as a share of its longer side. NaN where the shape wasn't solved for."""
+    """`stretch`: relative excess of the distance of the board's columns over that of its rows; `bend`: distance of its
+    corners from a plane, from the lowest to the highest, as a share of its longer side. NaN if the shape was not
+    estimated."""
 
     stretch: float
     bend: float
 
 
 def measure_board(calibration: Calibration) -> BoardFacts:
-    """From `calibration.shape`. The columns and rows of a board that looks the same after quarter turns can't be told apart."""
+    """From `calibration.shape`. Columns and rows of a board with quarter-turn symmetry cannot be distinguished: NaN."""
     shape = calibration.shape
     if shape is None or calibration.orientation == "ambiguous_90":
         return BoardFacts(float("nan"), float("nan"))

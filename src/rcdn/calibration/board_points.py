@@ -1,4 +1,5 @@
-"""Where the corners of a calibration's views are on their boards: squares, triangles or tags, and the board's shape."""
+"""Positions of the corners of a calibration's views on their boards, for squares, triangles or tags, including the
+board's shape."""
 
 from __future__ import annotations
 
@@ -7,17 +8,18 @@ import numpy as np
 from rcdn.errors import present
 from rcdn.geometry import project, transform
 from rcdn.types import Array, BoardView, Calibration, Pattern, Plane
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
 ASKED = 3
-"""views that tell squares from triangles"""
+"""views used to distinguish squares from triangles"""
 
 
 def plane_of(calibration: Calibration, view: BoardView | None = None) -> Plane:
-    """The printed plane of a view's board, by default of the calibration's own one.
+    """The printed plane of a view's board, by default of the calibration's own board.
 
-    Where the views don't say it, the one of squares and triangles under which their poses put the corners where they were seen.
+    If the views do not contain it, the pattern (squares or triangles) with the least deviation from the stored
+    residuals.
     """
     if view is None:
         view = next((v for v in calibration.used_views if v.target == calibration.target), None)
@@ -29,31 +31,33 @@ def plane_of(calibration: Calibration, view: BoardView | None = None) -> Plane:
 
 
 def side_of(calibration: Calibration, view: BoardView) -> float:
-    """m: the side of a square, a triangle or a tag of the view's board."""
+    """The side of a square, a triangle or a tag of the view's board, m."""
     return calibration.spacing if view.spacing is None else view.spacing
 
 
 def flat_points(
     calibration: Calibration, view: BoardView, ij: Int[Array, "... 2"] | None = None
-) -> Float[Array, "... 2"]:
-    """(..., 2) m: where the view's corners, or the labels `ij` (..., 2), lie on its perfect board."""
+) -> Real[Array, "... 2"]:
+    """(..., 2) m: positions of the view's corners, or of the labels `ij` (..., 2), on its perfect board."""
     return plane_of(calibration, view).points(view.ij if ij is None else ij) * side_of(calibration, view)
 
 
 def has_shape(calibration: Calibration, view: BoardView) -> bool:
-    """Whether it is known how far the view's corners lie off the perfect board: it is the calibration's own, and settled which corner is which."""
+    """Whether the displacements of the view's corners are known: the board is the calibration's own, and it is known
+    which corner is which."""
     return calibration.shape is not None and view.settled and view.target == calibration.target
 
 
-def board_points(calibration: Calibration, view: BoardView, plane: Plane | None = None) -> Float[Array, "m 3"]:
-    """(M, 3) m: the view's corners in its board's axes, with the board's shape where it is known which corner is which."""
+def board_points(calibration: Calibration, view: BoardView, plane: Plane | None = None) -> Real[Array, "m 3"]:
+    """(M, 3) m: the view's corners in its board's axes, including the board's shape where it is known which corner is
+    which."""
     flat = (plane or plane_of(calibration, view)).points(view.ij) * side_of(calibration, view)
     points = np.column_stack([flat, np.zeros(len(flat))])
     return points + present(calibration.shape, "the shape").at(view.ij) if has_shape(calibration, view) else points
 
 
 def _misfit(calibration: Calibration, views: list[BoardView], plane: Plane) -> float:
-    """Median px of the corners from where the residuals say that they were projected."""
+    """Median distance, px, between the corners and the positions that projections and stored residuals imply."""
     gaps = []
     for v in views:
         points = transform(present(v.pose, "the pose of a view"), board_points(calibration, v, plane))

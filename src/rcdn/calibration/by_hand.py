@@ -1,4 +1,5 @@
-"""Views that a person leaves out: found by name, kept with their reason, and placed before the camera that the others give."""
+"""Views that the user leaves out: found by name, kept with their reason, with poses under the camera estimated from the
+others."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ REASON = "left out by hand"
 
 
 def view_name(names: Sequence[str], index: int) -> str:
-    """What to write to leave out view `index` of pictures `names`: the picture's own name if no other has it, else its whole path, and
-    `:` and the board's number, from 1, where the picture has several."""
+    """The entry that leaves out view `index` of pictures `names`: the picture's file name if no other has it, otherwise
+    its whole path; followed by `:` and the board's number, from 1, if the picture has several."""
     name = names[index]
     own = _own_name(name)
     alone = sum(_own_name(n) == own for n in set(names)) == 1
@@ -29,10 +30,12 @@ def view_name(names: Sequence[str], index: int) -> str:
 
 
 def chosen(leave_out: Sequence[str], names: Sequence[str]) -> set[int]:
-    """Indices of the views that `leave_out` names, of pictures `names` (one a view, the largest board of a picture first).
+    """Indices of the views that `leave_out` names, among pictures `names` (one for each view, the largest board of a
+    picture first).
 
-    An entry is a picture's name, whole or without its folders, which leaves out all its boards, or such a name with `:` and the board's number,
-    counted from 1 as in the report. Raises ConfigError for a name that no picture has, naming those that come near, and for one of several.
+    An entry is a picture's name, with or without its folders, which leaves out all its boards, or such a name with `:`
+    and the board's number, counted from 1 as in the report. Raises ConfigError for a name that no picture has, listing
+    the closest ones, and for an ambiguous name.
     """
     return {k for entry in leave_out for k in _indices(entry, names)}
 
@@ -44,10 +47,11 @@ def without(
     names: Sequence[str],
     leave_out: Sequence[str],
 ) -> Calibration:
-    """What `solve` gives of all `boards` but those that `leave_out` names; these are among its views with the reason REASON.
+    """The result of `solve` for all `boards` except those that `leave_out` names; these are included in its views with
+    the reason REASON.
 
-    Their poses and residuals are those under the camera of the others, and their labels start at their own first corner; those of boards with
-    codes at the first corner of their target, one of the `targets` of the others.
+    Their poses and residuals are computed under the camera from the others, and their labels start at their own first
+    corner; those of boards with codes start at the first corner of their target, one of the `targets` of the others.
     """
     out = chosen(leave_out, names)
     rest = [k for k in range(len(boards)) if k not in out]
@@ -87,7 +91,7 @@ def _indices(entry: str, names: Sequence[str]) -> list[int]:
 
 
 def _pictures(name: str, names: Sequence[str]) -> list[str]:
-    """The pictures of that whole name, or else without folders, each once."""
+    """The pictures with that whole name or, if there are none, that file name, each once."""
     every = list(dict.fromkeys(names))
     return [n for n in every if n == name] or [n for n in every if _own_name(n) == name]
 

@@ -1,4 +1,4 @@
-"""Boards → camera: the whole way, for one camera."""
+"""Calibration of one camera from detected boards: the complete procedure."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ LENSES: dict[str, tuple[CameraModel, int]] = {
     "fisheye": ("fisheye", 4),
     "rational": ("rational", 8),
 }
-"""name → model and how many numbers its distortion has, the simplest first"""
+"""name → lens model and the number of its distortion coefficients, from the simplest on"""
 AUTO = ("pinhole", "brown", "fisheye", "rational")
-"""what `auto` compares"""
+"""the models that `auto` compares"""
 MODELS = ("auto", *LENSES, "splined")
 SYSTEMATIC = 0.15
-"""share of the sensor's cells whose mean residual isn't chance, from which on a smooth correction of the lens is tried"""
+"""share of the sensor's cells with a significant mean residual, above which a smooth correction of the lens is tried"""
 FIXABLE = ("aspect", "principal_point")
-"""what may be held fixed: fx = fy; the principal point in the middle of the picture"""
+"""what can be held fixed: the aspect ratio (fx = fy); the principal point (at the centre of the picture)"""
 ENOUGH = 6
-"""pictures, below which those held out don't tell whether a board's shape is real"""
+"""least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
 HOPELESS_MODEL = 2.0
-"""× the least scatter that a model leaves: beyond it a model isn't tried any further"""
+"""× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2
-"""standard deviation of the focal length, as a share of it, that is no calibration"""
+"""relative standard deviation of the focal length above which the result is refused"""
 
 
 def calibrate(
@@ -68,29 +68,32 @@ def calibrate(
     fix: Collection[str] = (),
     leave_out: Sequence[str] = (),
 ) -> Calibration:
-    """The camera that took `boards`, with poses, residuals and standard deviations.
+    """Calibrate the camera that took `boards`: intrinsics, poses, residuals and standard deviations.
 
-    `boards`: what `Detector.boards` gives, partial boards and several a picture too, all of one camera at one zoom. `spacing`: side of a
-    square (of a deltille: of a triangle, of an AprilGrid: of a tag), m; for boards of several kinds a dict of them: `checker`, `deltille`,
-    `charuco`, `aprilgrid`, `puzzleboard`. Boards whose codes were read lie at their places on their target. `names` of the boards'
-    pictures: boards of one name are held out together (default: each board its own). `model`: `pinhole` (no distortion), `radtan` (k1 k2 p1
-    p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the simplest that does nearly as well as the best on
-    pictures held out. `size` (columns, rows) of the board in inner corners; default: the usual one of the complete boards that the
-    picture's border can't have cut. `flat`: the board is known to be perfect, a glass one, say; by default its shape is solved for, too,
-    where five views settle which corner is which (`rcdn.calibration.shape`). `fix`: what is held fixed, `aspect` (fx = fy),
-    `principal_point` (the middle of the picture), or both. `leave_out`: names of pictures that the camera shall not rest on, or `name:2`
-    for the second board of one; they stay among the views.
+    `boards`: as returned by `Detector.boards`, including partial boards and several boards per picture, all taken by
+    one camera at one zoom. `spacing`: side of a square (of a deltille: of a triangle, of an AprilGrid: of a tag), m;
+    for boards of several kinds a dict with the keys `checker`, `deltille`, `charuco`, `aprilgrid`, `puzzleboard`.
+    Boards whose codes were read have known positions on their target. `names` of the boards' pictures: boards with the
+    same name are held out together (default: each board is a picture of its own). `model`: `pinhole` (no distortion),
+    `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the simplest
+    model whose held-out error is close to the least. `size` (columns, rows) of the board in inner corners; default: the
+    most frequent size of the complete boards that the picture's border cannot have cut. `flat`: the board is known to
+    be exactly planar and evenly spaced, such as one on glass; by default its shape is estimated, too, if five views
+    determine which corner is which (`rcdn.calibration.shape`). `fix`: what is held fixed, `aspect` (fx = fy),
+    `principal_point` (the centre of the picture), or both. `leave_out`: names of pictures that the estimate must not
+    use, or `name:2` for the second board of one; they remain among the views.
 
-    Each corner weighs by its sigma and the scatter beyond it that the corners show. Corners and views that disagree with the others are left
-    out and named. Covariances are by the scatter of whole views (`rcdn.calibration.uncertainty.clustered`), views alike counting as one.
-    Raises CalibrationError if the boards can't settle a camera, ConfigError for a wrong argument.
+    Each corner is weighted by its sigma and by the additional scatter that the corners show. Corners and views that are
+    outliers are left out and reported. Covariances are computed from the scatter between whole views
+    (`rcdn.calibration.uncertainty.clustered`); nearly identical views count as one. Raises CalibrationError if the
+    boards do not determine a camera, ConfigError for a wrong argument.
     """
     check_arguments(boards, names, model, size)
     fixed = check_fix(fix)
     names = names_of(boards, names)
     leave_out = texts(leave_out, "leave_out")
     if leave_out:
-        from rcdn.calibration.by_hand import without  # which rests on this module
+        from rcdn.calibration.by_hand import without  # which imports this module
 
         return without(
             lambda some, named: calibrate(some, spacing, names=named, model=model, size=size, flat=flat, fix=fix),
@@ -113,7 +116,8 @@ def with_geometries(
     fixed: frozenset[str] = frozenset(),
     strict: bool = False,
 ) -> Calibration:
-    """What `calibrate` gives of boards of these `geometries`; `strict`: plain boards that can't be part of the whole are refused."""
+    """`calibrate` for boards with the given `geometries`; `strict`: plain boards that cannot be part of the whole board
+    are refused."""
     image_size, whole = one_size(boards, names), geometries.main
     labels = geometries.labelled(boards, strict)
     task = usable(boards, labels, names, image_size, whole)
@@ -131,12 +135,12 @@ def with_geometries(
         better = _splined(task, fits[chosen], scores[0], whole.spacing, asked=model == "splined")
         if better is not None:
             done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores))
-    _believable(done)
+    _check_plausible(done)
     return judged(done)
 
 
 def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model: str, size: Size | None) -> None:
-    """Raise ConfigError for arguments of `calibrate` that have no meaning, CalibrationError without boards."""
+    """Raise ConfigError for invalid arguments of `calibrate`, CalibrationError if there are no boards."""
     check_boards(boards)
     if model not in MODELS:
         raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
@@ -152,12 +156,12 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
 
 
 def names_of(boards: Sequence[Board], names: Sequence[str] | None) -> list[str]:
-    """The names of the boards' pictures; without any each board is a picture of its own."""
+    """The names of the boards' pictures; without `names` each board counts as a picture of its own."""
     return [f"board {k}" for k in range(len(boards))] if names is None else texts(names, "names")
 
 
 def check_fix(fix: Collection[str]) -> frozenset[str]:
-    """`fix` as a set. Raises ConfigError for what can't be held fixed."""
+    """`fix` as a set. Raises ConfigError for a name that cannot be held fixed."""
     names = frozenset(texts(fix, "fix"))
     if unknown := sorted(names - set(FIXABLE)):
         raise ConfigError(f"fix may hold {' and '.join(FIXABLE)}, not {', '.join(map(repr, unknown))}")
@@ -167,12 +171,13 @@ def check_fix(fix: Collection[str]) -> frozenset[str]:
 def _fits(
     task: Usable, models: Sequence[str], start: Camera, T: Array, spacing: float, fixed: frozenset[str], shaped: bool
 ) -> dict[str, robust.Fit]:
-    """Fits of the models that come near the best; the others are no lens for these corners."""
+    """Fits of those models whose initial fit leaves a scatter close to the least; the others do not describe this
+    lens."""
     rough = {}
     for m in models:
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
         state = with_fixed(state, fixed)
-        rough[m] = robust.rough_fit(state, task.corners, task.sigma, default_free(state))
+        rough[m] = robust.initial_fit(state, task.corners, task.sigma, default_free(state))
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
     near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
@@ -186,13 +191,14 @@ def _fits(
 
 
 def _pictures(task: Usable) -> Int[Array, " f"]:
-    """(F,) the number of each view's picture."""
+    """(F,) picture number of each view."""
     first = np.unique(task.corners.frame, return_index=True)[1]
     return np.asarray(task.picture[first])
 
 
 def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelScore, ...]]:
-    """The model to take and how all did, that one first: on the same corners, those of the model that leaves out least."""
+    """The selected model and the scores of all, the selected one first. All are compared on the same corners: those of
+    the model that leaves out the fewest."""
     widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
     common = choose.Task(task.corners, widest.weight, task.picture)
     free = [default_free(f.state, shape=True) for f in fits.values()]
@@ -203,9 +209,10 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
 
 
 def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
-    """Whether a perfect board predicts pictures held out better, clearly, than one of the shape that the pictures ask for.
+    """Whether a planar, evenly spaced board predicts held-out pictures clearly better than the estimated shape.
 
-    Views that hardly differ (none tilted, say) don't settle a shape: it then explains what is particular to them.
+    Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
+    to these views.
     """
     if len(np.unique(task.picture)) < ENOUGH:
         return False
@@ -221,8 +228,8 @@ def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) 
 def _splined(
     task: Usable, fit: robust.Fit, score: ModelScore, spacing: float, asked: bool
 ) -> tuple[robust.Fit, ModelScore] | None:
-    """The fit with a smooth correction of its lens, and how it does; None if it doesn't predict pictures held out better (unless it was
-    `asked` for), or if the correction folds the map."""
+    """The fit with a smooth correction of its lens, and its score; None if it does not reduce the held-out error
+    (unless `asked`, that is, requested by the user), or if the corrected projection folds."""
     state = smooth_lens.fitted(fit.state, task.corners, fit.weight)
     if not smooth_lens.whole(state.cameras[0]):
         return None
@@ -300,8 +307,8 @@ def _views(
     return tuple(views)
 
 
-def _believable(done: Calibration) -> None:
-    """Refuse what is no calibration: a focal length that the views don't settle."""
+def _check_plausible(done: Calibration) -> None:
+    """Raise CalibrationError if the views do not determine the focal length."""
     share = float(max(done.std[:2] / done.camera.parameters[:2]))
     if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:
         raise CalibrationError(

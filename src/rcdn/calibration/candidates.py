@@ -1,4 +1,5 @@
-"""Poses in which a person may hold the board: places over the frame, distances, tilts; and which corners the camera sees there."""
+"""Candidate poses of a board held by a person: places in the frame, distances, tilts; and the corners visible in
+each."""
 
 from __future__ import annotations
 
@@ -9,23 +10,24 @@ import numpy as np
 from rcdn.calibration.sight import off_axis
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Array, Camera, Plane
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 PLACES = (0.12, 0.31, 0.5, 0.69, 0.88)
-"""where the board's middle may be, shares of the frame's width and height"""
+"""positions of the board's centre, shares of the frame's width and height"""
 TILTS, SIDES = (30.0, 45.0), 8
-"""degrees that the board may be tilted, besides 0, and directions of a tilt"""
+"""tilts of the board, degrees, in addition to 0, and the number of directions of a tilt"""
 MARGIN = 0.01
-"""of the frame's shorter side: corners nearer to its rim don't count"""
+"""share of the frame's shorter side: corners closer to its border do not count"""
 MOST_CORNERS = 7
-"""columns and rows of corners that stand for the board's; their weight makes up for the others"""
+"""most columns and rows of corners that represent the board's; each has the weight of the corners it stands for"""
 GRID = (13, 10)
-"""columns and rows of points over the frame, the rim included"""
+"""columns and rows of points over the frame, including its border"""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """C poses (C, 4, 4), with the pixel of the board's middle (C, 2), distance (C,) m, tilt (C,) degrees, side (C,) index of NEARER."""
+    """C poses (C, 4, 4), with the pixel of the board's centre (C, 2), distance (C,) m, tilt (C,) degrees, side (C,),
+    the number of the tilt's direction among SIDES."""
 
     T: Array
     middle: Array
@@ -38,16 +40,17 @@ class Candidates:
 
 
 def board_corners(size: tuple[int, int], plane: Plane, spacing: float) -> tuple[Array, float]:
-    """(N, 2) m, some of the board's corners, evenly spread; and how many corners each stands for."""
+    """(N, 2) m, a subset of the board's corners, evenly spread; and the number of corners that each stands for."""
     picks = [np.unique(np.linspace(0, n - 1, min(n, MOST_CORNERS)).round()) for n in size]
     ij = np.stack(np.meshgrid(*picks), axis=-1).reshape(-1, 2)
     return plane.points(ij) * spacing, size[0] * size[1] / len(ij)
 
 
 def candidates(
-    camera: Camera, size: tuple[int, int], plane: Plane, spacing: float, distances: Float[Array, " d"]
+    camera: Camera, size: tuple[int, int], plane: Plane, spacing: float, distances: Real[Array, " d"]
 ) -> Candidates:
-    """All poses of a board of `size` (columns, rows) corners with sides of `spacing` m: places × `distances` (D,) m × tilts."""
+    """All poses of a board of `size` (columns, rows) corners with sides of `spacing` m: places × `distances` (D,) m ×
+    tilts."""
     width, height = camera.image_size
     spots = np.array([[x * width, y * height] for y in PLACES for x in PLACES]) - 0.5
     rays = unproject(camera, spots)
@@ -56,7 +59,7 @@ def candidates(
     tilts = [(0.0, 0), *((t, s) for t in TILTS for s in range(SIDES))]
     side = np.radians([360 / SIDES * s for _, s in tilts])
     angle = np.radians([t for t, _ in tilts])
-    # a positive turn about (−sin, cos) brings the side (cos, sin) of the board nearer
+    # a positive rotation about (−sin, cos) moves the side (cos, sin) of the board towards the camera
     lean = rotation(np.stack([-np.sin(side) * angle, np.cos(side) * angle, 0 * angle], axis=-1))
     R = _facing(rays)[:, None] @ lean
     middle = plane.points((np.array(size) - 1) / 2) * spacing
@@ -73,21 +76,21 @@ def candidates(
     return Candidates(T.reshape(-1, 4, 4), *spread)
 
 
-def _facing(rays: Float[Array, "k 3"]) -> Float[Array, "k 3 3"]:
-    """(K, 3, 3) the least rotations that take the z axis to unit `rays` (K, 3)."""
+def _facing(rays: Real[Array, "k 3"]) -> Real[Array, "k 3 3"]:
+    """(K, 3, 3) the smallest rotations that take the z axis to unit `rays` (K, 3)."""
     axis = np.stack([-rays[:, 1], rays[:, 0], 0 * rays[:, 0]], axis=-1)
     sine = np.linalg.norm(axis, axis=1)
     return rotation(axis * (np.arctan2(sine, rays[:, 2]) / np.maximum(sine, 1e-12))[:, None])
 
 
-def placed(T: Float[Array, "c 4 4"], board: Float[Array, "n 2"]) -> Float[Array, "c n 3"]:
+def placed(T: Real[Array, "c 4 4"], board: Real[Array, "n 2"]) -> Real[Array, "c n 3"]:
     """(C, N, 3) camera coordinates of `board` (N, 2) under poses `T` (C, 4, 4)."""
     return np.asarray(board @ T[:, :3, :2].transpose(0, 2, 1) + T[:, None, :3, 3])
 
 
-def in_frame(camera: Camera, points: Float[Array, "c n 3"]) -> Bool[Array, "c n"]:
-    """(C, N) bool: the corner at `points` (C, N, 3), m, camera coordinates, is in the frame, and its ray no farther off the axis than any of
-    the frame's: not beyond a fold."""
+def in_frame(camera: Camera, points: Real[Array, "c n 3"]) -> Bool[Array, "c n"]:
+    """(C, N) bool: the corner at `points` (C, N, 3), m, camera coordinates, projects into the frame, and the angle of
+    its ray from the axis does not exceed the largest in the frame, so that it is not beyond a fold."""
     width, height = camera.image_size
     xy = project(camera, points)
     edge = MARGIN * min(width, height)
@@ -97,7 +100,7 @@ def in_frame(camera: Camera, points: Float[Array, "c n 3"]) -> Bool[Array, "c n"
     return np.asarray(inside & (angle <= widest))
 
 
-def frame_grid(image_size: tuple[int, int]) -> Float[Array, "g 2"]:
-    """(G, 2) px: points evenly over the frame, its rim included, row by row."""
+def frame_grid(image_size: tuple[int, int]) -> Real[Array, "g 2"]:
+    """(G, 2) px: a regular grid over the frame, including its border, row by row."""
     x, y = (np.linspace(0, n - 1, k) for n, k in zip(image_size, GRID, strict=True))
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

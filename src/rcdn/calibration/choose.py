@@ -1,4 +1,4 @@
-"""How a lens model does on pictures that it was not calibrated from, and which model to take."""
+"""Cross-validation of lens models on held-out pictures, and model selection."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
 from rcdn.calibration.solver import solve
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FOLDS = 5
 FEWEST = 4
-"""pictures, below which nothing is held out"""
+"""least number of pictures for cross-validation"""
 LOST = 0.01
-"""share of the frame without rays that is too much"""
+"""share of the frame without rays above which a model is excluded"""
 SIMPLER = 1.05
-"""× the least held-out error: a simpler model that stays below is taken"""
+"""× the least held-out error: the simplest model below it is selected"""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What all models are compared on: `corners` with `weight` (N,), 0 of those left out, and the `picture` (N,) of each, integers."""
+    """The data on which all models are compared: `corners` with `weight` (N,), 0 for those left out, and the `picture`
+    (N,) number of each."""
 
     corners: Corners3
     weight: Array
@@ -32,7 +33,8 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A model's `state` fitted to all corners; its error there, `rms`, and in pictures held out, `held`, px (NaN: not tried)."""
+    """A model's `state` fitted to all corners; its error there, `rms`, and in held-out pictures, `held`, px (NaN: not
+    evaluated)."""
 
     state: State
     rms: float
@@ -40,11 +42,13 @@ class Trial:
 
 
 def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, list[Trial]]:
-    """Which model to take, and how each did; `starts` are those of the models, the simplest first, `free` (K,) their unknowns.
+    """Index of the selected model, and the trial of each; `starts` are the models' initial states, the simplest first,
+    `free` (K,) their unknowns.
 
-    Taken is the simplest that does nearly as well as the best on pictures held out. A model that fits even its own pictures no better than a
-    simpler one predicts others isn't tried there. A lens that has no rays for a part of the frame where another has them is passed over:
-    polynomials may turn back where no corner was. With too few pictures `brown` is taken, if it is there, as calibrations usually have it.
+    Selected is the simplest model whose held-out error is close to the least. A model whose error on its own pictures
+    is no smaller than the held-out error of a simpler one is not cross-validated. A lens that has no rays in a part of
+    the frame in which another has them is excluded: polynomials may fold where no corner was. With too few pictures
+    `brown`, the usual choice, is selected if it is among the models.
     """
     states = [solve(s, task.corners, task.weight, f).state for s, f in zip(starts, free, strict=True)]
     fits = [rms(residuals(s, task.corners), task.weight) for s in states]
@@ -60,9 +64,10 @@ def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, li
     return int(np.flatnonzero(held <= SIMPLER * np.nanmin(held))[0]), trials
 
 
-def held_out(state: State, task: Task, free: Array) -> Float[Array, "n 2"]:
-    """(N, 2) residuals px, k-fold by picture: calibrate from the others, solve the poses of those held out, and take their residuals (the
-    paper's pose error, section 4.4). NaN with fewer than FEWEST pictures, and of corners left out."""
+def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
+    """(N, 2) residuals px of k-fold cross-validation by picture: calibrate from the other pictures, solve the poses of
+    the held-out ones, and take their residuals (the paper's pose error, section 4.4). NaN with fewer than FEWEST
+    pictures, and for corners left out."""
     held = np.full((len(task.corners), 2), np.nan)
     pictures = np.unique(task.picture[task.weight > 0])
     if len(pictures) < FEWEST:
@@ -76,8 +81,9 @@ def held_out(state: State, task: Task, free: Array) -> Float[Array, "n 2"]:
     return held
 
 
-def rms(gaps: Float[Array, "n 2"], weight: Array) -> float:
-    """Root mean squared length of `gaps` (N, 2) of corners with a weight, px; NaN if there are none, infinite if one can't be seen."""
+def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:
+    """Root mean squared length of `gaps` (N, 2) of corners with a weight, px; NaN if there are none, infinite if one
+    has no projection."""
     mine = gaps[weight > 0]
     if not len(mine) or np.isnan(mine).all():
         return float("nan")

@@ -1,4 +1,5 @@
-"""The printed targets of a set of boards: what each is, how large its squares or tags are, and where each board lies on its own."""
+"""The printed targets of a set of boards: their identity, the size of their squares or tags, and the position of each
+board on its target."""
 
 from __future__ import annotations
 
@@ -15,18 +16,19 @@ from rcdn.calibration.labels import Labelled, Size, fits, orientation_of, settle
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 Spacing = float | Mapping[str, float]
-"""m: the side of a square (of a triangle, of a tag), or that of each kind of board by its name"""
+"""m: the side of a square (of a triangle, of a tag), or a mapping from the name of each kind of board to it"""
 KINDS = ("checker", "deltille", Charuco.kind, AprilGrid.kind, PuzzleBoard.kind)
 UNREAD = "its codes were not read"
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """One printed target: what its codes say (`target`, None of plain boards), its `plane` with sides of `spacing` m, the label that counts as
-    (0, 0), `first`, and its `size` (columns, rows) in corners, as far as it is known."""
+    """One printed target: its identity by its codes (`target`, None for plain boards), its `plane` with sides of
+    `spacing` m, the label `first` that becomes (0, 0), and its `size` (columns, rows) in corners as far as it is
+    known."""
 
     target: Target | None
     plane: Plane
@@ -36,7 +38,7 @@ class Geometry:
 
     @property
     def orientation(self) -> Orientation | None:
-        """Whether it is known which corner of a whole board is (0, 0); codes always say it."""
+        """Whether it is known which corner of a whole board is (0, 0); codes always determine it."""
         if self.target is not None:
             return "unique"
         return None if self.size is None else orientation_of(self.size)
@@ -44,8 +46,8 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class Geometries:
-    """All targets of a set: the `main` one, of which most boards are, and the `others` whose codes were read; `plain`: the
-    boards without codes that are beside them, if their spacing is known."""
+    """All targets of a set: `main`, the one that most boards show, and the `others` whose codes were read; `plain`:
+    boards without codes in the same set, if their spacing is known."""
 
     main: Geometry
     others: tuple[Geometry, ...] = ()
@@ -53,9 +55,11 @@ class Geometries:
 
     @classmethod
     def of(cls, boards: Sequence[Board], spacing: Spacing, size: Size | None = None) -> Geometries:
-        """The targets of `boards`. `size`: that of the whole plain board, or None for the usual one of those that can't be cut.
+        """The targets of `boards`. `size`: that of the whole plain board, or None for the most frequent size of those
+        that cannot be cut.
 
-        Raises ConfigError if `spacing` doesn't say how large each kind is, or `size` is another than the codes say.
+        Raises ConfigError if `spacing` is ambiguous for the kinds of the boards or names none of them, or if `size`
+        contradicts the codes.
         """
         kinds = Counter(kind_of(b) for b in boards)
         sides = _sides(spacing, kinds)
@@ -73,7 +77,8 @@ class Geometries:
         return found
 
     def labelled(self, boards: Sequence[Board], strict: bool) -> list[Labelled]:
-        """Where each board lies on its target, in the order of `boards`; `strict`: plain boards that can't be part of the whole are refused."""
+        """The labels of each board on its target, in the order of `boards`; `strict`: plain boards that cannot be part
+        of the whole board are refused."""
         return [self._labelled(board, strict) for board in boards]
 
     def _labelled(self, board: Board, strict: bool) -> Labelled:
@@ -95,7 +100,7 @@ class Geometries:
         return self._unread(board)
 
     def _check_majority(self, boards: Sequence[Board]) -> None:
-        """Raise ConfigError if most boards would be left out because nobody says how large they are."""
+        """Raise ConfigError if most boards would be left out because their spacing is unknown."""
         left_out = sum(b.target is None and bool(self._unread(b).reason) for b in boards)
         coded = sum(b.target is not None for b in boards)
         if left_out > coded:
@@ -105,7 +110,7 @@ class Geometries:
             )
 
     def _unread(self, board: Board) -> Labelled:
-        """A board without codes beside coded ones: a part of the only target, at an unknown place, or of no use."""
+        """Labels of a board without readable codes: a part of the only target at an unknown position, or not usable."""
         own = board.ij - board.ij.min(axis=0) if len(board) else board.ij
         whole = self.main.size
         if self.others or board.plane != self.main.plane or whole is None:
@@ -119,21 +124,24 @@ class Geometries:
 
 
 def identity(target: Target) -> Target:
-    """What is the same in all views of one target: not its measured proportions, nor how much of it was seen."""
+    """The part of a target that is the same in all of its views: without measured proportions, and without the number
+    of rows seen."""
     if isinstance(target, Charuco):
         return replace(target, rows=None, marker=0.5)
     return replace(target, rows=None, gap=0.5) if isinstance(target, AprilGrid) else target
 
 
 def kind_of(board: Board) -> str:
-    """The name of its kind in a `Spacing`: that of its target, or of the pattern of a plain board."""
+    """The board's key in a `Spacing`: the kind of its target, or the pattern of a plain board."""
     return board.pattern if board.target is None else board.target.kind
 
 
 def same_boards(left: Sequence[Board], right: Sequence[Board]) -> list[tuple[int, int]]:
-    """(index in `left`, index in `right`) of the boards that two pictures of one moment, the largest board first, show both.
+    """(index in `left`, index in `right`) of the boards that both of two pictures of one moment show; the largest board
+    of each is the first.
 
-    Boards with codes by what their codes say, if no other board of the pictures says the same; else the largest of each picture, if it has no codes.
+    Boards with codes are matched by identity if each picture shows that target exactly once; the largest boards of both
+    pictures are matched if neither has codes.
     """
     one, two = ([None if b.target is None else identity(b.target) for b in side] for side in (left, right))
     pairs = [(k, two.index(t)) for k, t in enumerate(one) if t is not None and one.count(t) == two.count(t) == 1]
@@ -143,16 +151,17 @@ def same_boards(left: Sequence[Board], right: Sequence[Board]) -> list[tuple[int
 
 
 def kind_name(found: Geometry) -> str:
-    """The name of its kind in a `Spacing`."""
+    """The target's key in a `Spacing`."""
     return found.plane.pattern if found.target is None else found.target.kind
 
 
-def frame_of(target: Target, spacing: float) -> Float[Array, "4 4"]:
+def frame_of(target: Target, spacing: float) -> Real[Array, "4 4"]:
     """T_board_target (4, 4): takes the coordinates of the target's own tools to those of its labels, m.
 
-    OpenCV's ChArUco boards begin at their outer corner at the top left, one square before the first inner one. Kalibr's AprilGrids begin at the
-    first corner of the first tag, at the bottom left, with x to the right, y up, and z towards the viewer; our labels begin at the bottom
-    right. A PuzzleBoard begins where its code does, as our labels do.
+    The origin of OpenCV's ChArUco boards is the outer corner at the top left, one square before the first inner one.
+    That of Kalibr's AprilGrids is the first corner of the first tag, at the bottom left, with x to the right, y up, and
+    z towards the viewer; our labels begin at the bottom right. The origin of a PuzzleBoard is that of its code, as for
+    our labels.
     """
     T = np.eye(4)
     if isinstance(target, Charuco):
@@ -164,7 +173,7 @@ def frame_of(target: Target, spacing: float) -> Float[Array, "4 4"]:
 
 
 def _sides(spacing: Any, kinds: Counter[str]) -> dict[str, float]:
-    """m by kind; of kinds without one, their boards can't be used."""
+    """Side of each kind, m; boards of kinds that are missing cannot be used."""
     if isinstance(spacing, Mapping):
         if unknown := [k for k in spacing if k not in KINDS]:
             raise ConfigError(f"spacing names {', '.join(map(shown, unknown))}; kinds of boards are {', '.join(KINDS)}")
@@ -189,7 +198,7 @@ def _sides(spacing: Any, kinds: Counter[str]) -> dict[str, float]:
 
 
 def _coded(boards: Sequence[Board], sides: dict[str, float]) -> list[Geometry]:
-    """The targets that were read and whose side is known, that of most corners first."""
+    """The targets that were read and whose side is known, the one that most boards show first."""
     mine: dict[Target, list[Board]] = {}
     for board in boards:
         if board.target is not None and board.target.kind in sides:
@@ -199,7 +208,7 @@ def _coded(boards: Sequence[Board], sides: dict[str, float]) -> list[Geometry]:
 
 
 def _geometry(boards: list[Board], side: float) -> Geometry:
-    """The target of `boards`, all of which show it."""
+    """The target that all `boards` show."""
     targets = [b.target for b in boards]
     low, high = np.min([b.ij.min(axis=0) for b in boards], axis=0), np.max([b.ij.max(axis=0) for b in boards], axis=0)
     rows = max((t.rows for t in targets if not isinstance(t, PuzzleBoard | None) and t.rows), default=None)
@@ -219,7 +228,7 @@ def _geometry(boards: list[Board], side: float) -> Geometry:
 
 
 def _plain(boards: Sequence[Board], sides: dict[str, float], size: Size | None) -> list[Geometry]:
-    """Plain boards of squares and of triangles, those of most first."""
+    """Plain boards of squares and of triangles, the more frequent kind first."""
     patterns = [p for p, _ in Counter(b.pattern for b in boards).most_common() if p in sides]
     if not patterns:
         raise CalibrationError("no boards whose spacing is known: nothing to calibrate from")
@@ -232,7 +241,8 @@ def _plain(boards: Sequence[Board], sides: dict[str, float], size: Size | None) 
 
 
 def _of_size(found: Geometry, size: Size) -> Geometry:
-    """The target with the rows that its codes left open. Raises ConfigError if `size` is another than they say."""
+    """The target, with the number of rows that its codes leave open. Raises ConfigError if `size` contradicts the
+    codes."""
     target, (columns, rows) = found.target, found.size or size
     open_end = not isinstance(target, PuzzleBoard | None) and target.rows is None
     if size[0] != columns or (size[1] < rows if open_end else size[1] != rows):

@@ -1,4 +1,5 @@
-"""Two cameras side by side: the area they are compared over, the difference there, and whether it is more than both state."""
+"""Comparison of two cameras: the area of comparison, the difference there, and its significance against both
+covariances."""
 
 from __future__ import annotations
 
@@ -18,21 +19,23 @@ from rcdn.calibration.difference import (
 )
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 Where = Literal["seen", "frame"]
 FEWEST = 20
-"""points of the grid in the area that two cameras are compared over"""
+"""least number of grid points in the area over which two cameras are compared"""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two cameras compared: `found` over the whole frame, after the rotation fitted `where`; `inside` (N,) its points there.
+    """Two cameras compared: `found`, the difference over the whole frame, after the rotation fitted `where`; `inside`
+    (N,) its points there.
 
-    `where`: `seen`, inside the convex hulls of the used corners of every calibration, or `frame`, wherever both cameras have rays.
-    `outlines`: those hulls, (K, 2) px each. `ends` (2, 2, 2) the vectors in the frame's corners (rows, columns) and `middle` (2,) in its
-    middle, px, NaN without a ray. `agreement`: beside what both state, if both are calibrations with covariances; `shared`: how many views
-    with the same corners both rest on, which makes their difference smaller than they state.
+    `where`: `seen`, inside the convex hulls of the used corners of every calibration, or `frame`, wherever both cameras
+    have rays. `outlines`: those hulls, (K, 2) px each. `ends` (2, 2, 2) the difference vectors in the frame's corners
+    (rows, columns) and `middle` (2,) at its centre, px, NaN without a ray. `agreement`: the difference relative to both
+    covariances, if both are calibrations with covariances; `shared`: number of views with the same corners used by
+    both, which makes their difference smaller than the covariances predict.
     """
 
     cameras: tuple[Camera, Camera]
@@ -47,15 +50,16 @@ class Comparison:
 
     @property
     def over_area(self) -> Difference:
-        """The difference at the points that count."""
+        """The difference at the points inside the area."""
         return Difference(self.found.rotation, self.found.vectors[self.inside], self.found.points[self.inside])
 
 
 def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | None = None) -> Comparison:
     """Compare two cameras of one frame size over a regular grid.
 
-    `where`: `seen` needs a calibration with used corners, `frame` doesn't; default: `seen` where it can be had. Raises RcdnError if the
-    frames differ in size, if there is no area to compare, or if `seen` is asked of two cameras without corners.
+    `where`: `seen` needs a calibration with used corners, `frame` does not; default: `seen` where possible. Raises
+    RcdnError if the frames differ in size, if there is no area to compare, or if `seen` is requested for two cameras
+    without corners.
     """
     one, other = (c.camera if isinstance(c, Calibration) else c for c in (a, b))
     outlines = tuple(h for c in (a, b) if isinstance(c, Calibration) and len(h := _hull(c)))
@@ -87,14 +91,14 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     )
 
 
-def _hull(calibration: Calibration) -> Float[Array, "k 2"]:
+def _hull(calibration: Calibration) -> Real[Array, "k 2"]:
     """(K, 2) px, the convex hull of the used corners; empty if there are too few."""
     xy = np.concatenate([v.xy[v.used] for v in calibration.used_views] or [np.zeros((0, 2))])
     return cv2.convexHull(xy.astype(np.float32))[:, 0].astype(float) if len(xy) > 2 else np.zeros((0, 2))
 
 
-def _within(hull: Float[Array, "k 2"], points: Float[Array, "n 2"]) -> Bool[Array, " n"]:
-    """(N,) bool: `points` (N, 2) in the convex polygon `hull` (K, 2) or on its rim."""
+def _within(hull: Real[Array, "k 2"], points: Real[Array, "n 2"]) -> Bool[Array, " n"]:
+    """(N,) bool: `points` (N, 2) in the convex polygon `hull` (K, 2) or on its boundary."""
     edges = np.roll(hull, -1, axis=0) - hull
     away = points[:, None] - hull
     side = edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0]
@@ -102,7 +106,7 @@ def _within(hull: Float[Array, "k 2"], points: Float[Array, "n 2"]) -> Bool[Arra
 
 
 def _shared(a: Camera | Calibration, b: Camera | Calibration) -> int:
-    """How many used views of both have the same corners."""
+    """Number of used views of both that have the same corners."""
     if not (isinstance(a, Calibration) and isinstance(b, Calibration)):
         return 0
     known = {v.xy.tobytes() for v in a.used_views}

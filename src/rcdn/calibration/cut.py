@@ -1,4 +1,4 @@
-"""Boards that are complete in themselves but may continue beyond the picture's border."""
+"""Detection of complete grids that may be parts of larger boards cut by the picture's border."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, usual_size
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Side = Literal["left", "right", "upper", "lower"]
 
 LINES = 3
-"""lines of corners nearest to a side that its continuation is extrapolated from: a lens bends the others away"""
+"""rows or columns nearest to a side from which its continuation is extrapolated: distortion makes those farther away
+unsuitable"""
 NEAR, NEAR_PX = 0.2, 4.0
-"""squares, and px at least: a corner nearer to the border can't be found"""
+"""margin in squares, and at least in px: a corner closer to the border cannot be detected"""
 HIDDEN = 0.7
-"""share of the next line's corners that must be hidden: of a board that went on, the others would have been found"""
+"""share of the next line's corners that must lie beyond the border: if the board continued, the others would have been
+detected"""
 
 
-def cut_sides(ij: Int[Array, "m 2"], xy: Float[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
-    """The borders of the picture behind which a full grid of labels `ij` (M, 2) at `xy` (M, 2) px may go on.
+def cut_sides(ij: Int[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[int, int]) -> tuple[Side, ...]:
+    """The borders of the picture beyond which a full grid with labels `ij` (M, 2) at `xy` (M, 2) px may continue.
 
-    () if there are none, and for grids with holes or in one line. The next row or column of corners, extrapolated by the homography of the three
-    nearest, would lie outside the picture or too near to its border.
+    () if there are none, for grids with holes and for corners in one line. The next row or column of corners,
+    extrapolated by the homography of the three nearest, would lie outside the picture or too close to its border.
     """
     if not len(ij):
         return ()
@@ -43,8 +45,9 @@ def cut_sides(ij: Int[Array, "m 2"], xy: Float[Array, "m 2"], image_size: tuple[
     return tuple(dict.fromkeys(found))
 
 
-def _hidden_by(ij: Array, xy: Array, line: Float[Array, "l 2"], image_size: tuple[int, int]) -> list[Side]:
-    """The border that hides most of the corners `line` (L, 2), labels beside those of `ij`; [] if they could be seen."""
+def _hidden_by(ij: Array, xy: Array, line: Real[Array, "l 2"], image_size: tuple[int, int]) -> list[Side]:
+    """The border that hides most of the corners `line` (L, 2), labels adjacent to those of `ij`; [] if they would be
+    visible."""
     H = homography(ij, xy)
     beyond = apply_homography(H, line)
     step = np.linalg.norm(
@@ -66,14 +69,15 @@ def _hidden_by(ij: Array, xy: Array, line: Float[Array, "l 2"], image_size: tupl
 
 
 def may_be_cut(board: Board) -> bool:
-    """True if `board` is complete in itself but may be the part of a larger one that the picture's border leaves."""
+    """True if `board` is a full grid but may be the visible part of a larger board cut by the picture's border."""
     return board.pattern == "checker" and board.complete and bool(cut_sides(board.ij, board.xy, board.image_size))
 
 
 def whole_size(boards: Sequence[Board]) -> tuple[int, int] | None:
-    """(columns, rows) of the whole board: the usual size of the complete boards that no border can have cut.
+    """(columns, rows) of the whole board: the most frequent size of the complete boards that no border can have cut.
 
-    If all may be cut: the size of all of them, if it is the same, as a border cuts them anew in every picture. None if nothing tells.
+    If all may be cut: their size, if it is the same for all, because a border cuts differently in every picture. None
+    if it is undetermined.
     """
     cut = [may_be_cut(b) for b in boards]
     if size := usual_size([b for b, c in zip(boards, cut, strict=True) if not c]):
@@ -83,7 +87,7 @@ def whole_size(boards: Sequence[Board]) -> tuple[int, int] | None:
 
 
 def cut_text(ij: Array, xy: Array, image_size: tuple[int, int], whole: tuple[int, int]) -> str:
-    """`8×6 seen, cut by the left border`, of a full grid smaller than the `whole` board; "" if it isn't cut."""
+    """`8×6 seen, cut by the left border`, for a full grid smaller than the `whole` board; "" if it is not cut."""
     cols, rows = (int(v) + 1 for v in ij.max(axis=0) - ij.min(axis=0))
     if sorted((cols, rows)) == sorted(whole) or not (sides := cut_sides(ij, xy, image_size)):
         return ""

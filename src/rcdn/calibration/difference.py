@@ -1,8 +1,10 @@
-"""How far two cameras differ: where one sees what the other sees, after the best rotation, and what both state of it.
+"""Difference of two cameras: displacement of projections after the best rotation, and its significance against both
+covariances.
 
-Two calibrations of one camera never agree in every parameter: a shift of the principal point and a rotation of the camera do nearly the
-same to a picture, and only the ray of a pixel means something. So the rays of one camera are turned onto those of the other first, as in
-mrcal's `show-projection-diff` (D. Kogan, mrcal documentation, "Projection differencing").
+Two calibrations of one camera never agree in every parameter: a shift of the principal point and a rotation of the
+camera have nearly the same effect on a picture, and only the ray of a pixel is meaningful. Therefore the rays of one
+camera are first rotated onto those of the other, as in mrcal's `show-projection-diff` (D. Kogan, mrcal documentation,
+"Projection differencing").
 """
 
 from __future__ import annotations
@@ -15,37 +17,38 @@ from scipy.special import chdtrc, chdtri
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
-from rcdn.geometry import cross_matrix, project, project_with_slopes, rotation, unproject
+from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 GRID = 60
 """points along the longer side of the frame at which cameras are compared by default"""
 FEWEST = 3
-"""pixels with rays of both cameras that a rotation takes"""
+"""least number of pixels with rays of both cameras for the estimate of a rotation"""
 SAME_RAY = 1e-6
-"""rad: beyond it a pixel isn't reached by the ray that was projected, but by one on this side of the lens model's fold"""
+"""rad: if the ray of the projected pixel deviates by more, the projected ray lies beyond a fold of the lens model"""
 CHANCE = 0.01
-"""probability by chance alone, below which two calibrations don't agree within what they state"""
+"""significance level: two calibrations disagree if the probability of their difference by chance is smaller"""
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """`rotation` (3,) rad, the rotation vector taken out, from axes of the first camera to those of the second; `vectors` (N, 2) px at
-    the pixels `points` (N, 2): where the second camera sees what the first sees there, minus the point; NaN where either has no ray."""
+    """`rotation` (3,) rad, the rotation vector that was removed, from axes of the first camera to those of the second;
+    `vectors` (N, 2) px at the pixels `points` (N, 2): projection by the second camera of what the first sees there,
+    minus the point; NaN where either has no ray."""
 
     rotation: Array
     vectors: Array
     points: Array
 
     @property
-    def lengths(self) -> Float[Array, " n"]:
-        """(N,) px."""
+    def lengths(self) -> Real[Array, " n"]:
+        """(N,) lengths of the vectors, px."""
         return np.asarray(np.linalg.norm(self.vectors, axis=1))
 
     @property
     def rms(self) -> float:
-        """Root of the mean squared length of the vectors that are known, px; NaN if none is."""
+        """Root mean squared length of the finite vectors, px; NaN if there are none."""
         known = self.lengths[np.isfinite(self.lengths)]
         return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
 
@@ -57,11 +60,11 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """A difference beside what two independent calibrations state of it.
+    """A difference relative to the covariances of two independent calibrations.
 
-    `deviation` (N,) px, root mean square of both axes, at the points of the difference; `ratio` (N,): |vector| ÷ stated along that direction, in the
-    sense of √(vᵀ C⁻¹ v ÷ 2), so that its mean square is 1 by chance. `rms` of `ratio`; `expected`: what `rms` stays below in 99 of
-    100 cases by chance; `probability` of an `rms` as large or larger.
+    `deviation` (N,) predicted standard deviation, px, root mean square of both axes, at the points of the difference;
+    `ratio` (N,): length of the vector relative to the covariance, √(vᵀ C⁻¹ v ÷ 2), whose expected mean square is 1.
+    `rms` of `ratio`; `expected`: 99 % quantile of `rms` by chance; `probability` of an `rms` at least as large.
     """
 
     deviation: Array
@@ -72,16 +75,17 @@ class Agreement:
 
     @property
     def agree(self) -> bool:
-        """The calibrations agree within what they state."""
+        """Whether the calibrations agree within their covariances."""
         return self.probability >= CHANCE
 
 
-def difference(a: Camera, b: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array, Array]:
-    """Where `b` sees what `a` sees at `pixels` (N, 2), minus `pixels`: (N, 2) px; and the rotation vector (3,), rad, that was taken out.
+def difference(a: Camera, b: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
+    """Displacement (N, 2) px of `pixels` (N, 2) of camera `a` in camera `b`, and the rotation vector (3,), rad, that
+    was removed.
 
-    The rotation takes the axes of `a` to those of `b` and makes the sum of squared lengths of the vectors least: plain least squares, every pixel
-    with the same weight, none left out. NaN where either camera has no ray. Raises RcdnError if the frames differ in size or if fewer
-    than three of the pixels have rays in both cameras.
+    The rotation takes the axes of `a` to those of `b` and minimises the sum of squared lengths of the vectors:
+    unweighted least squares over all pixels. NaN where either camera has no ray. Raises RcdnError if the frames differ
+    in size or if fewer than three of the pixels have rays in both cameras.
     """
     pixels = _checked(a, b, pixels)
     rays = _unit(unproject(a, pixels))
@@ -99,8 +103,9 @@ def difference(a: Camera, b: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array
     return displacement(a, b, turn, pixels), turn
 
 
-def displacement(a: Camera, b: Camera, turn: Float[Array, " 3"], pixels: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-    """(N, 2) px: where `b` sees the rays of `a` at `pixels` (N, 2), rotated by the vector `turn` (3,), minus `pixels`; NaN without a ray."""
+def displacement(a: Camera, b: Camera, turn: Real[Array, " 3"], pixels: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
+    """(N, 2) px: projection by `b` of the rays of `a` at `pixels` (N, 2), rotated by the vector `turn` (3,), minus
+    `pixels`; NaN without a ray."""
     rays = _unit(unproject(a, pixels)) @ rotation(turn).T
     seen = project(b, rays)
     back = _unit(unproject(b, np.where(np.isfinite(seen), seen, np.nan)))
@@ -109,9 +114,10 @@ def displacement(a: Camera, b: Camera, turn: Float[Array, " 3"], pixels: Float[A
 
 
 def camera_difference(
-    a: Camera, b: Camera, points: Float[Array, "n 2"] | None = None, fit: Float[Array, "m 2"] | None = None
+    a: Camera, b: Camera, points: Real[Array, "n 2"] | None = None, fit: Real[Array, "m 2"] | None = None
 ) -> Difference:
-    """The difference of two cameras at `points` (N, 2) px, by default a grid over the part of the frame that both lenses see.
+    """The difference of two cameras at `points` (N, 2) px, by default a grid over the part of the frame visible to both
+    lenses.
 
     The rotation is that of `difference` over the pixels `fit` (M, 2), by default `points`.
     """
@@ -120,8 +126,9 @@ def camera_difference(
     return Difference(turn, vectors if fit is None else displacement(a, b, turn, points), points)
 
 
-def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Float[Array, "n 2"]:
-    """(N, 2) px: middles of nearly square cells over the frame, `longer` along its longer side, where both lenses see."""
+def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Real[Array, "n 2"]:
+    """(N, 2) px: centres of nearly square cells over the frame, `longer` along its longer side, where both lenses have
+    rays."""
     width, height = a.image_size
     side = max(width, height) / longer
     cells = max(round(width / side), 1), max(round(height / side), 1)
@@ -130,17 +137,19 @@ def common_grid(a: Camera, b: Camera, longer: int = GRID) -> Float[Array, "n 2"]
     return np.asarray(points[~(hidden[0] | hidden[1])])
 
 
-def agreement(a: Calibration, b: Calibration, found: Difference, inside: Float[Array, " n"] | None = None) -> Agreement:
-    """`found`, the difference of `a.camera` and `b.camera`, beside what the two calibrations state, as if they had no picture in common.
+def agreement(a: Calibration, b: Calibration, found: Difference, inside: Real[Array, " n"] | None = None) -> Agreement:
+    """The difference `found` of `a.camera` and `b.camera`, relative to both covariances, assuming that the calibrations
+    share no pictures.
 
-    First-order propagation of both covariances through the projection and through the rotation, which was fitted over the points of `found`
-    that are `inside` (N,) bool (default: all); `rms` and what follows from it are over those, too. The mean square of the ratio is a weighted sum of
-    χ² variables; its quantile is Satterthwaite's: χ² of as many degrees of freedom as give the same variance (Biometrics Bulletin 2, 1946).
+    Both covariances are propagated to first order through the projection and through the rotation, which was fitted
+    over the points of `found` that are `inside` (N,) bool (default: all); `rms` and the values derived from it are over
+    those, too. The mean square of the ratio is a weighted sum of χ² variables; its quantile is Satterthwaite's: that of
+    χ² with the degrees of freedom that give the same variance (Biometrics Bulletin 2, 1946).
     """
     inside = np.ones(len(found.points), bool) if inside is None else inside
-    slopes = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
+    jacobian = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
     half = [_half(c.cov[:-6, :-6]) for c in (a, b)]
-    root = np.concatenate([s @ h for s, h in zip(slopes, half, strict=True)], axis=2)
+    root = np.concatenate([s @ h for s, h in zip(jacobian, half, strict=True)], axis=2)
     known = np.isfinite(root).all(axis=(1, 2)) & np.isfinite(found.vectors).all(axis=1)
     cov = root[known] @ root[known].transpose(0, 2, 1)
     white = np.linalg.inv(np.linalg.cholesky(cov))
@@ -154,7 +163,7 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Float[A
     return Agreement(deviation, ratio, float(np.sqrt(square)), limit, float(chdtrc(freedom, freedom * square)))
 
 
-def _freedom(rows: Float[Array, "m p"]) -> float:
+def _freedom(rows: Real[Array, "m p"]) -> float:
     """Degrees of freedom of the mean square of `rows` (M, P) times P independent standard normal variables."""
     weights = np.linalg.eigvalsh(rows.T @ rows)
     return float(weights.sum() ** 2 / (weights**2).sum())
@@ -176,8 +185,8 @@ def _unit(rays: Array) -> Array:
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def _rotation_between(rays: Float[Array, "n 3"], theirs: Array) -> Array:
-    """The rotation vector that takes unit `rays` (N, 3) nearest to `theirs` (Kabsch, Acta Cryst. A32, 1976)."""
+def _rotation_between(rays: Real[Array, "n 3"], theirs: Array) -> Array:
+    """The rotation vector that best takes unit `rays` (N, 3) to `theirs` (Kabsch, Acta Cryst. A32, 1976)."""
     u, _, vt = np.linalg.svd(theirs.T @ rays)
     R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
@@ -186,10 +195,11 @@ def _rotation_between(rays: Float[Array, "n 3"], theirs: Array) -> Array:
     return np.asarray(axis * (angle / sine if sine > 1e-12 else 1.0))
 
 
-def _least_squares(camera: Camera, rays: Float[Array, "n 3"], pixels: Float[Array, "n 2"], start: Array) -> Array:
-    """The rotation vector near `start` after which `camera` sees `rays` (N, 3) nearest to `pixels` (N, 2).
+def _least_squares(camera: Camera, rays: Real[Array, "n 3"], pixels: Real[Array, "n 2"], start: Array) -> Array:
+    """The rotation vector near `start` that minimises the distances between the projections of `rays` (N, 3) by
+    `camera` and `pixels` (N, 2).
 
-    Solved for a small rotation after `start`, by central differences, which every lens model has.
+    Parametrised as a small rotation after `start`, with central differences, which are available for every lens model.
     """
     turned = rays @ rotation(start).T
 
@@ -201,7 +211,8 @@ def _least_squares(camera: Camera, rays: Float[Array, "n 3"], pixels: Float[Arra
 
 
 def _difference_jacobian(a: Camera, b: Camera, turn: Array, points: Array, fit: Array) -> tuple[Array, Array]:
-    """Derivatives (N, 2, P) of the difference's vectors at `points` in the parameters of `a` and of `b`, the rotation following."""
+    """Derivatives (N, 2, P) of the difference's vectors at `points` with respect to the parameters of `a` and of `b`,
+    including the change of the fitted rotation."""
     *by_cameras, by_turn = _fixed_jacobian(a, b, turn, fit)
     seen = np.isfinite(by_turn).all(axis=(1, 2)) & np.isfinite(by_cameras[0]).all(axis=(1, 2))
     rows = by_turn[seen].reshape(-1, 3)
@@ -212,12 +223,13 @@ def _difference_jacobian(a: Camera, b: Camera, turn: Array, points: Array, fit: 
 
 
 def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[Array, Array, Array]:
-    """Derivatives of the vectors at `pixels` in the parameters of `a` and of `b`, (N, 2, P), and in a small rotation (N, 2, 3)."""
+    """Derivatives of the vectors at `pixels` with respect to the parameters of `a` and of `b`, (N, 2, P), and to a
+    small rotation (N, 2, 3)."""
     rays = _unit(unproject(a, pixels))
-    _, by_ray, by_a = project_with_slopes(a, rays)
+    _, by_ray, by_a = project_with_jacobian(a, rays)
     R = rotation(turn)
-    _, by_turned, by_b = project_with_slopes(b, rays @ R.T)
-    # a change of a's parameters moves the ray of a fixed pixel, within the plane across it: by_ray·δray = −by_a·δparameters
+    _, by_turned, by_b = project_with_jacobian(b, rays @ R.T)
+    # a change of a's parameters moves the ray of a fixed pixel perpendicularly to it: by_ray·δray = −by_a·δparameters
     gram = by_ray @ by_ray.transpose(0, 2, 1)
     seen = np.isfinite(gram).all(axis=(1, 2))
     moves = np.full((len(pixels), 3, by_a.shape[2]), np.nan)
@@ -234,6 +246,6 @@ def _half(cov: Array) -> Array:
 
 
 def _positive(cov: Array) -> Array:
-    """A covariance with a little on its diagonal, so that it has a Cholesky factor."""
+    """A covariance with a small addition to its diagonal, so that it has a Cholesky factor."""
     size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
     return np.asarray(cov + 1e-12 * np.diag(size**2))

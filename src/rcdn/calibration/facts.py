@@ -1,4 +1,5 @@
-"""What is measured in a calibration, once, so that verdict, figures and drawings agree: geometry and uncertainty over the sensor."""
+"""Geometry of a calibration and its uncertainty over the sensor, measured once for the verdict, the figures and the
+drawings."""
 
 from __future__ import annotations
 
@@ -12,25 +13,27 @@ from rcdn.calibration.sight import cell_centres, cells_of, off_axis, out_of_sigh
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 from rcdn.calibration.view_facts import ViewFacts, measure_views
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool
 
 GRID = 120
-"""boxes along the frame's longer side in whose middles the projection uncertainty is measured"""
+"""boxes along the frame's longer side at whose centres the projection uncertainty is evaluated"""
 FINE = 0.01
-"""px; an RMS below counts as this where one is stated as a multiple of another: such small ones are rounding, not noise"""
+"""px; a smaller RMS counts as this in ratios of two RMS values: such small ones are rounding error, not noise"""
 
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """`coverage` (rows, cols) used corners in each cell; `in_view` (rows, cols) cells that count; `covered` the share of those with a
-    corner. `uncertainty` (h, w) px in the middles of small boxes all over the frame, NaN where there's no ray; `beyond` (h, w) those
-    that don't count, out of the lens's sight, and `broken` those where the lens model ends though there is a picture; `reach` the
-    share of the others. `corners` (2, 2) px in the frame's corners and `middle`; `at_corners` the worst corner (the worst anywhere, if
-    no corner counts; infinite if the model is broken there), `typical` the median over the frame. `fov` horizontal,
-    vertical and diagonal, degrees. `focal_std` relative, the worse axis; `centre_std` px, the worse axis; `aspect` fy ÷ fx and its
-    standard deviation `aspect_std`. `seen` corners in all views, `used` those that the calibration rests on. `held_ratio`: error in
-    pictures held out ÷ that of the calibration, both on the corners on which lens models were compared; NaN if nothing was held out.
-    `residuals`, `views`, `board`: what residuals and poses show, and what they ask of the board."""
+    """`coverage` (rows, cols) number of used corners in each cell; `in_view` (rows, cols) cells that count; `covered`,
+    the share of those with a corner. `uncertainty` (h, w) px at the centres of small boxes over the frame, NaN without
+    a ray; `beyond` (h, w) boxes that do not count, outside what the lens images, and `broken` (h, w) those in which the
+    lens model has no ray though the lens images something; `reach`, the share of valid boxes among those that count.
+    `corners` (2, 2) px uncertainty in the frame's corners, and in its `middle`; `at_corners`, that of the worst corner
+    (of the worst box if no corner counts; infinite if the model is invalid in a corner); `typical`, the median over the
+    frame. `fov` horizontal, vertical and diagonal, degrees. `focal_std` relative, of the worse axis; `centre_std` px,
+    of the worse axis; `aspect` fy ÷ fx and its standard deviation `aspect_std`. `seen`, number of corners in all views;
+    `used`, number of those used by the estimate. `held_ratio`: error in held-out pictures ÷ that of the fit, both on
+    the corners on which lens models were compared; NaN if nothing was held out. `residuals`, `views`, `board`:
+    properties of the residuals, of the poses and of the board's shape."""
 
     coverage: Array
     in_view: Array
@@ -103,7 +106,8 @@ def _aspect_std(calibration: Calibration) -> float:
 
 
 def _held_ratio(calibration: Calibration) -> float:
-    """One score holds both on the same corners; the calibration's own RMS is of the corners that it uses."""
+    """Both errors are taken from one model score, on the same corners; the calibration's own RMS is that of the corners
+    that it uses."""
     if not calibration.models:
         return float("nan")
     score = calibration.models[0]
@@ -111,7 +115,7 @@ def _held_ratio(calibration: Calibration) -> float:
 
 
 def multiple(rms: float, of: float) -> float:
-    """One RMS, px, as a multiple of another; those below FINE count as that. NaN of NaN."""
+    """Ratio of two RMS values, px; values below FINE count as FINE. NaN if one is NaN."""
     return max(rms, FINE) / max(of, FINE)
 
 
@@ -120,8 +124,8 @@ def _uncertainty(calibration: Calibration, pixels: Array) -> Array:
     return np.asarray(flat, float).reshape(pixels.shape[:-1])
 
 
-def cell_majority(mask: Float[Array, "h w"], cells: tuple[int, int]) -> Array:
-    """(rows, cols) bool: at least half of the points of `mask` (h, w) that fall into the cell are true."""
+def cell_majority(mask: Bool[Array, "h w"], cells: tuple[int, int]) -> Array:
+    """(rows, cols) bool: at least half of the points of `mask` (h, w) in the cell are true."""
     row = np.minimum(np.arange(mask.shape[0]) * cells[1] // mask.shape[0], cells[1] - 1)
     col = np.minimum(np.arange(mask.shape[1]) * cells[0] // mask.shape[1], cells[0] - 1)
     flat = (row[:, None] * cells[0] + col).ravel()
@@ -131,8 +135,8 @@ def cell_majority(mask: Float[Array, "h w"], cells: tuple[int, int]) -> Array:
     return np.asarray(share.reshape(cells[1], cells[0]) >= 0.5)
 
 
-def _ends(field: Array) -> Float[Array, "2 2"]:
-    """(2, 2) the values in a field's corners."""
+def _ends(field: Array) -> Bool[Array, "2 2"]:
+    """(2, 2) the values at the four corners of an array."""
     return field[[[0], [-1]], [0, -1]]
 
 
@@ -144,7 +148,8 @@ def _worst_corner(ends: Array, spread: Array, broken: Array) -> float:
 
 
 def field_of_view(camera: Camera) -> tuple[float, float, float]:
-    """Horizontal, vertical and diagonal angle, degrees, between the rays of the frame's edges; NaN where the lens has no ray."""
+    """Horizontal, vertical and diagonal angle of view, degrees, between the rays at the frame's edges; NaN where the
+    lens has no ray."""
     width, height = camera.image_size
     (cx, cy), right, bottom = camera.K[:2, 2], width - 0.5, height - 0.5
     pairs = [
@@ -152,5 +157,5 @@ def field_of_view(camera: Camera) -> tuple[float, float, float]:
         [(cx, -0.5), (cx, bottom)],
         [(-0.5, -0.5), (right, bottom)],
     ]
-    angle = off_axis(camera, np.array(pairs, float)).sum(axis=1)  # through the axis: a fisheye may have more than 180°
+    angle = off_axis(camera, np.array(pairs, float)).sum(axis=1)  # measured through the axis: a fisheye may exceed 180°
     return float(angle[0]), float(angle[1]), float(angle[2])

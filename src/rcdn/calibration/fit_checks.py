@@ -1,4 +1,5 @@
-"""Checks of what the solution shows: residuals, corners left out, uncertainty, the lens model. Each gives reasons of a verdict."""
+"""Checks of the solution: residuals, corners left out, uncertainty, the lens model. Each returns reasons of a
+verdict."""
 
 from __future__ import annotations
 
@@ -9,13 +10,14 @@ from rcdn.calibration.limits import growth, reason
 from rcdn.types import Array, Calibration, Level, Reason
 
 UNEVEN_FROM = 0.25
-"""px, RMS of the rougher half of the views, below which unevenness doesn't matter"""
+"""px, RMS of the half of the views with the larger residuals, below which unevenness is negligible"""
 SIGMAS = 3.0
-"""standard deviations by which fy ÷ fx must differ from 1 to be told from it"""
+"""standard deviations by which fy ÷ fx must differ from 1 to be significant"""
 
 
 def board(c: Calibration, facts: Facts) -> list[Reason]:
-    """A print that is stretched, and a board that is bent alike in all views: solved for, but worth a word; nothing where it can't be told."""
+    """A print that is stretched, and a board that is bent in all views: both are estimated, but reported; none if the
+    shape is unknown."""
     b = facts.board
     if not np.isfinite(b.stretch):
         return []
@@ -35,7 +37,7 @@ def board(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def dropped(c: Calibration, facts: Facts) -> list[Reason]:
-    """Corners left out of views that were used: how many, and whether together."""
+    """Corners left out of views that were used: their number, and whether they are concentrated in one region."""
     r = facts.residuals
     seen = sum(len(v) for v in c.used_views)
     found = [
@@ -70,7 +72,7 @@ def rms(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def held_out(c: Calibration, facts: Facts) -> list[Reason]:
-    """How the camera does in pictures that it wasn't calibrated from."""
+    """The error in pictures from which the camera was not calibrated."""
     ratio = facts.held_ratio
     if not np.isfinite(ratio):
         return [
@@ -90,7 +92,7 @@ def held_out(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def systematic(c: Calibration, facts: Facts) -> list[Reason]:
-    """Residuals that point one way in one place of the sensor."""
+    """Mean residuals that are significant in a region of the sensor."""
     cells = facts.residuals.cells
     odd, of = int(cells.systematic.sum()), len(cells.systematic)
     if not of:
@@ -106,7 +108,7 @@ def systematic(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def smooth(c: Calibration, facts: Facts) -> list[Reason]:
-    """Residuals that neighbours on the board share."""
+    """Residuals that neighbours on the board have in common."""
     r = facts.residuals
     return [
         reason(
@@ -119,7 +121,7 @@ def smooth(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def uneven(c: Calibration, facts: Facts) -> list[Reason]:
-    """Views that scatter much more than others."""
+    """Views with a much larger scatter than the others."""
     r = facts.residuals
     if not np.isfinite(r.uneven):
         return []
@@ -135,7 +137,7 @@ def uneven(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def reach(c: Calibration, facts: Facts) -> list[Reason]:
-    """Pixels without a ray."""
+    """Pixels for which the lens model has no ray."""
     return [
         reason(
             "reach", facts.reach, "Every pixel that the lens can fill has a ray.",
@@ -146,7 +148,7 @@ def reach(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def parameters(c: Calibration, facts: Facts) -> list[Reason]:
-    """How far focal length and principal point are determined, and whether pixels are square."""
+    """Uncertainty of focal length and principal point, and whether pixels are square."""
     how = "Add pictures of the board tilted by 30° to 45°, to different sides, near and far."
     width = c.camera.image_size[0]
     beyond = max(abs(facts.aspect - 1) - SIGMAS * facts.aspect_std, 0.0)
@@ -168,7 +170,7 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def projections(c: Calibration, facts: Facts) -> list[Reason]:
-    """How far a projection may go astray, in the middle and in the corners."""
+    """Projection uncertainty, typical and in the corners of the frame."""
     factor = growth(c.camera.image_size)
     rim = f"known only to ±{facts.at_corners:.1f} px" if np.isfinite(facts.at_corners) else "not known at all"
     return [
@@ -185,5 +187,5 @@ def projections(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def _place(at: Array, image_size: tuple[int, int]) -> str:
-    """`around (320, 240) px`, or "" without a place."""
+    """`around (320, 240) px`, or `in one region` if the position is unknown."""
     return f"around ({at[0]:.0f}, {at[1]:.0f}) px" if np.isfinite(at).all() else "in one region"

@@ -1,8 +1,8 @@
-"""Which frames of a video to calibrate from: sharp ones, each different from the others.
+"""Selection of video frames for calibration: sharp ones, each different from the others.
 
-Two steps. `candidates` needs no detection: it goes by a glance at every frame, and bounds how many are worth a detector's
-time. `choose_views` then keeps, of the candidates with a board, those whose boards differ most in place, size and tilt.
-Both are functions of their arguments alone.
+There are two steps. `candidates` needs no detection: it uses a `Glance` of every frame, and limits how many frames are
+passed to the detector. `choose_views` then keeps, among the candidates with a board, those whose boards differ most in
+place, size and tilt. Both depend on their arguments only.
 """
 
 from __future__ import annotations
@@ -16,29 +16,31 @@ import numpy as np
 from rcdn.calibration.outlines import distances, outline
 from rcdn.io import ImageResult
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LOOKS, VIEWS = 150, 40
-"""candidates of a video, and frames that are kept, at most"""
+"""most candidates of a video, and most frames that are kept"""
 WIDE = 640
-"""px: frames are looked at in this width, or as they are if that is less"""
+"""px: width to which frames are reduced; smaller ones are used as they are"""
 THUMB, SMOOTH = (16, 12), 1.5
-"""(width, height) of what is compared, and how far it is smoothed, so that it changes evenly as a board moves"""
+"""(width, height) of the thumbnails that are compared, and the sigma of their smoothing, so that they change gradually
+as a board moves"""
 NEAR, SHARP = 7, 0.7
-"""a frame is sharp if its energy is at least SHARP of the largest within NEAR frames of it"""
+"""a frame is sharp if its energy is at least SHARP × the largest within NEAR frames of it"""
 SAME = 0.02
-"""of the mean of a thumbnail: frames that differ by less show the same"""
+"""share of a thumbnail's mean: frames that differ by less show the same"""
 ALIKE = 0.004
-"""of the diagonal: boards whose outlines differ by less add nothing"""
+"""share of the diagonal: boards whose outlines differ by less are redundant"""
 BLURRED = 4.0
-"""times the median sigma of the views: above it the frame is left out"""
+"""× the median sigma of the views: a frame with a larger one is left out"""
 
 
 @dataclass(frozen=True, eq=False)
 class Glance:
-    """What a quick look at a frame keeps.
+    """Summary of a frame.
 
-    `energy` of its gradients, grey levels²; `small` (12, 16) float32: how much its grey values vary in each cell, grey levels a pixel.
+    `energy` of its gradients, grey levels²; `small` (12, 16) float32: total variation of its grey values in each cell,
+    grey levels per pixel.
     """
 
     energy: float
@@ -46,10 +48,11 @@ class Glance:
 
 
 def glance(grey: Array) -> Glance:
-    """A quick look at a frame (H, W).
+    """Summary of a frame (H, W).
 
-    The energy is the geometric mean of those along x and y: motion takes the one along its direction only. What is compared is total
-    variation, which blur leaves as it is, and which tells where a board is whatever its squares' colours there.
+    The energy is the geometric mean of those along x and y: motion blur reduces only the one along its direction. The
+    thumbnail contains total variation, which blur does not change, and which shows where a board is regardless of the
+    colours of its squares there.
     """
     height, width = grey.shape
     scale = min(1.0, WIDE / width)
@@ -62,10 +65,11 @@ def glance(grey: Array) -> Glance:
 
 
 def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
-    """Numbers, rising, of at most `most` frames that are sharp among their neighbours in time and differ from each other.
+    """Indices, ascending, of at most `most` frames that are sharp among their neighbours in time and differ from each
+    other.
 
-    The sharpest of each of `most` ÷ 2 equal stretches of time come first, so that no part of the video is passed over; then those
-    that differ most from all that are chosen.
+    The sharpest frame of each of `most` ÷ 2 equal intervals of time is selected first, so that no part of the video is
+    missed; then those that differ most from all selected ones.
     """
     if not glances:
         return []
@@ -89,17 +93,18 @@ def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
     return sorted(chosen)
 
 
-def _largest_near(energy: Array) -> Float[Array, " n"]:
+def _largest_near(energy: Array) -> Real[Array, " n"]:
     """(N,) the largest energy within NEAR frames."""
     padded = np.pad(energy, NEAR, constant_values=-np.inf)
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR + 1).max(axis=1))
 
 
 def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:
-    """Indices, rising, of at most `most` images whose (largest) boards differ most, and are sharp and whole.
+    """Indices, ascending, of at most `most` images whose (largest) boards are precise and complete and differ most.
 
-    Images without a board, boards much less precise than usual, and boards that lie where another one does are left out.
-    Farthest-point selection, from the best board on: each next one has the largest product of its distance from those chosen and its worth.
+    Images without a board, boards much less precise than usual, and boards in the same place as another are left out.
+    Farthest-point selection, starting from the best board: each next one has the largest product of its distance from
+    the selected ones and its weight.
     """
     index = [k for k, image in enumerate(images) if image.boards]
     boards = [images[k].boards[0] for k in index]
@@ -117,8 +122,8 @@ def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:
     return sorted(index[k] for k in chosen)
 
 
-def _worth(boards: Sequence[Board]) -> Float[Array, " n"]:
-    """(N,) in [0, 1]: less for imprecise corners and for few of them; 0 for blurred boards."""
+def _worth(boards: Sequence[Board]) -> Real[Array, " n"]:
+    """(N,) weight in [0, 1]: smaller for imprecise corners and for few of them; 0 for blurred boards."""
     sigma = np.array([_median_sigma(board) for board in boards])
     known = sigma[np.isfinite(sigma)]
     usual = float(np.median(known)) if len(known) else 1.0
@@ -129,7 +134,7 @@ def _worth(boards: Sequence[Board]) -> Float[Array, " n"]:
 
 
 def _median_sigma(board: Board) -> float:
-    """Median of the corners' sigma, px; NaN if nobody knows any."""
+    """Median of the corners' sigma, px; NaN if all are unknown."""
     if board.sigma is None or not np.isfinite(board.sigma).any():
         return float("nan")
     return float(np.nanmedian(board.sigma))

@@ -1,4 +1,4 @@
-"""Which pictures may belong together by their names, and how to name a group of them in few words."""
+"""Groups of pictures suggested by their names, and short names for such groups."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 FEWEST = 3
-"""pictures that make a group"""
+"""least number of pictures in a group"""
 MOST = 4
-"""groups that a partition may have"""
+"""most groups in a partition"""
 LISTED = 3
-"""names that are listed before the rest is left to an ellipsis"""
+"""names that are listed before an ellipsis"""
 
 Partition = tuple[int, ...]
 """For each name the number of its group, −1 for names that belong to none."""
 
 
 def name_partitions(names: Sequence[str]) -> list[Partition]:
-    """Partitions of pictures into 2 to 4 groups that their names suggest; none twice.
+    """Partitions of pictures into 2 to 4 groups that their names suggest, without repetition.
 
-    By folder; by what is left of the name without its digits (`left01`, `right01`); and, where all names are built alike, by each of their
-    parts in turn (`cam0_001`, `cam1_001`). Groups of fewer than 3 pictures count as none.
+    By folder; by what remains of the name without its digits (`left01`, `right01`); and, if all names have the same
+    structure, by each of their parts in turn (`cam0_001`, `cam1_001`). Names in groups of fewer than 3 pictures belong
+    to no group.
     """
     paths = [PurePath(n) for n in names]
     columns: list[list[str]] = [[str(p.parent) for p in paths], [re.sub(r"\d+", "#", p.stem) for p in paths]]
@@ -44,7 +45,7 @@ def _partition(keys: Sequence[str]) -> Partition | None:
 
 
 def natural_order(names: Sequence[str]) -> list[int]:
-    """Indices of `names` in the order in which a person would count them: `a2` before `a10`."""
+    """Indices of `names` in numerical order: `a2` before `a10`."""
 
     def key(k: int) -> list[tuple[int, int, str]]:
         return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in re.split(r"(\d+)", names[k])]
@@ -53,9 +54,10 @@ def natural_order(names: Sequence[str]) -> list[int]:
 
 
 def describe(names: Sequence[str], others: Sequence[str]) -> str:
-    """A group of pictures in few words: `left*` if that fits all `names` and none of the `others`, else its first names.
+    """A short name for a group of pictures: `left*` if that matches all `names` and none of the `others`, otherwise its
+    first names.
 
-    A pattern is a common beginning of the file names, or their folder.
+    A pattern is a common prefix of the file names, or their folder.
     """
     names, others = list(dict.fromkeys(names)), list(dict.fromkeys(others))
     files, rest = [PurePath(n).name for n in names], [PurePath(n).name for n in others]
@@ -74,7 +76,7 @@ def describe(names: Sequence[str], others: Sequence[str]) -> str:
 
 
 def _beginning(files: Sequence[str]) -> str:
-    """What all `files` begin with, up to the first number in which they differ."""
+    """The common prefix of all `files`, up to the first number in which they differ."""
     low, high = min(files), max(files)
     same = next((k for k, (a, b) in enumerate(zip(low, high, strict=False)) if a != b), min(len(low), len(high)))
     return re.sub(r"\d+$", "", low[:same])

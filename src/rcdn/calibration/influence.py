@@ -1,9 +1,10 @@
-"""What each view says about the camera: its score and information, with its own pose eliminated.
+"""The contribution of each view to the camera: its score and information, with its own pose eliminated.
 
-At the solution the residuals of view v are linear in small changes of its pose and of the camera's parameters. Eliminating the pose by a
-QR factorisation leaves a score g_v (P,) and an information matrix S_v (P, P); the change of the camera that a set of views asks for is
-(Σ S_v + prior)⁻¹ Σ g_v. The corners of one view err together (bent paper, an imperfect lens), so the scatter between views, by a jackknife that
-leaves out one view at a time, tells how far such a change is to be trusted; the noise of corners doesn't.
+At the solution the residuals of view v are linear in small changes of its pose and of the camera's parameters.
+Eliminating the pose by a QR factorisation leaves a score g_v (P,) and an information matrix S_v (P, P); the
+Gauss–Newton step of the camera for a set of views is (Σ S_v + prior)⁻¹ Σ g_v. The errors of the corners of one view are
+correlated (bent paper, an imperfect lens model), so that the uncertainty of such a step is estimated from the scatter
+between views, by a jackknife that leaves out one view at a time; the noise of single corners would underestimate it.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 RIDGE = 1e-10
-"""of a normal matrix with a unit diagonal"""
+"""added to a normal matrix with unit diagonal"""
 LEAST_SCATTER = 1e-6
-"""px along one axis: where neither the corners' sigma nor the noise is known to be more"""
+"""px along one axis: least standard deviation of a corner, used if both the sigma and the noise are smaller"""
 FIRM = 1e6
-"""× the information on a parameter: as good as fixed"""
+"""× the information on a parameter: large enough to hold it fixed"""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewInformation:
-    """Of V views and P camera parameters: `score` (V, P), `information` (V, P, P), and the `prior` (P, P) information."""
+    """For V views and P camera parameters: `score` (V, P), `information` (V, P, P), and the `prior` (P, P)
+    information."""
 
     score: Array
     information: Array
@@ -40,12 +42,14 @@ class ViewInformation:
         return len(self.score)
 
     def at_optimum(self) -> ViewInformation:
-        """The same views, linearised where the sum of their scores is zero."""
+        """The same views, linearised after one Gauss–Newton step, where the sum of their scores is zero up to the
+        prior."""
         step = _solve(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
         return ViewInformation(self.score - self.information @ step, self.information, self.prior)
 
-    def deviations(self, directions: Array | None = None) -> Float[Array, " q"]:
-        """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a jackknife over views, linearised."""
+    def deviations(self, directions: Array | None = None) -> Real[Array, " q"]:
+        """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a linearised
+        jackknife over views."""
         H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
         moved = _solve(H - self.information, g - self.score) - _solve(H, g)
         if directions is not None:
@@ -55,7 +59,8 @@ class ViewInformation:
 
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
-    """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where unknown."""
+    """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where
+    unknown."""
     ij, xy, sigma = (
         np.concatenate([getattr(v, name)[m] for v, m in zip(views, masks, strict=True)])
         for name in ("ij", "xy", "sigma")
@@ -75,7 +80,7 @@ def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:
 
 
 def view_information(calibration: Calibration) -> ViewInformation:
-    """What each of `calibration.used_views` says about the camera's parameters."""
+    """The contribution of each of `calibration.used_views` to the camera's parameters."""
     views = calibration.used_views
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
     info = of_state(
@@ -86,8 +91,9 @@ def view_information(calibration: Calibration) -> ViewInformation:
     return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
 
 
-def _fixed(calibration: Calibration, info: ViewInformation) -> Float[Array, "p p"]:
-    """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy where they vary as one."""
+def _fixed(calibration: Calibration, info: ViewInformation) -> Real[Array, "p p"]:
+    """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy if
+    they are fully correlated."""
     cov, camera = calibration.cov, calibration.camera
     usual = np.diag(info.information.sum(axis=0))
     out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * usual))
@@ -97,8 +103,9 @@ def _fixed(calibration: Calibration, info: ViewInformation) -> Float[Array, "p p
     return out
 
 
-def of_state(state: State, corners: Corners3, weight: Float[Array, " n"]) -> ViewInformation:
-    """The same of a `state` of one camera: each frame a view, its corners with `weight` (N,) 1 / px (0: left out)."""
+def of_state(state: State, corners: Corners3, weight: Real[Array, " n"]) -> ViewInformation:
+    """The same for a `state` of one camera: each frame is a view, its corners with `weight` (N,) 1 / px (0: left
+    out)."""
     many = len(state.cameras[0].parameters)
     xy, by_pose, by_shared = linearise(state, corners)
     gaps = np.nan_to_num(corners.xy - xy) * weight[:, None]
@@ -116,18 +123,20 @@ def of_state(state: State, corners: Corners3, weight: Float[Array, " n"]) -> Vie
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """By how much `value` (n, q) the groups of n splits differ along q directions, its standard deviation `std` (n, q) and
-    degrees of freedom `freedom` (n, q)."""
+    """The difference `value` (n, q) between the groups of n splits along q directions, its standard deviation `std` (n,
+    q) and degrees of freedom `freedom` (n, q)."""
 
     value: Array
     std: Array
     freedom: Array
 
 
-def group_difference(info: ViewInformation, directions: Float[Array, "p q"], splits: Float[Array, "n v"]) -> Difference:
-    """How the views of `splits` (n, V) bool differ from the others along `directions` (P, q); what else the camera has is common to both.
+def group_difference(info: ViewInformation, directions: Real[Array, "p q"], splits: Bool[Array, "n v"]) -> Difference:
+    """The difference of the views of `splits` (n, V) bool from the others along `directions` (P, q); the other
+    parameters of the camera are common to both.
 
-    Deviations are those of a jackknife over views, in which each group has its own share; degrees of freedom after Welch (1947) and Satterthwaite.
+    Standard deviations are those of a jackknife over views, with separate contributions of the groups; degrees of
+    freedom after Welch (1947) and Satterthwaite.
     """
     inside = np.asarray(splits, float)
     every, without = _joint(info, directions, inside, None), []
@@ -142,8 +151,9 @@ def group_difference(info: ViewInformation, directions: Float[Array, "p q"], spl
     return Difference(every, np.sqrt(variance), freedom)
 
 
-def _joint(info: ViewInformation, directions: Array, inside: Array, without: int | None) -> Float[Array, "n q"]:
-    """(n, q) the least-squares change along `directions` of the views inside, beside a change of all; `without` one view."""
+def _joint(info: ViewInformation, directions: Array, inside: Array, without: int | None) -> Real[Array, "n q"]:
+    """(n, q) least-squares change along `directions` of the views inside, together with a common change of all;
+    `without` one view."""
     keep = np.ones(len(info))
     if without is not None:
         keep[without] = 0.0
@@ -160,8 +170,9 @@ def _joint(info: ViewInformation, directions: Array, inside: Array, without: int
     return _solve(H, right)[:, many:]
 
 
-def gains(info: ViewInformation, splits: Float[Array, "n v"]) -> Float[Array, " n"]:
-    """(n,) by how much the sum of whitened squares falls if the views of each of `splits` (n, V) get a camera of their own, all parameters.
+def gains(info: ViewInformation, splits: Real[Array, "n v"]) -> Real[Array, " n"]:
+    """(n,) decrease of the sum of whitened squares if the views of each of `splits` (n, V) get a camera of their own,
+    with all its parameters.
 
     `info` is linearised at its optimum (`at_optimum`).
     """
@@ -172,13 +183,13 @@ def gains(info: ViewInformation, splits: Float[Array, "n v"]) -> Float[Array, " 
     return np.einsum("np,np->n", score, _solve(part - part @ _solve_all(H, part), score))
 
 
-def _solve(H: Float[Array, "... n n"], right: Float[Array, "... n"]) -> Float[Array, "... n"]:
+def _solve(H: Real[Array, "... n n"], right: Real[Array, "... n"]) -> Real[Array, "... n"]:
     """Solutions (..., n) of symmetric `H` (..., n, n) for `right` (..., n); scaled, with a small ridge."""
     return _solve_all(H, right[..., None])[..., 0]
 
 
-def _solve_all(H: Array, right: Array) -> Float[Array, "... n m"]:
-    """The same of several right sides (..., n, m)."""
+def _solve_all(H: Array, right: Array) -> Real[Array, "... n m"]:
+    """The same for several right-hand sides (..., n, m)."""
     scale = 1 / np.sqrt(np.maximum(np.einsum("...ii->...i", H), 1e-300))
     scaled = H * scale[..., :, None] * scale[..., None, :] + RIDGE * np.eye(H.shape[-1])
     return np.asarray(scale[..., :, None] * np.linalg.solve(scaled, scale[..., :, None] * right))

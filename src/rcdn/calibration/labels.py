@@ -1,4 +1,4 @@
-"""One board's size and labels across pictures that show it whole, turned, or in part."""
+"""The size of a board and consistent labels in pictures that show it whole, rotated, or in part."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Size = tuple[int, int]
 GRID = 0.25
-"""squares that the typical corner of a grid may lie off a plane's homography: lenses bend it, shuffled labels tear it"""
+"""median distance of corners from a homography of the grid, in squares, above which labels are wrong: distortion causes
+smaller distances"""
 
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """Labels `ij` (M, 2) of a board's corners, of the whole board if `settled`, else of the part seen; `reason`: why it can't be used.
+    """Labels `ij` (M, 2) of a board's corners, on the whole board if `settled`, otherwise on the part seen; `reason`:
+    why it cannot be used.
 
-    `plane` that they count on, with sides of `spacing` m; the `target` that codes name; `main`: whether the board is the one that most views show.
+    `plane` of the labels, with sides of `spacing` m; the `target` identified by codes; `main`: whether the board is the
+    one that most views show.
     """
 
     ij: Array
@@ -32,23 +35,24 @@ class Labelled:
     main: bool = True
 
     @property
-    def places(self) -> Float[Array, "m 2"]:
-        """(M, 2) m: where the corners lie on the printed plane."""
+    def places(self) -> Real[Array, "m 2"]:
+        """(M, 2) m: positions of the corners on the printed plane."""
         return self.plane.points(self.ij) * self.spacing
 
 
 def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Labelled]:
-    """Labels of each board in a whole board of `size` (columns, rows).
+    """Labels of each board on a whole board of `size` (columns, rows).
 
-    A board whose box has that size, holes included, is settled; one that lies the other way is turned a quarter, so that the square inside (0, 0)
-    keeps its colour. A smaller one may lie anywhere in the whole: it keeps its own labels. What can't be part of the whole
-    keeps them, too, or is refused if `strict` (the user named the size).
+    A board whose bounding box has that size, holes included, is settled; if it has the transposed size, it is rotated
+    by a quarter turn that keeps the colour of the square inside (0, 0). A smaller one may be anywhere on the whole
+    board, and keeps its own labels. A board that cannot be part of the whole also keeps them, or is refused if `strict`
+    (the user gave the size).
     """
     return [_label(b, size, strict) for b in boards]
 
 
 def orientation_of(size: Size) -> Orientation:
-    """Whether colours settle which corner of a whole board is (0, 0): docs/conventions.md."""
+    """Whether the colours determine which corner of a whole board is (0, 0): docs/conventions.md."""
     cols, rows = size
     if (cols + rows) % 2:
         return "unique"
@@ -59,12 +63,12 @@ def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)
-    if size is None or board.pattern != "checker":  # where a deltille ends isn't known, and it has no quarter turns
+    if size is None or board.pattern != "checker":  # the extent of a deltille is unknown, and it has no quarter turns
         return Labelled(own, False)
     if board.size == size:
         return Labelled(own, True)
     if board.size == size[::-1]:
-        # the quarter turn that leaves the square inside (0, 0) its colour, as `Board.grid_of` does
+        # the quarter turn that keeps the colour of the square inside (0, 0), as in `Board.grid_of`
         return Labelled(turn_labels(own, board.size, 1 if board.size[0] % 2 == 0 else 3), True)
     if strict and not fits(board.size, size):
         there, whole = ("{}×{}".format(*s) for s in (board.size, size))
@@ -78,7 +82,7 @@ def fits(size: Size, whole: Size) -> bool:
 
 
 def turn_labels(ij: Array, size: Size, turn: int) -> Int[Array, "n 2"]:
-    """Labels (N, 2) of a board of `size` after `turn` quarters."""
+    """Labels (N, 2) of a board of `size` after `turn` quarter turns."""
     for _ in range(turn):
         ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)
         size = (size[1], size[0])
@@ -91,9 +95,10 @@ def in_line(board: Board) -> bool:
 
 
 def mirrored(board: Board) -> bool:
-    """True if columns × rows of a board don't turn like x × y: no picture of a board from its front gives that.
+    """True if the labels' axes have the opposite handedness to x and y in the picture, which no picture of a board from
+    its front has.
 
-    False if its labels make no grid at all.
+    False if the labels are not consistent with a grid.
     """
     H = homography(board.ij, board.xy)
     middle = board.ij.mean(axis=0)

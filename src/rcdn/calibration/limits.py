@@ -1,6 +1,7 @@
-"""Where a verdict draws its lines: every threshold, with the reason for it.
+"""The thresholds of the verdict, each with its reason.
 
-They are habits of people who calibrate, checked on public sets of photographs and on simulated faults; not laws.
+They follow the practice of people who calibrate cameras, and were checked on public sets of photographs and on
+simulated faults; they are not strict bounds.
 """
 
 from __future__ import annotations
@@ -10,14 +11,15 @@ from dataclasses import dataclass
 from rcdn.types import LEVELS, Level, Reason
 
 REFERENCE = 1600.0
-"""px; limits in pixels grow in proportion for a picture whose longer side is longer than this"""
+"""px; thresholds in pixels grow in proportion for pictures whose longer side is longer"""
 NEVER = float("inf")
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A value is good up to `good`, fair up to `fair`, unsure up to `unsure` and bad beyond (`rising`: from there on up). `what` is measured,
-    in `unit` (a `share` of 1); `why` the lines are there; `grows`: in proportion to a large picture."""
+    """A value is good up to `good`, fair up to `fair`, unsure up to `unsure` and bad beyond (`rising`: at least these
+    values are required instead). `what` is measured, in `unit` (`share`: a fraction of 1); `why`, the reason for the
+    thresholds; `grows`: whether they grow with large pictures."""
 
     what: str
     unit: str
@@ -34,7 +36,8 @@ class Limit:
         return self.good, self.fair, self.unsure
 
     def level(self, value: float, factor: float = 1.0) -> Level:
-        """How `value` does; limits are multiplied by `factor`. NaN is unsure: what can't be measured can't be vouched for."""
+        """The level of `value`, with the thresholds multiplied by `factor`. NaN is unsure: a value that cannot be
+        measured cannot be judged."""
         if value != value:
             return "unsure"
         for level, bound in zip(LEVELS, self.bounds, strict=False):
@@ -43,14 +46,14 @@ class Limit:
         return "bad"
 
     def bound(self, level: Level) -> float:
-        """The limit that a value of `level` meets if it is good, else the one that it misses."""
+        """The threshold that a value of `level` meets if it is good, otherwise the one that it fails."""
         return self.bounds[max(LEVELS.index(level) - 1, 0)]
 
     def words(self, level: Level) -> str:
-        """`≤ 0.5 px`, as the report prints it; "" for a level that no value has."""
+        """`≤ 0.5 px`, as printed in the report; "" for a level that no value can have."""
         k = LEVELS.index(level)
         last = self.bounds[min(k, 2)]
-        end = 0.0 if self.rising else NEVER  # no value lies beyond
+        end = 0.0 if self.rising else NEVER  # no value lies beyond it
         if k and (self.bounds[k - 1] == end or (k < 3 and last == self.bounds[k - 1])):
             return ""
         if k < 3 and last == end:
@@ -61,7 +64,7 @@ class Limit:
 
 
 def growth(image_size: tuple[int, int]) -> float:
-    """The factor of limits in pixels."""
+    """The factor of thresholds in pixels."""
     return max(1.0, max(image_size) / REFERENCE)
 
 
@@ -167,7 +170,7 @@ LIMITS = {
         "Few boards reach the corners; it matters to those who use them.", grows=True,
     ),
 }  # fmt: skip
-"""every threshold of one camera's verdict"""
+"""the thresholds of one camera's verdict"""
 STEREO_LIMITS = {
     "pairs": Limit("Pairs used", "", 10, 5, 0, "As for views.", rising=True),
     "pair_rms": Limit("Reprojection error of both cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True),
@@ -180,7 +183,7 @@ STEREO_LIMITS = {
         "All depths are off by the same share.",
     ),
 }  # fmt: skip
-"""and what a pair of cameras must meet besides"""
+"""additional thresholds for a pair of cameras"""
 RIG_LIMITS = {
     "components": Limit(
         "Parts of the rig that no board connects", "", 1, 1, 1, "Nothing tells where one part stands to the other."
@@ -193,15 +196,17 @@ RIG_LIMITS = {
         "Cameras that are out of step", "", 0, 0, NEVER, "A board that moves is then at different places for different cameras."
     ),
 }  # fmt: skip
-"""and what a rig of many cameras must meet"""
+"""additional thresholds for a rig of many cameras"""
 
 
 def reason(
     key: str, value: float, good: str, wrong: str, action: str, *, factor: float = 1.0, level: Level | None = None
 ) -> Reason:
-    """The reason that `value` of the check `key` gives: `good` is said if it is good, else `wrong` and `action`.
+    """The reason that the check `key` gives for `value`: the sentence `good` if the value is good, otherwise `wrong`
+    and `action`.
 
-    `factor`: of limits in pixels. `level`: instead of the one by the limits, where the value alone doesn't tell.
+    `factor`: of thresholds in pixels. `level`: overrides the level by the thresholds, where the value alone does not
+    determine it.
     """
     limit = (LIMITS | STEREO_LIMITS | RIG_LIMITS)[key]
     factor = factor if limit.grows else 1.0

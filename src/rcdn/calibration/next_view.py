@@ -1,4 +1,4 @@
-"""The pose of the board that would make the next picture worth most."""
+"""The pose of the board whose picture would reduce the uncertainty most."""
 
 from __future__ import annotations
 
@@ -12,29 +12,32 @@ from rcdn.calibration.candidates import SIDES, Candidates, board_corners, candid
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 DISTANCES = (0.05, 0.5, 0.95)
-"""quantiles of the distances seen: there the picture is sharp, and the board found"""
+"""quantiles of the distances of the used views: at these the picture was sharp and the board was detected"""
 INSIDE = 0.7
-"""share of the corners that must lie in the frame"""
+"""least share of the corners that must lie in the frame"""
 NEARLY = 1.1
-"""× the lowest uncertainty that a candidate reaches: of those below it the one with most corners in the frame is taken"""
+"""× the lowest uncertainty of all candidates: among the candidates below it, the one with most corners in the frame is
+chosen"""
 NEARER = ("right edge", "lower right corner", "lower edge", "lower left corner", "left edge", "upper left corner",
           "upper edge", "upper right corner")  # fmt: skip
-"""what comes nearer under a tilt in each direction, as the picture shows it"""
+"""the edge or corner of the board, as seen in the picture, that comes nearer under a tilt in each direction"""
 WORTH_SAYING, GAIN = 0.25, 0.95
-"""px of worst projection uncertainty from which on another picture is worth a word, and the share that must not be left of it"""
+"""worst projection uncertainty, px, above which another picture is suggested; and the share of it that the picture must
+fall below"""
 
 
 @dataclass(frozen=True, eq=False)
 class NextView:
     """Where to hold the board for the next picture.
 
-    `pose` of the board's inner corners, its first at the origin; `size` (columns, rows) of them; `outline` (4, 2) px of the outermost ones, in order
-    around; `middle` (2,) px of the board's middle; `inside`, the share of the corners in the frame; `distance` m of the
-    middle; `tilt` degrees against the line of sight, `nearer`: the edge or corner, as seen, that is nearer. `before`, `after` px:
-    the worst projection uncertainty over the frame now, and what is expected with that view.
+    `pose` of the board's inner corners, the first at the origin; `size` (columns, rows) of them; `outline` (4, 2) px of
+    the outermost ones, in order around the board; `middle` (2,) px of the board's centre; `inside`, the share of the
+    corners in the frame; `distance` m of the centre; `tilt` degrees from the plane perpendicular to the line of sight;
+    `nearer`: the edge or corner, as seen in the picture, that is nearer. `before`, `after` px: the worst projection
+    uncertainty over the frame now, and the predicted one with that view.
     """
 
     pose: Pose
@@ -50,26 +53,27 @@ class NextView:
 
     @property
     def worth_saying(self) -> bool:
-        """The camera is loose somewhere, and this view would help."""
+        """Whether the camera is uncertain somewhere in the frame and this view would reduce it."""
         return self.before >= WORTH_SAYING and self.after <= GAIN * self.before
 
 
 def next_view(
     calibration: Calibration,
     *,
-    distances: Float[Array, " d"] | None = None,
+    distances: Real[Array, " d"] | None = None,
     size: tuple[int, int] | None = None,
     plane: Plane | None = None,
 ) -> NextView | None:
-    """The view that would lower the worst projection uncertainty over the frame most; None if no candidate can be seen or judged,
-    or if nobody knows the covariance.
+    """The view that would reduce the worst projection uncertainty over the frame most; None if no candidate is visible
+    or the camera's covariance is unknown.
 
-    Candidates are boards in 25 places of the frame, at three distances within those seen (or at `distances` (D,) m), facing the camera or
-    tilted by 30° or 45° in eight directions, with at least 70 % of their corners in the frame. `size` (columns, rows) of the board and the
-    `plane` it counts on: by default those of the calibration, or of the largest part seen. Each would add its information to
-    that of `calibration.cov`, its own pose marginalised; the scale of that is what the used views brought on average, so that correlated
-    residuals don't promise too much. To first order: the camera is taken for right, and its errors for small. The choice is among
-    candidates only, and the same every time.
+    Candidates are boards in 25 places of the frame, at three distances within those of the used views (or at
+    `distances` (D,) m), facing the camera or tilted by 30° or 45° in eight directions, with at least 70 % of their
+    corners in the frame. `size` (columns, rows) of the board and the `plane` of its labels: by default those of the
+    calibration, or of the largest part seen. Each candidate would add its information to that of `calibration.cov`, its
+    own pose marginalised; it is scaled by what the used views contributed on average, so that correlated residuals do
+    not make the prediction too optimistic. The prediction is of first order: the model is assumed to be right and its
+    errors to be small. The choice is among the candidates only, and deterministic.
     """
     distances = _distances(calibration) if distances is None else distances
     forecast = Forecast.of(calibration)
@@ -88,14 +92,15 @@ def next_view(
     return _found(calibration, every, best, size, plane, float(seen[best].mean()), forecast.before, float(after[best]))
 
 
-def _best(after: Float[Array, " c"], inside: Float[Array, " c"]) -> int:
-    """The candidate with the lowest uncertainty `after` (C,), or one that is nearly as good with more of the board in the frame: `inside` (C,)."""
+def _best(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
+    """Index of the candidate with the lowest uncertainty `after` (C,), or of one that is nearly as good with more of
+    the board in the frame, `inside` (C,)."""
     nearly = np.flatnonzero(after <= NEARLY * after.min())
     return int(nearly[np.lexsort([after[nearly], -inside[nearly]])[0]])
 
 
 def sentence(found: NextView, image_size: tuple[int, int]) -> str:
-    """What to do, in words, and what it is for."""
+    """The instruction in words, with its predicted benefit."""
     return (
         f"{place_and_tilt(found, image_size)[:-1]}: the worst projection uncertainty would fall from {found.before:.2g} px to about "
         f"{found.after:.2g} px."
@@ -103,7 +108,7 @@ def sentence(found: NextView, image_size: tuple[int, int]) -> str:
 
 
 def place_and_tilt(found: NextView, image_size: tuple[int, int]) -> str:
-    """Where to hold the board, in words."""
+    """The instruction in words: where to hold the board."""
     share = (found.middle + 0.5) / np.array(image_size)
     col, row = (int(np.clip(s * 3, 0, 2)) for s in share)
     place = "the middle" if (col, row) == (1, 1) else f"the {THIRDS[row][col]}"
@@ -113,7 +118,7 @@ def place_and_tilt(found: NextView, image_size: tuple[int, int]) -> str:
 
 
 def advised(calibration: Calibration) -> Calibration:
-    """`calibration` with advice that ends with the next picture, where that would help."""
+    """`calibration` with the next picture as the last of its advice, if that would help."""
     found = next_view(calibration)
     if found is None or not found.worth_saying:
         return calibration
@@ -121,8 +126,8 @@ def advised(calibration: Calibration) -> Calibration:
     return replace(calibration, advice=(*calibration.advice, said))
 
 
-def _distances(calibration: Calibration) -> Float[Array, " d"]:
-    """(D,) m, of the boards' middles: quantiles of those seen."""
+def _distances(calibration: Calibration) -> Real[Array, " d"]:
+    """(D,) m, of the boards' centres: quantiles over the used views."""
     seen = []
     for view in calibration.used_views:
         if view.pose is not None:
@@ -132,7 +137,8 @@ def _distances(calibration: Calibration) -> Float[Array, " d"]:
 
 
 def _size(calibration: Calibration) -> tuple[int, int]:
-    """(columns, rows) of the board, or of the largest part of it that was seen; the longer side along that of the frame."""
+    """(columns, rows) of the board, or of the largest part of it that was seen, with its longer side along that of the
+    frame."""
     boxes = [v.ij.max(axis=0) - v.ij.min(axis=0) + 1 for v in calibration.used_views]
     cols, rows = calibration.size or max(((int(b[0]), int(b[1])) for b in boxes), key=lambda s: s[0] * s[1])
     width, height = calibration.camera.image_size

@@ -1,9 +1,10 @@
-"""What the views can't settle: focal length, principal point, aspect ratio.
+"""Parameters that the views do not determine: focal length, principal point, aspect ratio.
 
-A plane parallel to the sensor looks the same near a wide lens and far from a long one: what such views seem to say about the focal length
-comes from the noise of their corners, from paper that bends and from a lens model that is nearly right (Sturm and Maybank 1999 list
-the degenerate poses of planes). A deviation that knows of noise alone doesn't tell. Here it is judged by how much views contradict each other
-(`rcdn.calibration.uncertainty.clustered`), and the poses say why and what to do.
+A plane parallel to the sensor has the same image at a short distance with a short focal length and at a long distance
+with a long one; what such views seem to determine comes from the noise of their corners, from paper that bends and from
+model errors of the lens (Sturm and Maybank 1999 list the degenerate poses of planes). A standard deviation from noise
+alone does not show this. Here the scatter between views is used (`rcdn.calibration.uncertainty.clustered`), and the
+poses give the cause and the remedy.
 """
 
 from __future__ import annotations
@@ -14,30 +15,32 @@ from typing import Literal
 import numpy as np
 
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LOOSE_FOCAL = 0.05
-"""standard deviation of the logarithm of the focal length from which on it counts as unknown"""
+"""standard deviation of the logarithm of the focal length above which it counts as undetermined"""
 LOOSE_ASPECT = 0.03
-"""the same of fx / fy"""
+"""the same for the logarithm of fx / fy"""
 LOOSE_CENTRE = 0.05
-"""of the picture's diagonal: the same of the principal point"""
+"""the same for the principal point, as a share of the picture's diagonal"""
 FEW = 5
-"""views, below which their number is why"""
+"""number of views below which their number is reported as the cause"""
 FRONTAL = 15.0
-"""degrees between board and sensor: a set tilted by less hardly tells the focal length"""
+"""degrees between board and sensor: if the tilts are smaller, the focal length is poorly determined"""
 FLAT = 3.0
-"""degrees: a set tilted by less tells nothing, whatever its views agree on; a board that is bent alike in all of them pretends a tilt"""
+"""degrees: if the tilts are smaller, nothing determines the focal length, even if the views agree on one; a board that
+is bent in the same way in all of them simulates a tilt"""
 ONE_AXIS = 10.0
-"""degrees, RMS, by which boards are tilted to the other side than the usual one: less is one axis"""
+"""degrees, RMS of the tilts along the direction in which they are smallest: below it the boards are tilted about one
+axis only"""
 
 Quantity = Literal["focal length", "principal point", "aspect ratio"]
 
 
 @dataclass(frozen=True)
 class Unsettled:
-    """A `quantity` that the views don't settle: its `deviation` (focal length and aspect ratio: a share; principal point: px) and the
-    `limit` beyond which it counts as unknown, why (`cause`), and what to do (`remedy`)."""
+    """A `quantity` that the views do not determine: its standard `deviation` (focal length and aspect ratio: relative;
+    principal point: px), the `limit` above which it counts as undetermined, the `cause`, and the `remedy`."""
 
     quantity: Quantity
     deviation: float
@@ -47,23 +50,23 @@ class Unsettled:
 
     @property
     def finding(self) -> str:
-        """What isn't known, and why."""
+        """What is undetermined, and why."""
         size = f"{self.deviation:.0f} px" if self.quantity == "principal point" else f"{self.deviation:.0%}"
         known = f"± {size}" if self.deviation < 1e4 else "any value fits"
         return f"The {self.quantity} can't be known from these pictures ({known}): {self.cause}."
 
     @property
     def sentence(self) -> str:
-        """What isn't known, why, and what to do."""
+        """What is undetermined, why, and what to do."""
         return f"{self.finding} {self.remedy}"
 
 
 def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
-    """What the views of `calibration` don't settle, the gravest first; () if all is settled.
+    """The quantities that the views of `calibration` do not determine, the worst first; () if all are determined.
 
-    The focal length counts as unknown from a deviation of 5 % on, the principal point from 5 % of the picture's diagonal, the ratio of fx and fy
-    from 3 %; not what the calibration held fixed; nothing without views that were used. Views that all face the camera tell no focal length
-    even if they agree on one.
+    The focal length counts as undetermined from a standard deviation of 5 %, the principal point from 5 % of the
+    picture's diagonal, the ratio of fx and fy from 3 %; what the calibration held fixed does not count; () without used
+    views. If all views face the camera the focal length is undetermined, even if they agree on one.
     """
     if not any(v.pose is not None for v in calibration.used_views):
         return ()
@@ -80,10 +83,9 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
     return tuple(Unsettled(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
 
 
-def deviations(calibration: Calibration) -> Float[Array, " 4"]:
-    """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), by the calibration's covariance, which is that of the scatter
-    between views. Infinite where there are fewer than 2.
-    """
+def deviations(calibration: Calibration) -> Real[Array, " 4"]:
+    """(4,) standard deviations of log focal length, log fx / fy, cx and cy (px), from the calibration's covariance,
+    which is based on the scatter between views. Infinite with fewer than 2 views."""
     if len(calibration.used_views) < 2 or any(v.pose is None for v in calibration.used_views):
         return np.full(4, np.inf)
     fx, fy = calibration.camera.parameters[:2]
@@ -95,7 +97,8 @@ def deviations(calibration: Calibration) -> Float[Array, " 4"]:
 
 
 def tilt(calibration: Calibration) -> tuple[float, float]:
-    """How far the boards are tilted against the sensor, degrees: the most (9 of 10 are less), and RMS to the side to which they are tilted least."""
+    """Tilt of the boards against the sensor, degrees: its 90 % quantile, and its RMS along the direction in which it is
+    smallest."""
     normals = np.array([v.pose.R[:, 2] * np.sign(v.pose.R[2, 2]) for v in calibration.used_views if v.pose is not None])
     if not len(normals):
         return float("nan"), float("nan")
@@ -107,7 +110,7 @@ def tilt(calibration: Calibration) -> tuple[float, float]:
 
 
 def _cause(calibration: Calibration) -> str:
-    """The most likely reason why these views settle little."""
+    """The most likely reason why these views determine little."""
     many, (most, least) = len(calibration.used_views), tilt(calibration)
     views = f"{many} view{'s' if many > 1 else ''}"
     if most < FRONTAL:

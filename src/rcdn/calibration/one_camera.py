@@ -1,8 +1,9 @@
-"""Do all views come from one camera at one zoom and focus? If not: which pictures belong together.
+"""Test of whether all views come from one camera at one zoom and focus; if not, which pictures belong together.
 
-Four ways to split the views are tried: by the pictures' names, by their order (zoomed in the middle), by the focal length that each view
-asks for, and views that the calibration left out against the rest. A split is suspected if its groups differ by more than views of one
-group do among themselves (`rcdn.calibration.influence`), corrected for the number of splits tried, and confirmed by calibrating each group apart.
+Four ways to split the views are tested: by the pictures' names, by their order (a change of zoom in the middle), by the
+focal length that each view alone suggests, and views that the calibration left out against the rest. A split is a
+candidate if its groups differ by more than the views within one group do (`rcdn.calibration.influence`), corrected for
+the number of splits tested, and is confirmed by calibrating each group separately.
 """
 
 from __future__ import annotations
@@ -19,34 +20,36 @@ from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_o
 from rcdn.calibration.influence import ViewInformation, gains, group_difference, view_information
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LEVEL = 1e-3
-"""probability, corrected for the number of splits, under which one camera is doubted"""
+"""significance level, corrected for the number of splits, below which the hypothesis of one camera is rejected"""
 ENOUGH = 6
-"""used views, below which nothing is tested"""
+"""least number of used views for the test"""
 LEAST_GROUP = 4
-"""views of each side of a change in time or of focal length"""
+"""least number of views on each side of a split by order or by focal length"""
 MOST_CHANGES = 40
-"""places where a change is looked for"""
+"""most positions at which a change over time is tested"""
 PERMUTATIONS = 2000
-"""of the views among groups, for each split tried; the limit of `LEVEL` needs 1000"""
+"""random assignments of the views to groups, for each split tested; the level `LEVEL` needs 1000"""
 SIMULATIONS = 4000
-"""of the views' focal lengths, for two-means"""
+"""simulated sets of focal lengths, for the test of two means"""
 HEAVY = 5.0
-"""degrees of freedom of the t-distribution that a view's focal length is simulated with"""
+"""degrees of freedom of the t-distribution from which a view's focal length is simulated"""
 BETTER = 0.97
-"""× the RMS together: groups by name that aren't told by focal length or principal point must fit that much better apart"""
+"""× the joint RMS: groups by name that differ neither in focal length nor in principal point must reach a separate RMS
+below this"""
 GROUPED = ((LEVEL, 0.92), (0.03, 0.8))
-"""probability of two focal lengths, and × the RMS together: chance and bent boards make groups, too, so these must also fit better apart"""
+"""pairs (probability of two focal lengths, × the joint RMS): chance and bent boards produce groups, too, so that the
+separate RMS must also be below the second"""
 NEGLIGIBLE = 1e-9
-"""of the largest information on the focal length: a view with less has none"""
+"""× the largest information on the focal length of any view: a view with less does not count as informative"""
 SURE = 4.0
-"""standard deviations by which a figure of groups that were calibrated apart must differ"""
+"""standard deviations by which a parameter must differ between groups that were calibrated separately"""
 ALIKE = 2.0
-"""× the scatter of the used views: views left out that scatter less among themselves are of a camera of their own"""
+"""× the scatter of the used views: left-out views that scatter less among themselves come from another camera"""
 VISIBLE = 0.5
-"""× the RMS: by how much projections of the groups' cameras must differ"""
+"""× the RMS: least difference of the projections of the groups' cameras"""
 
 REMEDY = "Calibrate each group by itself."
 
@@ -55,9 +58,9 @@ By = Literal["names", "order", "focal length", "left out"]
 
 @dataclass(frozen=True, eq=False)
 class SeveralCameras:
-    """The finding: `groups` of pictures, the largest first; what they were split `by`; `probability` of such a difference if there were one
-    camera, corrected for the splits tried; `difference` px of the groups' cameras over the picture, RMS after the best rotation;
-    `together` px, the RMS of one camera for all."""
+    """The finding: `groups` of pictures, the largest first; the kind of split, `by`; `probability` of such a difference
+    under one camera, corrected for the splits tested; `difference` of the groups' cameras over the picture, px RMS
+    after the best rotation; `together`, the RMS of one camera for all pictures, px."""
 
     groups: tuple[CameraGroup, ...]
     by: By
@@ -72,7 +75,7 @@ class SeveralCameras:
 
     @property
     def finding(self) -> str:
-        """Which pictures belong together, and what tells them apart."""
+        """Which pictures belong together, and in which parameter the groups differ."""
         z = significance(self.groups)
         best = int(np.argmax(z))
         groups = "; ".join(self._group(g, best if z[best] >= SURE else None) for g in self.groups)
@@ -83,7 +86,7 @@ class SeveralCameras:
         )
 
     def _group(self, group: CameraGroup, parameter: int | None) -> str:
-        """A group with the figure in which two groups differ most, if one tells them apart."""
+        """A group, with the `parameter` in which the groups differ most, if there is a significant one."""
         pictures = f"{len(group.names)} pictures ({group.label})"
         if parameter is None:
             return pictures
@@ -93,10 +96,10 @@ class SeveralCameras:
 
 
 def one_camera(calibration: Calibration) -> SeveralCameras | None:
-    """Whether the views speak against one camera at one zoom and focus; None if they don't.
+    """The evidence against one camera at one zoom and focus; None if there is none.
 
-    With fewer than 6 used views, or without their poses, nothing is tested.
-    The probability of a false alarm is about one in a thousand for each way to split.
+    With fewer than 6 used views only the left-out views are tested; if a used view has no pose, nothing is tested.
+    The false-positive rate is about one in a thousand for each way to split.
     """
     views = calibration.used_views
     if any(v.pose is None for v in views):
@@ -112,7 +115,7 @@ def one_camera(calibration: Calibration) -> SeveralCameras | None:
 
 @dataclass(frozen=True, eq=False)
 class _Suspect:
-    """A split of the used views: `members` (V,) number of the group, −1 for none."""
+    """A candidate split of the used views: `members` (V,) group number of each, −1 for none."""
 
     by: By
     members: Array
@@ -127,8 +130,9 @@ def _suspects(calibration: Calibration, info: ViewInformation) -> Iterator[_Susp
     yield from _by_focal_length(info, directions[:, 0])
 
 
-def _directions(camera: Camera) -> Float[Array, "p 3"]:
-    """(P, 3) changes of the parameters: of the logarithm of the focal length, and of the principal point, px."""
+def _directions(camera: Camera) -> Real[Array, "p 3"]:
+    """(P, 3) directions in the space of the parameters: logarithm of the focal length, and the principal point's x and
+    y, px."""
     out = np.zeros((len(camera.parameters), 3))
     out[:2, 0] = camera.parameters[:2]
     out[[2, 3], [1, 2]] = 1.0
@@ -136,7 +140,8 @@ def _directions(camera: Camera) -> Float[Array, "p 3"]:
 
 
 def _by_name(names: Sequence[str], info: ViewInformation, directions: Array) -> Iterator[_Suspect]:
-    """Each group against all others: by focal length and principal point, and by what a camera of its own would gain among permutations."""
+    """Each group against all others: by focal length and principal point, and by the improvement that a separate camera
+    brings, compared with random permutations of the views."""
     partitions = [np.array(p) for p in name_partitions(names)]
     splits = [(p, p == k) for p in partitions for k in range(p.max() + (p.max() > 1 or -1 in p))]
     if not splits:
@@ -150,15 +155,16 @@ def _by_name(names: Sequence[str], info: ViewInformation, directions: Array) -> 
             yield _Suspect("names", members, float(p * len(splits)))
 
 
-def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Float[Array, "n q"]:
-    """(n, q) two-sided probabilities of the differences between groups."""
+def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Real[Array, "n q"]:
+    """(n, q) two-sided p-values of the differences between groups."""
     d = group_difference(info, directions, masks)
     return np.asarray(2 * stdtr(d.freedom, -np.abs(d.value) / np.maximum(d.std, 1e-300)))
 
 
 def _permuted(info: ViewInformation, mask: Array, splits: int) -> float:
-    """The share of random groups of the same size whose own camera gains as much: of few, then,
-    if that is small, of enough to correct for `splits`."""
+    """The p-value of a permutation test: the share of random groups of the same size whose separate camera brings at
+    least the same improvement. If a first, small number of permutations gives a low share, enough are drawn to correct
+    for `splits`."""
     share = 1.0
     for many in (200, PERMUTATIONS * splits):
         rng = np.random.default_rng(0)
@@ -171,7 +177,7 @@ def _permuted(info: ViewInformation, mask: Array, splits: int) -> float:
 
 
 def _by_order(names: Sequence[str], info: ViewInformation, directions: Array) -> Iterator[_Suspect]:
-    """The most probable change in time, pictures being taken in the order of their names' numbers."""
+    """The most significant change over time, if pictures were taken in the order of the numbers in their names."""
     place = np.empty(len(names), int)
     place[natural_order(names)] = np.arange(len(names))
     changes = np.arange(LEAST_GROUP, len(names) - LEAST_GROUP + 1)
@@ -186,7 +192,8 @@ def _by_order(names: Sequence[str], info: ViewInformation, directions: Array) ->
 
 
 def _by_focal_length(info: ViewInformation, direction: Array) -> Iterator[_Suspect]:
-    """Two means of the focal lengths that single views ask for, among simulations of one mean with heavy tails."""
+    """Two clusters of the focal lengths that single views suggest, tested against simulations of one mean with heavy
+    tails."""
     weight = np.einsum("a,vab,b->v", direction, info.information, direction)
     if len(info) < 2 * LEAST_GROUP or not (weight > NEGLIGIBLE * weight.max()).all():
         return
@@ -198,10 +205,11 @@ def _by_focal_length(info: ViewInformation, direction: Array) -> Iterator[_Suspe
         yield _Suspect("focal length", np.where(low[0], 0, 1), p)
 
 
-def _two_means(values: Float[Array, "n v"], weight: Array) -> tuple[Array, Array]:
-    """(n,) by how many times the weighted scatter of `values` (n, V) falls at the best split in two, and (n, V) who is in the lower part.
+def _two_means(values: Real[Array, "n v"], weight: Array) -> tuple[Array, Array]:
+    """(n,) ratio by which the weighted scatter of `values` (n, V) falls at the best split in two, and (n, V) which
+    values are in the lower part.
 
-    Each part has `LEAST_GROUP` views at least, and no part rests on a single one: the largest weight of each part counts only as its second.
+    Each part has at least `LEAST_GROUP` views.
     """
     order = np.argsort(values, axis=1)
     x, w = np.take_along_axis(values, order, axis=1), weight[order]
@@ -218,7 +226,8 @@ def _two_means(values: Float[Array, "n v"], weight: Array) -> tuple[Array, Array
 
 
 def _confirm(calibration: Calibration, suspect: _Suspect) -> SeveralCameras | None:
-    """Each group calibrated apart, from the common solution; None if the cameras agree after all."""
+    """Each group calibrated separately, starting from the joint solution; None if the cameras do not differ after
+    all."""
     views = calibration.used_views
     members = [np.flatnonzero(suspect.members == k) for k in range(int(suspect.members.max()) + 1)]
     groups = [calibrate_apart(calibration, [views[k] for k in m], views) for m in members]
@@ -237,7 +246,7 @@ def _confirm(calibration: Calibration, suspect: _Suspect) -> SeveralCameras | No
 def _finding(
     calibration: Calibration, groups: Sequence[CameraGroup], by: By, probability: float
 ) -> SeveralCameras | None:
-    """The finding, if the cameras differ by more than the corners scatter."""
+    """The finding, if the cameras differ by more than the corners' scatter."""
     apart = max(apart_by(groups[0].camera, g.camera) for g in groups[1:])
     if apart < VISIBLE * calibration.rms:
         return None
@@ -245,7 +254,7 @@ def _finding(
 
 
 def _left_out(calibration: Calibration) -> SeveralCameras | None:
-    """Views that were left out as a whole but fit a camera of their own."""
+    """Views that were left out as a whole but are consistent with a camera of their own."""
     odd = [v for v in calibration.left_out if v.pose is not None and len(v) >= 2 * FEWEST]
     odd = [v for v in odd if np.median(np.linalg.norm(v.residuals, axis=1)) > ALIKE * calibration.rms]
     if len(odd) < LEAST_GROUP:

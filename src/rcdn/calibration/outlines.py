@@ -1,4 +1,5 @@
-"""Where a board lies in its picture, by the four corners of its grid: how far two boards are apart there."""
+"""The position of a board in its picture, described by the four corners of its grid, and the distance of two such
+outlines."""
 
 from __future__ import annotations
 
@@ -6,11 +7,11 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
-def outline(board: Board) -> Float[Array, "4 2"]:
-    """(4, 2) corners of the board's grid, in order around it, in diagonals of the image."""
+def outline(board: Board) -> Real[Array, "4 2"]:
+    """(4, 2) corners of the board's grid, in order around it, in units of the image's diagonal."""
     cols, rows = board.size
     box = board.ij.min(axis=0) + np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])
     wh = np.array(board.image_size, float)
@@ -18,10 +19,10 @@ def outline(board: Board) -> Float[Array, "4 2"]:
     return np.asarray(np.clip(xy, -0.5 * wh, 1.5 * wh) / np.linalg.norm(wh))
 
 
-def distances(outlines: Array, one: Array) -> Float[Array, " n"]:
-    """(N,) root mean square distance of the corners of each outline from those of `one`.
+def distances(outlines: Array, one: Array) -> Real[Array, " n"]:
+    """(N,) root mean square distance between the corners of each outline and those of `one`.
 
-    The least over the four turns: where a board's labels begin is often arbitrary.
+    The least over the four cyclic orders of the corners: which corner a board's labels begin at is often arbitrary.
     """
     turns = [np.roll(one, k, axis=0) for k in range(4)]
     return np.min([np.sqrt(np.square(outlines - t).sum(axis=2).mean(axis=1)) for t in turns], axis=0)

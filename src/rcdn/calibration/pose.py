@@ -1,4 +1,4 @@
-"""The pose of one board under a known camera, with both answers that a flat board allows."""
+"""Pose of one board under a known camera, with both solutions that a planar board allows."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST = 4
 NO_POSE = "no pose fits the board's corners: are its labels right, and is it this camera?"
 SURE = 9.0
-"""by how much the better pose's sum of whitened squares must be less: three standard deviations"""
+"""least difference of the two poses' sums of whitened squares: three standard deviations"""
 ASIDE = 0.1
-"""least z of a unit ray in the view that faces the board, for IPPE's flat picture (84°)"""
+"""least z of a unit ray, after a rotation that centres the board, for IPPE's planar image (84°)"""
 
 
 def estimate_pose(
     board: Board, camera: Camera, spacing: float = 1.0, *, shape: BoardShape | None = None
 ) -> PoseEstimate:
-    """`T_cam_board` of `board` under `camera`: where its corner (0, 0) and its columns (x), rows (y) and back (z) are.
+    """`T_cam_board` of `board` under `camera`: the pose of its corner (0, 0), its columns (x), rows (y) and back (z).
 
-    `spacing`: side of a square (of a triangle, of a tag), m (default: the pose is in those). `shape`: `Calibration.shape`, for whole
-    boards. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them with corners weighted by sigma and
-    outliers left out, and takes the better; `ambiguous` if the picture doesn't tell. Labels are the board's own: a part is placed by its
-    own first corner, and a board whose codes were read by that of its target; `T_cam_target` then is the same place in the coordinates of
-    that target's own tools.
-    Raises CalibrationError if fewer than 4 corners, or corners in one line, have viewing rays.
+    `spacing`: side of a square (of a triangle, of a tag), m (default: the translation is in sides). `shape`:
+    `Calibration.shape`, for whole boards. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014),
+    refines them with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the
+    difference is not significant. Labels are the board's own: the origin of a partial board is its own first corner,
+    that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
+    the target's own tools use.
+    Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays.
     """
     check_spacing(spacing)
     check_board(board)
@@ -72,7 +73,7 @@ def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tupl
         )
     zero = np.zeros(len(board), int)
     places, basis = on_shape(board.points * spacing, board.ij, shape)
-    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a place takes no part
+    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a position is not used
     return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
 
 
@@ -81,7 +82,8 @@ def _state(camera: Camera, T: Array) -> State:
 
 
 def _starts(camera: Camera, corners: Corners3) -> list[Array]:
-    """Poses (4, 4) to start from: both of IPPE where the board lies in half a view, else that of the rays' homography."""
+    """Initial poses (4, 4): both of IPPE if all rays lie within 84° of the board's direction, otherwise that of the
+    rays' homography."""
     rays = unproject(camera, corners.xy)
     seen = np.isfinite(rays).all(axis=1)
     if seen.sum() < FEWEST or np.linalg.matrix_rank(corners.board[seen] - corners.board[seen].mean(axis=0), 1e-9) < 2:
@@ -104,7 +106,7 @@ def _starts(camera: Camera, corners: Corners3) -> list[Array]:
 
 
 def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array]:
-    """The starts whose corners lie not much farther off than those of the best."""
+    """The initial poses whose median residual is not much larger than that of the best."""
     miss = []
     for T in starts:
         gaps = np.linalg.norm(residuals(_state(camera, T), corners), axis=1)
@@ -112,7 +114,7 @@ def _worth(camera: Camera, starts: list[Array], corners: Corners3) -> list[Array
     return [T for T, m in zip(starts, miss, strict=True) if np.isfinite(m) and m <= robust.HOPEFUL * min(miss)]
 
 
-def _facing(direction: Array) -> Float[Array, "3 3"]:
+def _facing(direction: Array) -> Real[Array, "3 3"]:
     """(3, 3) a rotation that takes `direction` to the z axis."""
     z = direction / np.linalg.norm(direction)
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
@@ -129,17 +131,17 @@ def _back(turn: Array, R: Array, t: Array) -> Array:
 def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
     start = _state(camera, T)
     nothing = default_free(start, lens=False)
-    state, noise = robust.rough_fit(start, corners, sigma, nothing, turn=False)
+    state, noise = robust.initial_fit(start, corners, sigma, nothing, turn=False)
     return robust.fit(state, noise, corners, sigma, nothing)
 
 
 def _apart(a: robust.Fit, b: robust.Fit) -> bool:
-    """True if the two fits went to different poses (more than half a degree)."""
+    """True if the two fits converged to different poses (by more than half a degree)."""
     R = a.state.poses[0, :3, :3].T @ b.state.poses[0, :3, :3]
     return bool(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))) > 0.5)
 
 
 def _square(fit: robust.Fit, of: robust.Fit) -> float:
-    """Sum of whitened squares of one fit, over the corners and by the weights of another."""
+    """Sum of whitened squares of one fit, over the inliers and with the weights of the fit `of`."""
     square = (fit.residuals**2).sum(axis=1) * of.weight**2
     return float(np.nan_to_num(square[of.used], nan=np.inf).sum())

@@ -1,4 +1,5 @@
-"""What the residuals show beside their size: means over cells of the sensor, neighbours that err alike, corners left out together."""
+"""Structure of the residuals: means over cells of the sensor, correlation of neighbours, regions in which corners are
+left out."""
 
 from __future__ import annotations
 
@@ -8,26 +9,26 @@ import numpy as np
 
 from rcdn.calibration.sight import cell_centres, cells_of
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 FINER = 1.5
-"""cells of the mean residuals for each of the coverage's, along one side"""
+"""ratio of the number of cells of the mean residuals to that of the coverage, along one side"""
 FEWEST_VIEWS = 3
-"""views in a cell that give a mean"""
+"""least number of views in a cell for a mean"""
 SIGNIFICANT = 3.0
-"""standard errors beyond which a cell's mean is systematic"""
+"""standard errors above which a cell's mean is systematic"""
 VISIBLE = 0.1
-"""px below which a systematic mean doesn't matter"""
+"""px below which a systematic mean is negligible"""
 CROWD = 10
-"""corners seen in a region of the sensor that give a share of those left out"""
+"""least number of corners seen in a region of the sensor for a share of those left out"""
 ROUGHER = 0.5
-"""share of the views that are compared, by their RMS, with the others"""
+"""share of the views, those with the smallest RMS, against which the others are compared"""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Mean residuals in cells of the sensor: `where` (C, 2) their middles, `mean` (C, 2), `error` (C,) its standard error along one axis,
-    px, and `systematic` (C,) bool."""
+    """Mean residuals in cells of the sensor: `where` (C, 2) centres, `mean` (C, 2), `error` (C,) its standard error
+    along one axis, px, and `systematic` (C,) bool."""
 
     where: Array
     mean: Array
@@ -36,12 +37,12 @@ class Cells:
 
     @property
     def share(self) -> float:
-        """Of the cells that are systematic; NaN without any cell."""
+        """Share of systematic cells; NaN without any cell."""
         return float(self.systematic.mean()) if len(self.systematic) else float("nan")
 
     @property
     def largest(self) -> float:
-        """Longest systematic mean, px; 0 if there is none."""
+        """Length of the largest systematic mean, px; 0 if there is none."""
         return float(np.hypot(*self.mean[self.systematic].T).max(initial=0.0))
 
     @property
@@ -53,10 +54,10 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class ResidualFacts:
-    """`cells`. `correlation` of the residuals of neighbouring corners of one view, and `smooth`: RMS px of the part of the residuals that
-    neighbours share. `uneven`: RMS of the rougher half of the views ÷ that of the others, `rough` px the former. `dropped` share of
-    the corners of used views that were left out; `crowded` the largest such share in one region of the sensor, around
-    `crowd` (2,) px (NaN without one)."""
+    """`cells`. `correlation` of the residuals of neighbouring corners of one view, and `smooth`, the RMS of the part of
+    the residuals that neighbours share, px. `uneven`: RMS of the half of the views with the larger residuals ÷ that of
+    the others; `rough`, the former, px. `dropped`, share of the corners of used views that were left out; `crowded`,
+    the largest such share in one region of the sensor, around `crowd` (2,) px (NaN if there is none)."""
 
     cells: Cells
     correlation: float
@@ -69,7 +70,7 @@ class ResidualFacts:
 
 
 def measure_residuals(calibration: Calibration) -> ResidualFacts:
-    """The facts of the residuals of the used views."""
+    """`ResidualFacts` of the used views."""
     correlation = neighbour_correlation(calibration)
     uneven, rough = _unevenness(calibration)
     crowded, crowd = _crowd(calibration)
@@ -100,10 +101,12 @@ def stacked(views: tuple[BoardView, ...]) -> tuple[Array, Array]:
 
 
 def mean_residuals(calibration: Calibration) -> Cells:
-    """Means over views of each view's mean residual in a cell, for the corners of one view err together.
+    """Means over the views of each view's mean residual in a cell, because the errors of the corners of one view are
+    correlated.
 
-    Their standard error is from the scatter of the views in the cell or in all cells, whichever is larger: three views alone tell
-    little of it. A mean is systematic beyond SIGNIFICANT standard errors (by chance in 1.1 % of the cells) and VISIBLE px.
+    Their standard error is estimated from the scatter of the views in the cell or in all cells, whichever is larger:
+    three views alone give a poor estimate. A mean is systematic above SIGNIFICANT standard errors (by chance in 1.1 %
+    of the cells) and VISIBLE px.
     """
     image_size = calibration.camera.image_size
     cols, rows = (round(FINER * n) for n in cells_of(image_size))
@@ -131,16 +134,17 @@ def mean_residuals(calibration: Calibration) -> Cells:
     return Cells(cell_centres(image_size, (cols, rows)).reshape(-1, 2)[enough], mean, error, systematic)
 
 
-def _cell_of(xy: Float[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Int[Array, " n"]:
-    """(N,) number of the cell, of (columns, rows), that each of `xy` (N, 2) px lies in."""
+def _cell_of(xy: Real[Array, "n 2"], image_size: tuple[int, int], cells: tuple[int, int]) -> Int[Array, " n"]:
+    """(N,) number of the cell, among (columns, rows), that contains each of `xy` (N, 2) px."""
     at = np.floor((xy + 0.5) / np.array(image_size) * cells).astype(int).clip(0, np.array(cells) - 1)
     return np.asarray(at[:, 1] * cells[0] + at[:, 0])
 
 
 def neighbour_correlation(calibration: Calibration) -> float:
-    """Correlation of the residuals of corners that are neighbours on the board, over all used views; NaN without neighbours.
+    """Correlation of the residuals of corners that are neighbours on the board, over all used views; NaN without
+    neighbours.
 
-    Noise of corners gives about 0, a bent board or a lens that the model can't follow up to 1.
+    Independent noise gives about 0, a bent board or errors of the lens model up to 1.
     """
     product = power = 0.0
     for view in calibration.used_views:
@@ -151,8 +155,8 @@ def neighbour_correlation(calibration: Calibration) -> float:
     return product / power if power > 0 else float("nan")
 
 
-def _neighbours(view: BoardView, which: Int[Array, " m"]) -> tuple[Array, Array]:
-    """Indices of all pairs of corners `which` (M,) bool that are one step apart on the board."""
+def _neighbours(view: BoardView, which: Bool[Array, " m"]) -> tuple[Array, Array]:
+    """Indices of all pairs of corners, among `which` (M,) bool, that are neighbours on the board."""
     at = np.flatnonzero(which)
     if not len(at):
         return at, at
@@ -166,7 +170,8 @@ def _neighbours(view: BoardView, which: Int[Array, " m"]) -> tuple[Array, Array]
 
 
 def _unevenness(calibration: Calibration) -> tuple[float, float]:
-    """RMS of the rougher half of the views ÷ that of the others, and the former, px; NaN with one view."""
+    """RMS of the half of the views with the larger residuals ÷ that of the others, and the former, px; NaN with one
+    view."""
     rms = np.sort([v.rms for v in calibration.used_views if np.isfinite(v.rms)])
     half = int(len(rms) * ROUGHER)
     if not half:
@@ -176,8 +181,9 @@ def _unevenness(calibration: Calibration) -> tuple[float, float]:
 
 
 def _crowd(calibration: Calibration) -> tuple[float, Array]:
-    """Largest share of corners left out in a cell of the sensor, and the cell's middle, px. Of the number left out two standard
-    deviations of chance are taken off, so that a few in a small cell don't count; views left out as a whole don't."""
+    """Largest share of corners left out in a cell of the sensor, and the cell's centre, px. The number left out is
+    reduced by two standard deviations of chance, so that a few in a small cell do not count; views left out as a whole
+    do not count."""
     image_size = calibration.camera.image_size
     cells = cells_of(image_size)
     views = calibration.used_views

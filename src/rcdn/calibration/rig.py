@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError, present
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST_PAIRS = 3
 AGREE = (np.radians(5.0), 0.1)
@@ -149,7 +149,7 @@ def _turns(calibration: Calibration) -> tuple[int, ...]:
     return {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}[calibration.orientation or "unique"]
 
 
-def _pose(view: BoardView, turn: int, calibration: Calibration) -> Float[Array, "4 4"]:
+def _pose(view: BoardView, turn: int, calibration: Calibration) -> Real[Array, "4 4"]:
     """The pose (4, 4) of the view's board if its labels are turned by `turn` quarters."""
     size = present(calibration.size, "Calibration.size")
     corners = np.array([[0.0, 0], [1, 0], [0, 1]])

@@ -29,7 +29,7 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     """The solution from `start`, whose board is perfect; of a board with a shape that all cameras see alike, if it is to be tried (`shaped`) and
     predicts the boards of moments held out better. `spacing`: side of a square, m."""
     free = default_free(start, rig=True)
-    state, noise = robust.rough_fit(start, joint.corners, joint.sigma, free)
+    state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
     flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
     if not shaped:
         return flat

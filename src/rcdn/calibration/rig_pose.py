@@ -20,7 +20,7 @@ from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TURNS = {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}
 PART = "it shows a part of the board, and nobody knows which"
@@ -149,7 +149,7 @@ def _estimated(
     places = np.stack([rig.poses[k].T_cam_board for k in at])  # held: the frame of the poses is the rig's
     start = State(tuple(rig.cameras[k] for k in at), best.T[None], places, KNOWN)
     nothing = default_free(start, lens=False)
-    state, _ = robust.rough_fit(start, corners, sigma, nothing, turn=False)
+    state, _ = robust.initial_fit(start, corners, sigma, nothing, turn=False)
     sigma = np.hypot(sigma, _offsets(residuals(state, corners), camera))
     fit = robust.fit(state, robust.LEAST, corners, sigma, nothing)
     if fit.reasons[0]:
@@ -167,7 +167,7 @@ def _estimated(
     )
 
 
-def _offsets(gaps: Array, camera: Array) -> Float[Array, " n"]:
+def _offsets(gaps: Array, camera: Array) -> Real[Array, " n"]:
     """(N,) px of one axis by which each corner's camera as a whole sees the board elsewhere, by the median: its place isn't known better."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     typical = np.array([np.median(far[camera == c]) for c in range(int(camera.max()) + 1)])

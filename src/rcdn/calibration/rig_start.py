@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration.rig import hypothesis, matrix, most_agreed, nearest
 from rcdn.geometry import rotation
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 Key = tuple[str, int]
 """(moment, number of the board's target)"""
@@ -105,8 +105,8 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
 
 
 def _differences(
-    order: list[int], edges: Sequence[Edge], weight: Array, told: Float[Array, "e 3"]
-) -> Float[Array, "c 3"]:
+    order: list[int], edges: Sequence[Edge], weight: Array, told: Real[Array, "e 3"]
+) -> Real[Array, "c 3"]:
     """(C, 3) values, 0 of the first camera, whose differences over the edges are as `told` (E, 3), by weighted least squares."""
     at = {c: k for k, c in enumerate(order)}
     A = np.zeros((len(edges), len(order)))

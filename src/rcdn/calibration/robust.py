@@ -1,4 +1,4 @@
-"""Least squares with corners and views that are wrong: found, left out, and never silently."""
+"""Robust least squares: outliers among corners and views are detected, left out and reported."""
 
 from __future__ import annotations
 
@@ -16,32 +16,34 @@ from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 GATE = 4.5
-"""standard deviations of a corner's distance from which on it is an outlier (one in 25,000 by chance)"""
+"""standard deviations of a corner's distance above which it is an outlier (one in 25,000 by chance)"""
 CROOKED = 5.0
-"""× the usual scatter: a view whose typical corner lies that far off is left out"""
+"""× the usual scatter: a view whose median residual is larger is left out"""
 TOO_MANY = 0.3
-"""share of outliers that makes a whole view one"""
+"""share of outliers above which the whole view is left out"""
 HOPEFUL = 10.0
-"""× the median distance of a view's corners: the other of a plane's two poses isn't tried beyond it"""
+"""× the median distance of a view's corners: the second of the two poses that a plane allows is not tried above it"""
 ODD = 3.0
-"""× the usual median distance of corners: a view beyond it weighs less at first, and gets another pose"""
+"""× the usual median distance of corners: a view above it is weighted less in the initial fit, and its pose is
+estimated anew"""
 ROUNDS = 20
 SETTLED = 0.02
-"""relative change of the prior's spreads from one round to the next that is none"""
+"""relative change of the prior's spreads between iterations below which they have converged"""
 LEAST = 1e-4
-"""px; corners are never better than that"""
+"""px; least standard deviation of corners"""
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` per frame, "" where used; `noise` px of one
-    axis beyond sigma; `weight` (N,) 1 / px; `scale`: mean square of the whitened residuals by the degrees of freedom; `clustered`: the
-    covariance of what all frames share, by the scatter of whole views."""
+    """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` for each frame that
+    was left out, "" if used; `noise`, px of one axis in addition to sigma; `weight` (N,) 1 / px; `scale`: sum of
+    squared whitened residuals divided by the degrees of freedom; `clustered`: the covariance of the shared parameters
+    from the scatter between whole views."""
 
     state: State
     arrow: Arrow
@@ -54,10 +56,10 @@ class Fit:
     clustered: Clustered
 
 
-def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
-    """A fit under a loss that outliers don't pull much, and the noise px of one axis that it leaves.
+def initial_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
+    """An initial fit with a loss that limits the influence of outliers, and the noise of one axis that it leaves, px.
 
-    `turn`: poses may go to the other of the two that a plane allows.
+    `turn`: poses may change to the other of the two that a plane allows.
     """
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
@@ -69,16 +71,19 @@ def rough_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: 
     return state, noise
 
 
-def _calm(gaps: Array, frame: Array, frames: int) -> Float[Array, " n"]:
-    """(N,) weights up to 1 of corners by their view: one whose typical corner lies far off shall not pull the lens."""
+def _calm(gaps: Array, frame: Array, frames: int) -> Real[Array, " n"]:
+    """(N,) weights ≤ 1 of corners by their view: a view with a large median residual must not dominate the estimate of
+    the lens."""
     px = np.minimum(_medians(gaps, frame, frames), BEHIND)
     return np.minimum(1, (ODD * np.median(px[np.unique(frame)]) / np.maximum(px, 1e-12)) ** 2)[frame]
 
 
 def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
-    """With other poses where they fit better: the other of the two that a plane allows, and that of the rays under this lens.
+    """`state` with other poses where they fit better: the second of the two that a plane allows, and that from the
+    viewing rays under this lens.
 
-    The first is tried where its corners lie not hopelessly far off, the second where a view's corners lie farther off than usual.
+    The first is tried if its corners are not hopelessly far off, the second if a view's corners are farther off than
+    usual.
     """
     frames = len(state.poses)
     near = _medians(residuals(state, corners), corners.frame, frames)
@@ -92,8 +97,9 @@ def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
     return _where_better(state, _anew(state, corners, np.flatnonzero(odd)), odd, corners, weight)
 
 
-def _where_better(state: State, other: State, tried: Float[Array, " f"], corners: Corners3, weight: Array) -> State:
-    """`state` with the poses of `other`, solved from there, of those frames `tried` (F,) in which they fit better."""
+def _where_better(state: State, other: State, tried: Bool[Array, " f"], corners: Corners3, weight: Array) -> State:
+    """`state`, with the poses of `other`, refined from there, for those of the frames `tried` (F,) in which they fit
+    better."""
     mine = np.flatnonzero(tried[corners.frame])
     if not len(mine):
         return state
@@ -108,7 +114,7 @@ def _where_better(state: State, other: State, tried: Float[Array, " f"], corners
 
 
 def _anew(state: State, corners: Corners3, frames: Array) -> State:
-    """With the poses of `frames` from their viewing rays."""
+    """`state` with the poses of `frames` estimated from their viewing rays."""
     seen = [Seen(corners.board[corners.frame == f], corners.xy[corners.frame == f]) for f in frames]
     T, out = poses_of(state.cameras[0], seen), state.poses.copy()
     good = np.isfinite(T).all(axis=(1, 2))
@@ -116,21 +122,22 @@ def _anew(state: State, corners: Corners3, frames: Array) -> State:
     return replace(state, poses=out)
 
 
-def _medians(gaps: Float[Array, "n 2"], frame: Array, frames: int) -> Float[Array, " f"]:
-    """(F,) median length of each frame's `gaps` (N, 2), px; infinite where most can't be seen, 0 without corners."""
+def _medians(gaps: Real[Array, "n 2"], frame: Array, frames: int) -> Real[Array, " f"]:
+    """(F,) median length of each frame's `gaps` (N, 2), px; infinite where the camera cannot see most corners, 0
+    without corners."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     return np.array([np.median(far[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
 
 
 def _flipped(state: State, corners: Corners3, frames: Array) -> State:
-    """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' middles."""
+    """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' centres."""
     poses = state.poses.copy()
     for f in frames:
         R, t = poses[f, :3, :3], poses[f, :3, 3]
         middle = R[:, :2] @ corners.board[corners.frame == f].mean(axis=0) + t
         sight, normal = middle / np.linalg.norm(middle), R[:, 2]
         axis = np.cross(normal, sight)
-        # the angle between them, twice
+        # rotation by twice the angle between them
         Q = rotation(2 * axis / max(np.linalg.norm(axis), 1e-12) * np.arctan2(np.linalg.norm(axis), normal @ sight))
         poses[f, :3, :3], poses[f, :3, 3] = Q @ R, middle - Q @ (middle - t)
     return replace(state, poses=poses)
@@ -140,17 +147,19 @@ def fit(
     start: State,
     noise: float,
     corners: Corners3,
-    sigma: Float[Array, " n"],
-    free: Float[Array, " k"],
-    cluster: Float[Array, " f"] | None = None,
+    sigma: Real[Array, " n"],
+    free: Bool[Array, " k"],
+    cluster: Real[Array, " f"] | None = None,
     spacing: float = 1.0,
     power: float = JACKKNIFE,
 ) -> Fit:
-    """Fit `free` (K,) shared parameters and all poses to `corners` with deviations `sigma` (N,) px, of which some are wrong.
+    """Fit the `free` (K,) shared parameters and all poses to `corners` with standard deviations `sigma` (N,) px, some
+    of them outliers.
 
-    From a rough fit and its `noise`, rounds of: which corners and views agree with the solution, least squares of those, noise of
-    those, and, if the board's shape is free, the spreads of its prior; until nothing changes. `cluster` (F,): frames of one number may err
-    together (default: each frame by itself). `spacing`: side of a square, m. `power`: see `clustered`.
+    Starts from an initial fit and its `noise`, and iterates until nothing changes: classify corners and views as
+    inliers or outliers, solve the least squares of the inliers, estimate their noise and, if the board's shape is free,
+    the spreads of its prior. `cluster` (F,): errors of frames with the same number may be correlated (default: each
+    frame by itself). `spacing`: side of a square, m. `power`: see `clustered`.
     """
     shaped = bool(free[len(free) - start.shape.size :].any())
     spread = Spread.first(spacing)
@@ -178,7 +187,7 @@ def fit(
 
 
 def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int]) -> State:
-    """The poses of `frames`, which the solution doesn't rest on, where they fit it best."""
+    """`state` with the poses of `frames`, which the solution does not use, fitted to their corners."""
     mine = np.flatnonzero(np.isin(corners.frame, frames))
     if not len(mine):
         return state
@@ -188,7 +197,7 @@ def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int
 
 
 def _unknowns(state: State, arrow: Arrow, corners: Corners3, used: Array, free: Array) -> float:
-    """How many numbers the used corners determine: of parameters that a prior holds only the share that it leaves to the corners."""
+    """Effective number of unknowns: of a parameter with a prior only the share that the corners determine counts."""
     precision = state.beforehand.precision[np.ix_(free, free)]
     held = float(np.sum(precision * arrow.covariance))
     return 6 * len(np.unique(corners.frame[used])) + int(free.sum()) - held
@@ -199,10 +208,10 @@ def _weights(noise: float | Array, sigma: Array) -> Array:
 
 
 def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int) -> tuple[Array, list[str]]:
-    """Which corners agree with the solution, and for each frame why it as a whole doesn't, or "".
+    """Which corners are inliers, and for each frame the reason why it is an outlier as a whole, or "".
 
-    Corners of one view err together (paper bends anew in every picture): a corner is judged by the scatter of its own view where that is
-    larger than the usual one.
+    The errors of the corners of one view are correlated (paper bends differently in every picture): a corner is
+    compared with the scatter of its own view where that is larger than the usual one.
     """
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     px = _medians(gaps, frame, frames)
@@ -228,8 +237,9 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
     return good & ~lost[frame], reasons
 
 
-def _median_noise(gaps: Array, sigma: Float[Array, " n"]) -> float:
-    """Noise px of one axis beyond `sigma` (N,) by the median of residuals: outliers don't matter."""
+def _median_noise(gaps: Array, sigma: Real[Array, " n"]) -> float:
+    """Noise of one axis in addition to `sigma` (N,), px, from the median of the residuals, which is robust to
+    outliers."""
     square = (gaps**2).sum(axis=1)
     seen = np.isfinite(square)
     if not seen.any():
@@ -241,8 +251,9 @@ def _median_noise(gaps: Array, sigma: Float[Array, " n"]) -> float:
     return _root(excess, float(np.sqrt(np.median(square[seen]) / MEDIAN)))
 
 
-def _noise(gaps: Array, sigma: Float[Array, " n"], unknowns: float) -> float:
-    """Noise px of one axis beyond `sigma` (N,), such that whitened residuals have the squares that their degrees of freedom promise."""
+def _noise(gaps: Array, sigma: Real[Array, " n"], unknowns: float) -> float:
+    """Noise of one axis in addition to `sigma` (N,), px, for which the sum of squared whitened residuals equals the
+    degrees of freedom."""
     square, freedom = (gaps**2).sum(axis=1), max(2 * len(gaps) - unknowns, 1)
 
     def excess(noise: float) -> float:
@@ -252,7 +263,8 @@ def _noise(gaps: Array, sigma: Float[Array, " n"], unknowns: float) -> float:
 
 
 def _root(excess: Callable[[float], float], most: float) -> float:
-    """Where the falling function `excess` is zero, between LEAST and just above `most`; an end if it isn't."""
+    """Root of the decreasing function `excess` between LEAST and just above `most`; the nearer end of the interval if
+    there is none."""
     high = max(most * 1.001, 2 * LEAST)
     if excess(LEAST) <= 0:
         return LEAST

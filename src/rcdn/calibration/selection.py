@@ -1,8 +1,9 @@
-"""Which of many pictures to calibrate from: those that together tell most about the camera.
+"""Selection of the pictures from which to calibrate: the subset with the most information about the camera.
 
-Of the views of a calibration, each with its information on the camera (its own pose eliminated), the subset is sought under which the mean
-variance of projections over the frame is least: I-optimal design (Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, §10.6), greedy
-at first, then by exchanging one picture for another as long as that helps (Fedorov 1972).
+From the views of a calibration, each with its information on the camera (its own pose eliminated), the subset is
+selected that minimises the mean variance of projections over the frame: I-optimal design (Atkinson, Donev and Tobias,
+Optimum Experimental Designs, 2007, §10.6), first greedily, then by exchanging one picture for another as long as that
+reduces the variance (Fedorov 1972).
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ import numpy as np
 
 from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
-from rcdn.calibration.uncertainty import unrotated_slopes
+from rcdn.calibration.uncertainty import unrotated_jacobian
 from rcdn.errors import ConfigError, shown
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 LITTLE = 1e-4
-"""× what all views tell: is taken to be known beforehand, so that few views have a variance, too"""
+"""× the information of all views: added as prior information, so that the variance is finite with few views, too"""
 ROUNDS = 20
-"""of exchanges, at most"""
+"""most rounds of exchanges"""
 
 
-def most_telling(calibration: Calibration, many: int) -> tuple[str, ...]:
-    """The names of `many` pictures of `calibration` that tell most about its camera, in the order of its views; all that were used if
-    there are no more. Pictures whose boards scatter more than others' tell as much less. Raises ConfigError unless `many` is 3 or more."""
+def most_informative(calibration: Calibration, many: int) -> tuple[str, ...]:
+    """The names of the `many` pictures of `calibration` with the most information about its camera, in the order of its
+    views; all used ones if there are no more. The information of pictures whose boards have a larger scatter is reduced
+    accordingly. Raises ConfigError unless `many` is at least 3."""
     if many < 3:
         raise ConfigError(f"many must be at least 3 pictures, not {shown(many)}")
     views = calibration.used_views
@@ -34,13 +36,13 @@ def most_telling(calibration: Calibration, many: int) -> tuple[str, ...]:
     if len(names) <= many:
         return tuple(names)
     information = _by_picture(calibration, views, names)
-    slopes, there = unrotated_slopes(calibration.camera, frame_grid(calibration.camera.image_size))
-    rows = slopes[there].reshape(-1, slopes.shape[2])
+    jacobian, there = unrotated_jacobian(calibration.camera, frame_grid(calibration.camera.image_size))
+    rows = jacobian[there].reshape(-1, jacobian.shape[2])
     some = _exchanged(_greedy([], many, information, rows), information, rows)
     return tuple(names[k] for k in sorted(some))
 
 
-def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: list[str]) -> Float[Array, "n p p"]:
+def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: list[str]) -> Real[Array, "n p p"]:
     """(N, P, P) information of each picture."""
     each = view_information(calibration).information
     scatter = np.array([v.rms for v in views])
@@ -52,7 +54,7 @@ def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: lis
 
 
 def _greedy(chosen: list[int], many: int, information: Array, rows: Array) -> list[int]:
-    """`chosen` and those that lower the mean variance most, one after the other, up to `many`."""
+    """`chosen` and the indices that reduce the mean variance most, added one after the other, up to `many`."""
     chosen = list(chosen)
     while len(chosen) < many:
         variance = _with_one_more(chosen, information, rows)
@@ -61,7 +63,7 @@ def _greedy(chosen: list[int], many: int, information: Array, rows: Array) -> li
 
 
 def _exchanged(chosen: list[int], information: Array, rows: Array) -> list[int]:
-    """`chosen` after exchanges of one for another that lower the mean variance."""
+    """`chosen` after exchanges of one index for another that reduce the mean variance."""
     for _ in range(ROUNDS):
         before = list(chosen)
         for k in list(chosen):
@@ -72,8 +74,9 @@ def _exchanged(chosen: list[int], information: Array, rows: Array) -> list[int]:
     return chosen
 
 
-def _with_one_more(chosen: list[int], information: Array, rows: Array) -> Float[Array, " n"]:
-    """(N,) mean variance of projections with each of the others besides `chosen`; infinite for those."""
+def _with_one_more(chosen: list[int], information: Array, rows: Array) -> Real[Array, " n"]:
+    """(N,) mean variance of projections with each of the others in addition to `chosen`; infinite for those already
+    chosen."""
     little = LITTLE * information.sum(axis=0)
     ridge = 1e-12 * np.diag(np.diag(information.sum(axis=0)))
     total = information + information[chosen].sum(axis=0) + little + ridge

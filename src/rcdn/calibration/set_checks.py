@@ -1,4 +1,5 @@
-"""Checks of what the pictures say together: whether they are of one camera, and whether they settle it. Each gives reasons of a verdict."""
+"""Checks of the pictures as a set: whether they come from one camera, and whether they determine it. Each returns
+reasons of a verdict."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from rcdn.types import Calibration, Reason
 
 
 def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
-    """Groups of pictures of different cameras, zooms or focus; nothing is said of too few views to tell."""
+    """Groups of pictures from different cameras, zooms or focus settings; no reason if the views are too few for the
+    test."""
     found = several.one_camera(c)
     if found is not None:
         return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
@@ -20,6 +22,6 @@ def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def settled(c: Calibration, facts: Facts) -> list[Reason]:
-    """What views contradict each other on, or can't tell: focal length, principal point, aspect ratio."""
+    """Parameters that the views do not determine: focal length, principal point, aspect ratio."""
     found = [reason("unsettled", u.deviation / u.limit, "", u.finding, u.remedy) for u in unsettled(c)]
     return found or [reason("unsettled", 0.0, "The views agree on focal length and principal point.", "", "")]

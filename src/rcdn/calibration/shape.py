@@ -1,10 +1,11 @@
-"""The shape of a real board: printed a little unevenly and not quite flat, the same in all of its views.
+"""The shape of a real board: printed slightly unevenly and not quite flat, the same in all of its views.
 
-A corner lies off its place on the perfect plane by a smooth function of that place, polynomials to the fourth degree along the board's x and
-y and along its normal. They are unknowns of the calibration (as in Strobl and Hirzinger, More accurate pinhole camera calibration with
-imperfect planar target, 2011), with a Gaussian prior whose spreads, within the board and out of its plane, are those under which the
-corners are most likely (expectation–maximisation of the restricted likelihood). Higher degrees are held to be smaller. What a motion of the
-board or its size would explain is no shape: the prior holds it at zero.
+The displacement of a corner from its position on the perfect plane is a smooth function of that position: polynomials
+up to the fourth degree, along the board's x and y and along its normal. Their coefficients are unknowns of the
+calibration (as in Strobl and Hirzinger, More accurate pinhole camera calibration with imperfect planar target, 2011),
+with a Gaussian prior whose spreads, within the board and out of its plane, maximise the restricted likelihood of the
+corners (by expectation–maximisation). Higher degrees have smaller prior spreads. Displacements that a motion of the
+board or its size would explain are not shape: the prior holds them at zero.
 """
 
 from __future__ import annotations
@@ -16,28 +17,31 @@ from numpy.polynomial.legendre import legvander
 
 from rcdn.calibration.bundle import Prior, State
 from rcdn.types import SQUARES, Array, BoardShape, Plane
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 Size = tuple[int, int]
 DEGREE, DECAY = 4, 2.0
-"""of the polynomials; the prior standard deviation of a function falls with its degree to that power"""
+"""largest degree of the polynomials; the prior standard deviation of a function is its degree to the power −`DECAY`,
+relative to degree 1"""
 PLANE, DEPTH = 0.001, 0.003
-"""spreads of the first degree to start from, in squares"""
+"""initial spreads of the first degree, within the board and out of its plane, in squares"""
 LEAST, MOST = 1e-6, 0.1
-"""squares; a spread below is none, and no board is worse than the other"""
+"""bounds of a spread, in squares: the lower one stands for none, and no real board exceeds the upper one"""
 FUNCTIONS = tuple((d - j, j) for d in range(1, DEGREE + 1) for j in range(d + 1))
-"""degrees in x and y of each function, the first two x and y themselves; a constant would only move the board"""
+"""degrees in x and y of each function, the first two being x and y themselves; a constant would only translate the
+board"""
 FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
-"""(B, 1) prior standard deviation of each function as a share of the first degree's"""
+"""(B, 1) prior standard deviation of each function relative to that of the first degree"""
 HELD = 1e3
-"""prior standard deviations ÷ those of what a motion or the size would explain"""
+"""ratio of the prior's standard deviations to those of displacements that a motion or the size would explain"""
 FEWEST_SHAPED = 5
-"""views of the whole board, below which it is taken as perfect"""
+"""least number of views of the whole board for which its shape is estimated; with fewer it is taken as perfect"""
 
 
-def shape_basis(ij: Int[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Float[Array, "n b"]:
-    """(N, B) the functions at the places `ij` (N, 2) of a board of `size` (columns, rows) on its `plane`: polynomials that are orthogonal to
-    each other and to a constant over the board's corners, of mean square 1 there (0 if so few corners have no such function).
+def shape_basis(ij: Int[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Real[Array, "n b"]:
+    """(N, B) values of the functions at the labels `ij` (N, 2) of a board of `size` (columns, rows) on its `plane`:
+    polynomials that are orthogonal to each other and to a constant over the board's corners, with mean square 1 there
+    (0 if the corners are too few for such a function).
 
     The two of the first degree have the same slope along x and along y, and a mean square of 1 together.
     """
@@ -61,15 +65,16 @@ def all_labels(size: Size) -> Array:
     return np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
 
 
-def _products(places: Array, far: Float[Array, " 2"]) -> Array:
-    """(N, 1 + B) products of Legendre polynomials that run over −1 to 1 from the first corner to the last, at `far` (2,), a constant first."""
+def _products(places: Array, far: Real[Array, " 2"]) -> Array:
+    """(N, 1 + B) products of Legendre polynomials whose argument runs from −1 to 1 between the first corner and the
+    last, at `far` (2,); the constant is the first."""
     x, y = (2 * places / far - 1).T
     across, down = legvander(x, DEGREE), legvander(y, DEGREE)
     return np.stack([across[:, i] * down[:, j] for i, j in ((0, 0), *FUNCTIONS)], axis=1)
 
 
 def _motions() -> Array:
-    """(4, 3 B) unit coefficients of a larger size, a turn within the plane, and both tilts."""
+    """(4, 3 B) unit coefficients of a larger size, a rotation within the plane, and both tilts."""
     of = np.zeros((4, len(FUNCTIONS), 3))
     of[0, [0, 1], [0, 1]] = np.sqrt(0.5)
     of[1, [0, 1], [1, 0]] = np.sqrt(0.5) * np.array([1, -1])
@@ -79,24 +84,25 @@ def _motions() -> Array:
 
 @dataclass(frozen=True)
 class Spread:
-    """Prior standard deviations of a shape's coefficients of the first degree, m: within the `plane` of the board and out of it, in `depth`."""
+    """Prior standard deviations of a shape's coefficients of the first degree, m: within the `plane` of the board and
+    out of it, in `depth`."""
 
     plane: float
     depth: float
 
     @classmethod
     def first(cls, spacing: float) -> Spread:
-        """To start from."""
+        """The initial spreads."""
         return cls(PLANE * spacing, DEPTH * spacing)
 
     def near(self, other: Spread, share: float) -> bool:
-        """Whether both spreads differ from the `other`'s by less than a `share` of them, or are none."""
+        """Whether each spread differs from the `other`'s by at most the relative difference `share`."""
         pairs = ((self.plane, other.plane), (self.depth, other.depth))
         return all(abs(a - b) <= share * max(a, b) for a, b in pairs)
 
 
 def with_spread(state: State, spread: Spread) -> State:
-    """`state` with a prior of these spreads on its shape, beside that of its lenses."""
+    """`state` with a prior of these spreads on its shape, in addition to that of its lenses."""
     lens = state.beforehand
     each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
     at = len(lens.mean) - state.shape.size
@@ -107,24 +113,26 @@ def with_spread(state: State, spread: Spread) -> State:
 
 
 def likelier(state: State, covariance: Array, spacing: float) -> Spread:
-    """The spreads after one step of expectation–maximisation. `covariance` (3 B, 3 B) of the shape given the corners, m²."""
+    """The spreads after one step of expectation–maximisation. `covariance` (3 B, 3 B) of the shape given the corners,
+    m²."""
     square = ((state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
-    many = len(FUNCTIONS)  # two of them are held within the plane, and two out of it
+    many = len(FUNCTIONS)  # two of the coefficients are held at zero within the plane, and two out of it
     plane, depth = np.sqrt((square[0] + square[1]) / (2 * many - 2)), np.sqrt(square[2] / (many - 2))
     return Spread(*(float(np.clip(value, LEAST * spacing, MOST * spacing)) for value in (plane, depth)))
 
 
-def board_shape(coefficients: Float[Array, "b 3"], size: Size, plane: Plane = SQUARES) -> BoardShape:
-    """The shape of `coefficients` (B, 3) m at all corners of a board of `size`."""
+def board_shape(coefficients: Real[Array, "b 3"], size: Size, plane: Plane = SQUARES) -> BoardShape:
+    """The shape with `coefficients` (B, 3) m at all corners of a board of `size`."""
     return BoardShape((shape_basis(all_labels(size), size, plane) @ coefficients).reshape(size[1], size[0], 3))
 
 
 KNOWN = np.array([[0.0, 0.0, 1.0]])
-"""(1, 3) the shape of a state whose board is known: one function, the corners' height, taken once"""
+"""(1, 3) the shape of a state whose board is known: one function, the corners' height, with coefficient 1 along the
+normal"""
 
 
 def on_shape(nominal: Array, ij: Array, shape: BoardShape | None) -> tuple[Array, Array]:
-    """Where corners are on a board of known `shape` (None: perfect): `board` (N, 2) m from their `nominal` places (N, 2) m and labels `ij`
-    (N, 2), and the `basis` (N, 1) of a state with the shape KNOWN."""
+    """Positions of corners on a board of known `shape` (None: perfect): `board` (N, 2) m from their `nominal` positions
+    (N, 2) m and labels `ij` (N, 2), and the `basis` (N, 1) of a state with the shape KNOWN."""
     offsets = np.zeros((len(ij), 3)) if shape is None else shape.at(ij)
     return nominal + offsets[:, :2], offsets[:, 2:]

@@ -1,9 +1,9 @@
-"""A lens that follows the glass: a smooth correction over the sensor beside a parametric model, as stiff as the corners ask for.
+"""A smooth correction of a parametric lens model over the sensor, with a stiffness estimated from the corners.
 
-Errors of a lens model a fraction of a pixel large mislead every calibration that rests on them (Schöps et al., Why Having 10,000 Parameters in
-Your Camera Model Is Better Than Twelve, 2020; mrcal's splined models). A bicubic B-spline over the stereographic plane takes them up. Its
-prior is the energy of its bending, with the stiffness under which the corners are most likely; what is flat in it would only repeat focal
-length and principal point, and is held at nothing.
+Model errors of a fraction of a pixel bias every calibration that is based on the lens (Schöps et al., Why Having 10,000
+Parameters in Your Camera Model Is Better Than Twelve, 2020; mrcal's splined models). A bicubic B-spline over the
+stereographic plane represents them. Its prior is its bending energy, with the stiffness that maximises the likelihood
+of the corners; its modes without bending would only duplicate focal length and principal point, and are held at zero.
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ from rcdn.types import Array, Camera
 COLUMNS = 12
 """control points along the longer side of the sensor"""
 ROUNDS, SETTLED = 12, 0.05
-"""steps of expectation–maximisation at most; relative change of the stiffness that is none"""
+"""most steps of expectation–maximisation; relative change of the stiffness below which it has converged"""
 FIRST = 0.5
-"""px: the size of a correction to start from"""
+"""px: initial size of the correction"""
 FLAT = 1e-9
-"""share of the largest eigenvalue of the bending energy, below which a mode is flat"""
+"""share of the largest eigenvalue of the bending energy, below which a mode has no bending"""
 HELD = 1e8
-"""× the stiffness, of flat modes"""
+"""× the stiffness: that of modes without bending"""
 
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """The energy of a spline's bending in its modes: `energy` (S, S) with the flat modes held, `many` modes that may bend."""
+    """Bending energy of a spline: `energy` (S, S), in which the modes without bending are held at zero, and `many`, the
+    number of the other modes."""
 
     energy: Array
     many: int
 
     @classmethod
     def of(cls, camera: Camera) -> Bending:
-        """Of the correction of a camera."""
+        """For the correction of a camera."""
         energy = roughness(present(camera.correction, "Camera.correction"))
         values, vectors = np.linalg.eigh(energy)
         flat = values <= FLAT * values[-1]
@@ -49,14 +50,15 @@ class Bending:
 
 
 def with_correction(state: State, columns: int = COLUMNS) -> State:
-    """`state` with a correction, all zero, on its camera."""
+    """`state` with a correction, initially zero, of its camera."""
     camera = state.cameras[0]
     corrected = replace(camera, correction=zero_correction(camera, columns))
     return replace(state, cameras=(corrected,), prior=None)
 
 
 def fitted(state: State, corners: Corners3, weight: Array) -> State:
-    """`state` with the correction, its stiffness, and all else where the corners are most likely. Starts from a solution without one."""
+    """`state` with the correction, its stiffness, and all other unknowns estimated from the corners. Starts from a
+    solution without a correction."""
     before = state.beforehand
     bent = with_correction(state)
     bending, core = Bending.of(bent.cameras[0]), len(state.cameras[0].parameters)
@@ -76,7 +78,7 @@ def fitted(state: State, corners: Corners3, weight: Array) -> State:
 
 
 def _prior(before: Prior, bending: Bending, variance: float, spline: slice) -> Prior:
-    """The prior `before` of what there was without a correction, and that of the control points `spline` in between."""
+    """The prior `before` of the parameters without a correction, combined with that of the control points `spline`."""
     many = len(before.mean) + spline.stop - spline.start
     rest = np.r_[0 : spline.start, spline.stop : many]
     mean, precision = np.zeros(many), np.zeros((many, many))
@@ -86,5 +88,5 @@ def _prior(before: Prior, bending: Bending, variance: float, spline: slice) -> P
 
 
 def whole(camera: Camera) -> bool:
-    """Whether the correction leaves the map one to one inside the frame."""
+    """Whether the corrected projection is one-to-one inside the frame."""
     return not folds(camera)

@@ -1,7 +1,9 @@
-"""Least squares for cameras, poses and a board's shape: Levenberg–Marquardt on normal equations whose poses are eliminated.
+"""Least squares for cameras, poses and a board's shape: Levenberg–Marquardt on normal equations from which the poses
+are eliminated.
 
-The normal matrix is an arrow: a block of 6 a frame (a board's pose) and a border of what all frames share (lenses, the second camera's
-place, the board's shape). The poses are eliminated by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
+The normal matrix has arrow structure: one 6 × 6 block for each frame (the pose of its board) and a border for the
+parameters that all frames share (intrinsics, poses of the other cameras, the board's shape). The poses are eliminated
+by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 """
 
 from __future__ import annotations
@@ -12,27 +14,30 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 RIDGE = 1e-10
-"""× the largest of a block's diagonal: keeps what nothing determines from stopping the solver; its variance is huge then"""
+"""× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
+whose variance is then huge"""
 ITERATIONS, ENOUGH = 60, 1e-9
-"""steps at most; the share of the cost that is too little to go on for"""
+"""most steps; relative decrease of the cost below which the iteration ends"""
 DAMPING, STRONGEST = 1e-6, 1e8
-"""of Levenberg–Marquardt at the start, and where it gives up"""
+"""initial damping of Levenberg–Marquardt, and the damping at which it stops"""
 BEHIND = 1e3
-"""whitened residual of a corner that the camera can't see"""
+"""whitened residual assigned to a corner that the camera cannot see"""
 FARTHEST = 1e8
-"""whitened residual beyond which a corner counts as one that the camera can't see: squares must not overflow"""
+"""whitened residual above which a corner is treated as one that the camera cannot see: its square must not overflow"""
 SCALE = 2.0
-"""whitened residual from which on the loss `soft_l1` grows linearly"""
+"""whitened residual above which the loss `soft_l1` grows linearly"""
 
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """Inverse Cholesky factor of the normal matrix, as blocks: x_frame = `own` y_frame − `reach` x_shared, x_shared = `rim` y_shared.
+    """Inverse Cholesky factor of the normal matrix, as blocks: x_frame = `own` y_frame − `reach` x_shared, x_shared =
+    `rim` y_shared.
 
-    `own` (F, 6, 6), `reach` (F, 6, K), `rim` (K, K); with unit noise the covariance of x is the factor times its transpose.
+    `own` (F, 6, 6), `reach` (F, 6, K), `rim` (K, K); with unit noise the covariance of x is the factor times its
+    transpose.
     """
 
     own: Array
@@ -40,9 +45,10 @@ class Arrow:
     rim: Array
 
     @classmethod
-    def of(cls, blocks: Array, whole: Float[Array, "k k"], damping: float = 0.0) -> Arrow:
-        """From the normal matrix: the frames' `blocks` (F, 6, 6 + K), their own and with what all share, and the `whole` (K, K) of that, the
-        prior's precision included. `damping`: share added to the diagonal."""
+    def of(cls, blocks: Array, whole: Real[Array, "k k"], damping: float = 0.0) -> Arrow:
+        """From the normal matrix: `blocks` (F, 6, 6 + K) of each frame, with itself and with the shared parameters, and
+        `whole` (K, K) of the shared parameters, the prior's precision included. `damping`: relative increase of the
+        diagonal."""
         own = _inverse_factor(_damped(blocks[:, :, :6], damping))
         reach = own @ (own.transpose(0, 2, 1) @ blocks[:, :, 6:])
         whole = _damped(whole[None], damping)[0]
@@ -50,12 +56,13 @@ class Arrow:
         return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
 
     @property
-    def covariance(self) -> Float[Array, "k k"]:
-        """(K, K) of the shared parameters at unit noise."""
+    def covariance(self) -> Real[Array, "k k"]:
+        """(K, K) covariance of the shared parameters at unit noise."""
         return np.asarray(self.rim @ self.rim.T)
 
-    def solve(self, by_frame: Float[Array, "f 6"], shared: Float[Array, " k"]) -> tuple[Array, Array]:
-        """(F, 6) and (K,): the inverse of the normal matrix times a gradient `by_frame` (F, 6), `shared` (K,)."""
+    def solve(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> tuple[Array, Array]:
+        """(F, 6) and (K,): the inverse of the normal matrix times a gradient with the parts `by_frame` (F, 6) and
+        `shared` (K,)."""
         rest = shared - np.einsum("fak,fa->k", self.reach, by_frame)
         x = self.rim @ (self.rim.T @ rest)
         own = (self.own @ (self.own.transpose(0, 2, 1) @ by_frame[:, :, None]))[..., 0]
@@ -72,8 +79,8 @@ def _by_frame(values: Array, frame: Array, frames: int) -> Array:
     return out
 
 
-def _damped(blocks: Float[Array, "f n n"], damping: float) -> Array:
-    """`blocks` (F, n, n) with their diagonals longer by the share `damping`."""
+def _damped(blocks: Real[Array, "f n n"], damping: float) -> Array:
+    """`blocks` (F, n, n) with their diagonals increased by the share `damping`."""
     if not damping:
         return blocks
     out, n = blocks.copy(), np.arange(blocks.shape[-1])
@@ -81,11 +88,11 @@ def _damped(blocks: Float[Array, "f n n"], damping: float) -> Array:
     return out
 
 
-def _inverse_factor(blocks: Float[Array, "f n n"], whole: Float[Array, " n"] | None = None) -> Array:
-    """Inverse of the upper Cholesky factor of symmetric `blocks` (F, n, n); a ridge where they are singular.
+def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | None = None) -> Array:
+    """Inverse of the upper Cholesky factor of symmetric `blocks` (F, n, n), with a ridge where they are singular.
 
-    `whole` (n,): the diagonal before other unknowns were eliminated; what is left of it may be all rounding. What no corner
-    tells of gets zeros: it won't move.
+    `whole` (n,): the diagonal before other unknowns were eliminated; what remains of it may be rounding error only.
+    Parameters that no corner depends on get zeros, so that they do not move.
     """
     if not blocks.shape[-1]:
         return blocks
@@ -102,8 +109,9 @@ def _inverse_factor(blocks: Float[Array, "f n n"], whole: Float[Array, " n"] | N
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """The problem at one state: whitened `gaps` (N, 2) observed − projected, Jacobians `by_frame` (N, 2, 6) and `shared` (N, 2, K') of the free
-    parameters, `frame` (N,) of F `frames`; `precision` (K', K') and `pull` (K',) of the prior."""
+    """The problem linearised at one state: whitened residuals `gaps` (N, 2), observed − projected, Jacobians `by_frame`
+    (N, 2, 6) and `shared` (N, 2, K') of the free parameters, `frame` (N,) among F `frames`; `precision` (K', K') of the
+    prior and its negative gradient `pull` (K',)."""
 
     gaps: Array
     by_frame: Array
@@ -115,7 +123,7 @@ class Linear:
 
     @classmethod
     def of(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str = "linear") -> Linear:
-        """Corners that a camera can't see tell nothing."""
+        """Corners that a camera cannot see contribute nothing."""
         xy, by_frame, shared = linearise(state, corners)
         gaps = (corners.xy - xy) * weight[:, None]
         blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
@@ -133,7 +141,7 @@ class Linear:
 
     @property
     def normal(self) -> Normal:
-        """Its normal equations, with the prior's."""
+        """The normal equations, including the prior."""
         joint = np.concatenate([self.by_frame, self.shared], axis=2)
         blocks = _by_frame(np.einsum("nia,nib->nab", self.by_frame, joint, optimize=True), self.frame, self.frames)
         flat = self.shared.reshape(2 * len(self.shared), self.shared.shape[2])
@@ -143,12 +151,13 @@ class Linear:
 
 
 AT_ONCE = 4_000_000
-"""numbers of a Jacobian in what all frames share that are held at once: larger problems are summed in parts"""
+"""elements of the shared parameters' Jacobian that are kept in memory at once: larger problems are summed in parts"""
 
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations: `blocks` (F, 6, 6 + K') and `whole` (K', K') as in `Arrow.of`, `gradient` (F, 6) and (K',) by which the cost falls."""
+    """Normal equations: `blocks` (F, 6, 6 + K') and `whole` (K', K') as in `Arrow.of`; `gradient` (F, 6) and (K',), the
+    negative gradient of half the cost."""
 
     blocks: Array
     whole: Array
@@ -156,7 +165,8 @@ class Normal:
 
     @classmethod
     def of(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str = "linear") -> Normal:
-        """At one state, as `Linear.of`; memory in proportion to frames × shared parameters, not to corners × shared parameters."""
+        """At one state, as `Linear.of`; the memory is proportional to frames × shared parameters, not to corners ×
+        shared parameters."""
         each = max(AT_ONCE // (2 * sum(state.counts)), 1)
         if len(corners) <= each:
             return Linear.of(state, corners, weight, free, loss).normal
@@ -174,15 +184,15 @@ class Normal:
         return cls(blocks, whole, (by_frame, shared))
 
     def arrow(self, damping: float = 0.0) -> Arrow:
-        """Of its matrix."""
+        """The factor of the normal matrix."""
         return Arrow.of(self.blocks, self.whole, damping)
 
 
 def without_pose(
-    by_pose: Float[Array, "m 2 6"], shared: Float[Array, "m 2 k"], gaps: Float[Array, "m 2"]
+    by_pose: Real[Array, "m 2 6"], shared: Real[Array, "m 2 k"], gaps: Real[Array, "m 2"]
 ) -> tuple[Array, Array]:
-    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
-    and `gaps` (M, 2)."""
+    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view, projected onto the complement of its pose's
+    Jacobian; from `by_pose` (M, 2, 6), `shared` (M, 2, K) and `gaps` (M, 2)."""
     Q, _ = np.linalg.qr(by_pose.reshape(-1, 6))
     J, e = shared.reshape(len(Q), shared.shape[-1]), gaps.ravel()
     return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)
@@ -190,7 +200,7 @@ def without_pose(
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """`state` at the least squares; `arrow` there: with the weights' noise the covariance's factor."""
+    """`state` at the minimum; `arrow` there, the factor of the covariance if the weights are right."""
 
     state: State
     arrow: Arrow
@@ -199,15 +209,16 @@ class Solution:
 def solve(
     start: State,
     corners: Corners3,
-    weight: Float[Array, " n"],
-    free: Float[Array, " k"] | None = None,
+    weight: Real[Array, " n"],
+    free: Bool[Array, " k"] | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
 ) -> Solution:
-    """The `State` that makes the sum of squares of `weight` (N,) × (observed − projected) (N, 2), and of its prior, least, from `start`.
+    """The `State` that minimises the sum of squares of `weight` (N,) × (observed − projected) (N, 2) plus the cost of
+    its prior, from `start`.
 
-    `free` (K,) bool: which shared parameters may change (default: the lenses'). `loss`: linear or soft_l1 (by axis, its scale at 2).
-    A frame without corners keeps its pose.
+    `free` (K,) bool: the shared parameters that may change (default: those of the lenses). `loss`: linear or soft_l1
+    (for each axis, with scale 2). A frame without corners keeps its pose.
     """
     free = default_free(start) if free is None else free
     state, cost, damping = start, _cost(start, corners, weight, loss), DAMPING
@@ -224,7 +235,7 @@ def solve(
 def _step(
     state: State, here: Normal, cost: float, damping: float, corners: Corners3, weight: Array, free: Array, loss: str
 ) -> tuple[State, float, float]:
-    """The next state, its cost and the damping to go on with; `state` itself if no step lowers the cost."""
+    """The next state, its cost and the next damping; `state` itself if no step lowers the cost."""
     gradient = here.gradient
     while damping < STRONGEST:
         by_frame, some = here.arrow(damping).solve(*gradient)

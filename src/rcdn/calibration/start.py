@@ -1,7 +1,8 @@
-"""Where the least squares may begin: a rough camera from all boards at once, and poses from viewing rays.
+"""Initial guesses for the least squares: an approximate camera from all boards at once, and poses from viewing rays.
 
-A plane's homography to rays instead of pixels (Zhang 2000, for any lens that has rays) holds beside and behind the camera,
-too. Focal length and bend of the lens are scanned: a division model (Fitzgibbon 2001) stands for every kind.
+The homography of a plane to rays instead of pixels (Zhang 2000, for any lens whose pixels have rays) is also valid
+beside and behind the camera. Focal length and distortion are found by a grid search with a division model (Fitzgibbon
+2001), which approximates every kind of lens.
 """
 
 from __future__ import annotations
@@ -12,26 +13,27 @@ import numpy as np
 
 from rcdn.geometry import project, unproject
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FOCAL = 0.3 * 1.28 ** np.arange(17)
-"""focal lengths that are tried, in half diagonals of the picture: 0.3 to 16"""
+"""focal lengths of the grid search, in half diagonals of the picture: 0.3 to 16"""
 BEND = (0.0, 0.1, -0.08, -0.2, -0.4, -0.7, -1.0, -1.4)
-"""λ·r² of the division model at the half diagonal"""
+"""distortions of the grid search: λ·r² of the division model at the half diagonal"""
 LOOKS = 16
-"""boards that the scan looks at"""
+"""most boards that the grid search uses"""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One board in one picture: `board` (M, 2) on the board, m, and `xy` (M, 2) px."""
+    """One board in one picture: `board` (M, 2) positions on the board, m, and `xy` (M, 2) px."""
 
     board: Array
     xy: Array
 
 
 def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
-    """A rough camera of the model `division`: the focal length and bend under which boards look most like flat squares."""
+    """An approximate camera of the model `division`: focal length and distortion with the least median reprojection
+    error of planar boards."""
     some = views if len(views) <= LOOKS else [views[k] for k in np.linspace(0, len(views) - 1, LOOKS).astype(int)]
     batch = _Batch.of(some)
     half = float(np.hypot(*image_size)) / 2
@@ -40,21 +42,22 @@ def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
 
 
 def division_camera(focal: float, bend: float, half: float, image_size: tuple[int, int]) -> Camera:
-    """A division camera with its principal point in the middle; `bend`: λ·r² at `half` px from there."""
+    """A division camera whose principal point is the picture's centre; `bend`: λ·r² at `half` px from there."""
     width, height = image_size
     K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
     return Camera(K, np.array([bend * (focal / half) ** 2]), image_size, "division")
 
 
-def poses(camera: Camera, views: list[Seen]) -> Float[Array, "v 4 4"]:
-    """(V, 4, 4) T_cam_board of each view under `camera`: good enough to start from; NaN where the lens has no ray for a corner."""
+def poses(camera: Camera, views: list[Seen]) -> Real[Array, "v 4 4"]:
+    """(V, 4, 4) initial guess of T_cam_board of each view under `camera`; NaN where the lens has no ray for a
+    corner."""
     return _Batch.of(views).poses(camera)
 
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """Views side by side: `board` (V, M, 2) centred and scaled to a mean radius of √2 by `centre` (V, 2) and `scale` (V,), `xy`
-    (V, M, 2), `there` (V, M): 0 pads the shorter ones."""
+    """Views as arrays: `board` (V, M, 2), centred and scaled to a mean radius of √2 by `centre` (V, 2) and `scale`
+    (V,), `xy` (V, M, 2), `there` (V, M): 1, or 0 for the padding of shorter views."""
 
     board: Array
     xy: Array
@@ -77,7 +80,8 @@ class _Batch:
         return cls(board, xy, there, centre, scale)
 
     def misfit(self, camera: Camera) -> float:
-        """Median distance of the corners, px, from where poses of flat squares put them: the median over the boards."""
+        """Median over the boards of the median reprojection error of their corners, px, under poses of planar
+        boards."""
         T = self._scaled_poses(camera)
         points = self.board @ T[:, :3, :2].transpose(0, 2, 1) + T[:, None, :3, 3]
         gap = np.linalg.norm(project(camera, points) - self.xy, axis=2)
@@ -85,8 +89,8 @@ class _Batch:
         gap[self.there == 0] = np.nan
         return float(np.median(np.nanmedian(gap, axis=1)))
 
-    def poses(self, camera: Camera) -> Float[Array, "v 4 4"]:
-        """(V, 4, 4), in the views' own unit."""
+    def poses(self, camera: Camera) -> Real[Array, "v 4 4"]:
+        """(V, 4, 4), in the unit of the views."""
         T = self._scaled_poses(camera)
         T[:, :3, 3] /= self.scale[:, None]
         T[:, :3, 3] -= (T[:, :3, :2] @ self.centre[:, :, None])[..., 0]
@@ -100,7 +104,7 @@ class _Batch:
         rays /= np.linalg.norm(rays, axis=2, keepdims=True)
         H = _ray_homographies(rays, self.board, weight)
         T = _nearest_poses(H)
-        # of the two signs the one that puts the board in front of the rays
+        # of the two signs, the one that places the board in the direction of the rays
         points = self.board @ H[:, :, :2].transpose(0, 2, 1) + H[:, None, :, 2]
         turned = ((points * rays).sum(axis=2) * weight).sum(axis=1) < 0
         T[turned] = _nearest_poses(-H[turned])
@@ -108,8 +112,8 @@ class _Batch:
         return T
 
 
-def _ray_homographies(rays: Float[Array, "v m 3"], board: Array, weight: Array) -> Float[Array, "v 3 3"]:
-    """(V, 3, 3) with H·(x, y, 1) along the `rays` (V, M, 3), in the algebraic sense."""
+def _ray_homographies(rays: Real[Array, "v m 3"], board: Array, weight: Array) -> Real[Array, "v 3 3"]:
+    """(V, 3, 3) homographies with H·(x, y, 1) along the `rays` (V, M, 3), by minimal algebraic error."""
     X = np.concatenate([board, np.ones((*board.shape[:2], 1))], axis=2)
     # ray × (H X) = 0: with P = I − ray·rayᵀ the rows are kron(P, Xᵀ), and PᵀP = P
     P = (np.eye(3) - rays[:, :, :, None] * rays[:, :, None, :]) * weight[:, :, None, None]
@@ -118,8 +122,8 @@ def _ray_homographies(rays: Float[Array, "v m 3"], board: Array, weight: Array) 
     return np.asarray(np.linalg.eigh(normal)[1][:, :, 0].reshape(-1, 3, 3))
 
 
-def _nearest_poses(H: Array) -> Float[Array, "v 4 4"]:
-    """Poses (V, 4, 4) whose first two axes and origin are nearest those of H (V, 3, 3), up to a factor."""
+def _nearest_poses(H: Array) -> Real[Array, "v 4 4"]:
+    """Poses (V, 4, 4) whose first two axes and origin are closest to the columns of H (V, 3, 3), up to a factor."""
     u, s, vt = np.linalg.svd(H[:, :, :2], full_matrices=False)
     factor = s.mean(axis=1)
     T = np.zeros((len(H), 4, 4))

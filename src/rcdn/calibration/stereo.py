@@ -76,7 +76,7 @@ def calibrate_stereo(
     T, turned, odd = place(first, second, shared, pairs)
     task = _task(first, second, [p for p in shared if p not in odd], turned)
     start = _start(task, first, second, T)
-    start, noise = robust.rough_fit(start, task.corners, task.sigma, default_free(start, rig=True))
+    start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, rig=True))
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
     done = _result(task, fit, first, second, odd)
     return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)

@@ -1,4 +1,4 @@
-"""Whether to use a pair of cameras: as `verdict`, of the pair and of each camera."""
+"""The verdict on a pair of cameras: as `verdict`, for the pair and for each camera."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
 
 
 def judge_stereo(stereo: StereoCalibration) -> Verdict:
-    """The verdict on a pair: its own checks, then what speaks against each camera."""
+    """The verdict on a pair: its own checks, then the reasons against each camera."""
     sides = (("left", stereo.left), ("right", stereo.right))
     return verdict_of([*_pair_reasons(stereo), *(r for name, c in sides for r in _of_camera(name, c))])
 
 
 def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
-    """`stereo` with its verdict and those of its cameras, and with advice that says the same.
+    """`stereo` with its verdict and those of its cameras, and with advice that contains the same reasons.
 
-    What its advice says of the pairs themselves (which were left out) stays, first.
+    Advice about the pairs themselves (which were left out) is kept and comes first.
     """
     sides = ("Left", stereo.left), ("Right", stereo.right)
     of_cameras = {f"{name}: {text}" for name, camera in sides for text in camera.advice}
@@ -34,7 +34,8 @@ def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
 
 
 def baseline_std(stereo: StereoCalibration) -> float:
-    """Standard deviation of the baseline, m: of the translation along itself; a rotation doesn't change its length."""
+    """Standard deviation of the baseline, m: that of the translation along its direction; a rotation does not change
+    its length."""
     along = stereo.T_right_left[:3, 3] / max(stereo.baseline, 1e-12)
     return float(np.sqrt(along @ stereo.cov[3:, 3:] @ along))
 

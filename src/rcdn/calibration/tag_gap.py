@@ -1,4 +1,4 @@
-"""The gap between the tags of an AprilGrid, from all of its pictures: their codes don't say it."""
+"""Estimate of the gap between the tags of an AprilGrid from all of its pictures; the tags' codes do not contain it."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.types import AprilGrid, Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR, CERTAIN = 0.002, 4.0
-"""sides of a tag, and standard deviations, within which the gap that the boards were read with stands"""
+"""deviation (in sides of a tag; in standard errors) within which the gap with which the boards were read is kept"""
 
 
 def gap_of(boards: Sequence[Board]) -> float:
-    """Distance of tags over their side, of the AprilGrid that all `boards` show: the one that they were read with, or, where the corners
-    disagree with it, theirs.
+    """Gap between tags divided by their side, of the AprilGrid that all `boards` show: the value with which they were
+    read or, if the corners contradict it, the value estimated from the corners.
 
-    Four corners in a line, the sides of two neighbouring tags, have a cross-ratio that no projection changes and a lens hardly: it tells the gap.
+    Four collinear corners, the sides of two neighbouring tags, have a cross-ratio that is invariant under projection
+    and hardly changed by distortion; it determines the gap.
     """
     stated = float(np.median([b.target.gap for b in boards if isinstance(b.target, AprilGrid)]))
     each = np.concatenate([_gaps(b) for b in boards])
@@ -32,14 +33,14 @@ def gap_of(boards: Sequence[Board]) -> float:
 
 
 def _gaps(board: Board) -> Array:
-    """The gap by every four corners of two tags in a line, NaN where they tell none."""
+    """Estimates of the gap from each four collinear corners of two tags, NaN where they give none."""
     grid = np.full((*(2 * (board.ij.max(axis=0) // 2 + 1)), 2), np.nan)
     grid[board.ij[:, 0], board.ij[:, 1]] = board.xy
     return np.concatenate([_of_lines(lines) for lines in (grid, grid.swapaxes(0, 1))])
 
 
-def _of_lines(lines: Float[Array, "c r 2"]) -> Array:
-    """`lines` (C, R, 2) px: corners along the first axis."""
+def _of_lines(lines: Real[Array, "c r 2"]) -> Array:
+    """Estimates of the gap from `lines` (C, R, 2) px: corners along the first axis."""
     a, b, c, d = (lines[k : len(lines) - 3 + k : 2] for k in range(4))
     ab, bc, cd, ac, bd, ad = (
         np.linalg.norm(q - p, axis=-1) for p, q in ((a, b), (b, c), (c, d), (a, c), (b, d), (a, d))

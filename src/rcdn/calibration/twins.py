@@ -1,4 +1,4 @@
-"""Two cameras of one make get one lens model: the simplest that predicts the pictures held out of both."""
+"""One lens model for two cameras of the same make: the simplest that predicts the held-out pictures of both."""
 
 from __future__ import annotations
 
@@ -16,34 +16,39 @@ from rcdn.calibration.sight import off_axis, reach
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 Both = tuple[Calibration, Calibration]
 ALIKE = 0.05
-"""share by which the angles of two lenses may differ, at half the distance that corners reach from the axis and at the whole"""
+"""relative difference of the angles of two lenses up to which they are alike, at the radius that corners reach from the
+axis and at half of it"""
 PERHAPS = 0.25
-"""the same between lenses that may be alike although a wrong model bends one of them"""
+"""the same for lenses that may be alike although a wrong model distorts the angles of one of them"""
 REACHED = 90
 """percentile of the corners' distances from the principal point up to which two lenses are compared"""
 ENOUGH = 6
-"""pictures, below which a camera takes the model of its twin"""
+"""least number of pictures with which a camera keeps a model of its own; with fewer it takes that of the other
+camera"""
 WORSE = 1.5
-"""× a camera's least held-out error: a model that predicts its pictures worse isn't that camera's"""
+"""× a camera's least held-out error: a model with a larger error does not describe that camera"""
 
 
 def one_model(
     found: Both, calibrate_as: Callable[[int, str], Calibration], pairs: Sequence[tuple[int, int]]
 ) -> tuple[Calibration, Calibration, str]:
-    """The calibrations of twins under one lens model, and a sentence on it; `found` itself and "" for other cameras.
+    """The calibrations of two similar cameras under one lens model, and a sentence about it; `found` itself and "" for
+    cameras that differ.
 
-    `found`: what each camera got alone by `auto`. `calibrate_as(side, model)` calibrates the left (0) or the right (1) camera with a
-    model. `pairs`: (index of the left view, index of the right view) of one moment: both are held out together.
+    `found`: the result of each camera alone with `auto`. `calibrate_as(side, model)` calibrates the left (0) or the
+    right (1) camera with a given model. `pairs`: (index of the left view, index of the right view) taken at one moment:
+    both are held out together.
 
-    Twins are cameras of one picture size whose pixels see at the same angles from the axis (`alike`), under their own models or under a
-    common one. Candidates are the models from the simpler of both choices to the less simple; taken is the simplest that does nearly as
-    well as the best on pictures held out of both cameras, over all their corners (the rule of `choose.compare`). A camera of few pictures
-    takes the model of its twin. A model that predicts the pictures of one camera far worse than another does, or has no rays for a part
-    of its frame, is passed over; if none is left, both keep their own.
+    The cameras are similar if their picture sizes are equal and their pixels have the same angles from the axis
+    (`alike`), under their own models or under a common one. The candidates range from the simpler to the more complex
+    of both choices; selected is the simplest whose error in held-out pictures of both cameras, over all corners, is
+    close to the least (the rule of `choose.compare`). A camera with few pictures takes the model of the other. A model
+    that predicts the pictures of one camera far worse than another does, or has no rays in a part of its frame, is
+    excluded; if none remains, both cameras keep their own.
     """
     names = [c.models[0].model for c in found]
     if names[0] == names[1] or not set(names) <= set(AUTO) or not alike(*found, PERHAPS):
@@ -62,7 +67,8 @@ def one_model(
 
 
 def alike(first: Calibration, second: Calibration, within: float = ALIKE) -> bool:
-    """Whether two cameras have pictures of one size and see at the same angles from the axis, up to the share `within`."""
+    """Whether two cameras have pictures of equal size and equal angles from the axis, up to the relative difference
+    `within`."""
     if first.camera.image_size != second.camera.image_size:
         return False
     radius = min(_reached(c) for c in (first, second))
@@ -74,13 +80,14 @@ def alike(first: Calibration, second: Calibration, within: float = ALIKE) -> boo
 
 
 def _reached(calibration: Calibration) -> float:
-    """How far from the principal point corners lie, px."""
+    """Radius around the principal point that the corners reach, px."""
     xy = np.concatenate([v.xy[v.used] for v in calibration.used_views])
     return float(np.percentile(np.linalg.norm(xy - calibration.camera.K[:2, 2], axis=1), REACHED))
 
 
 def _candidates(found: Both, models: Sequence[str], calibrate_as: Callable[[int, str], Calibration]) -> dict[str, Both]:
-    """Both cameras under each of the models, the simplest first; without those that one of the cameras can't have."""
+    """Both cameras under each of the models, the simplest first; without models under which one of the cameras cannot
+    be calibrated."""
     candidates: dict[str, Both] = {}
     for model in models:
         try:
@@ -94,7 +101,7 @@ def _candidates(found: Both, models: Sequence[str], calibrate_as: Callable[[int,
 
 
 def _common(candidates: dict[str, Both], pairs: Sequence[tuple[int, int]], given: str) -> str:
-    """The model to take for both cameras, which is `given` unless that is ""; or "" if none does for both."""
+    """The model for both cameras: `given` unless that is ""; "" if no model is suitable for both."""
     if not candidates:
         return ""
     held = _held_out(list(candidates.values()), pairs)
@@ -111,8 +118,8 @@ def _common(candidates: dict[str, Both], pairs: Sequence[tuple[int, int]], given
     return names[int(np.flatnonzero(pooled <= choose.SIMPLER * np.nanmin(pooled))[0])]
 
 
-def _held_out(models: list[Both], pairs: Sequence[tuple[int, int]]) -> Float[Array, "m 3"]:
-    """(M, 3) RMS px under each model in pictures held out: of the left camera, of the right one, of both."""
+def _held_out(models: list[Both], pairs: Sequence[tuple[int, int]]) -> Real[Array, "m 3"]:
+    """(M, 3) RMS error in held-out pictures under each model, px: of the left camera, of the right one, of both."""
     task, starts = _joint(models, pairs)
     cameras = [(0,), (1,), (0, 1)]
     weights = [np.where(np.isin(task.corners.camera, c), task.weight, 0) for c in cameras]
@@ -126,7 +133,8 @@ def _held_out(models: list[Both], pairs: Sequence[tuple[int, int]]) -> Float[Arr
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What one camera adds to the joint problem: `views` (their indices) with all `corners`, their `weight`, and `picture` of each corner."""
+    """The part of the joint problem that one camera contributes: `views` (their indices) with all `corners`, their
+    `weight`, and the `picture` of each corner."""
 
     views: list[int]
     corners: Corners3
@@ -135,9 +143,9 @@ class _Seen:
 
 
 def _joint(candidates: list[Both], pairs: Sequence[tuple[int, int]]) -> tuple[choose.Task, list[State]]:
-    """Corners of both cameras, each view with a pose of its own, and the start of each model.
+    """Corners of both cameras, each view with its own pose, and the initial state of each model.
 
-    All models are compared on the same corners: in each camera those of the candidate that leaves out least.
+    All models are compared on the same corners: for each camera those of the candidate that leaves out the fewest.
     """
     pictures = _pictures(candidates[0], pairs)
     left = _seen([c[0] for c in candidates], 0, 0, pictures[0])
@@ -158,7 +166,7 @@ def _arrays(seen: _Seen) -> tuple[Array, ...]:
 
 
 def _seen(models: list[Calibration], camera: int, at: int, pictures: list[int]) -> _Seen:
-    """Of one camera, calibrated with each of the models; frames are numbered from `at`."""
+    """The contribution of one camera, calibrated with each of the models; frames are numbered from `at`."""
     widest = max(models, key=lambda c: sum(int(v.used.sum()) for v in c.used_views))
     views = [
         k
@@ -177,7 +185,7 @@ def _seen(models: list[Calibration], camera: int, at: int, pictures: list[int]) 
 
 
 def _pictures(both: Both, pairs: Sequence[tuple[int, int]]) -> tuple[list[int], list[int]]:
-    """A number for each view's picture; the pictures of a pair have one number, so that they are held out together."""
+    """A picture number for each view; the pictures of a pair share one number, so that they are held out together."""
     left, right = both
     partner = {right.views[b].name: left.views[a].name for a, b in pairs}
     keys = [("left", v.name) for v in left.views]
@@ -188,7 +196,7 @@ def _pictures(both: Both, pairs: Sequence[tuple[int, int]]) -> tuple[list[int], 
 
 
 def _with_scores(chosen: Calibration, alone: Calibration) -> Calibration:
-    """With the scores of all models that were tried, that of the chosen one first."""
+    """`chosen` with the scores of all models that were tried, its own first."""
     mine = chosen.models[0]
     tried = next((m for m in alone.models if m.model == mine.model and np.isfinite(m.held_out)), mine)
     return replace(chosen, models=(tried, *(m for m in alone.models if m.model != mine.model)))

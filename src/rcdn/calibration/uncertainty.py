@@ -1,4 +1,5 @@
-"""How far a camera is to be trusted: covariances, where projections go astray, where corners were."""
+"""Uncertainty of a camera: covariances, the uncertainty of its projections, and the coverage of the sensor by
+corners."""
 
 from __future__ import annotations
 
@@ -9,23 +10,23 @@ import numpy as np
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
-from rcdn.geometry import cross_matrix, project_with_slopes, unproject
+from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
 """see `pose_covariance`"""
 JACKKNIFE, UNBIASED, LEAST_LEFT = 1.0, 0.5, 0.1
-"""powers of the leverage, see `clustered`; share that other clusters tell of a direction, below which a cluster isn't weighed up further"""
+"""powers of 1 − leverage, see `clustered`; least eigenvalue of 1 − leverage, which limits the correction"""
 STEADY = 20.0
-"""clusters that the covariance by the noise of corners, inflated as a whole, counts as"""
+"""number of clusters as which the covariance from the noise of corners, inflated by one factor, counts"""
 
 
 @dataclass(frozen=True, eq=False)
 class Clustered:
-    """The covariance of K shared parameters by the scatter of whole views: `covariance` (K, K), and how many times larger than by the noise
-    of single corners it is, `inflation` (mean over the directions that cameras are told in)."""
+    """The covariance of K shared parameters from the scatter of whole views: `covariance` (K, K), and its ratio to that
+    from the noise of single corners, `inflation` (mean over the directions that determine the cameras)."""
 
     covariance: Array
     inflation: float
@@ -38,28 +39,32 @@ def clustered(
     free: Array,
     arrow: Arrow,
     scale: float,
-    cluster: Float[Array, " f"] | None = None,
+    cluster: Real[Array, " f"] | None = None,
     power: float = JACKKNIFE,
 ) -> Clustered:
-    """The covariance of the `free` parameters if corners of one cluster may err together in any way and clusters don't.
+    """The covariance of the `free` parameters if errors of corners of one cluster may be correlated in any way, and
+    clusters are independent.
 
-    An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses eliminated. A
-    cluster pulls the solution to itself, by its leverage A = I H⁻¹, so that its score is too small: it is divided by 1 − A, which is the
-    jackknife (CR3: Bell and McCaffrey 2002; on the safe side). The scatter of the prior's mean adds to it. `cluster` (F,) numbers;
-    default: each frame by itself. `scale`: mean square of the whitened residuals. With fewer than three clusters the scatter tells nothing:
-    the covariance by the noise of corners.
+    An infinitesimal jackknife over clusters of frames (the sandwich H⁻¹ (Σ u uᵀ) H⁻¹ of the clusters' scores u), poses
+    eliminated. A cluster draws the solution towards itself by its leverage A = I H⁻¹, which makes its score too small:
+    it is divided by 1 − A, which is the jackknife (CR3: Bell and McCaffrey 2002; conservative). The scatter of the
+    prior's mean is added. `cluster` (F,) numbers; default: each frame by itself. `scale`: mean square of the whitened
+    residuals. With fewer than three clusters their scatter is not used: the result is the covariance from the noise of
+    corners.
 
-    The sum over G clusters has at most rank G, and a few of them tell a covariance only roughly: it is shrunk towards the covariance by the noise
-    of corners times the inflation, the more the fewer clusters there are (a Wishart prior of `STEADY` clusters). The inflation is by scores
-    divided by the square root of 1 − A, right if corners err by themselves (CR2). `power`: of 1 − A for the sum itself; UNBIASED for
-    a rig, where a few moments may hold most of what is known of a camera's place and CR3 would state up to 1 ÷ √(1 − A) times too much.
+    The sum over G clusters has rank G at most, and with few of them it is a poor estimate of a covariance: it is shrunk
+    towards the covariance from the noise of corners times the inflation, the more the fewer clusters there are (a
+    Wishart prior of `STEADY` clusters). The inflation uses scores divided by the square root of 1 − A, which is
+    unbiased if errors of corners are independent (CR2). `power`: that of 1 − A for the sum itself; UNBIASED for a rig,
+    in which a few moments may contain most of the information on a camera's pose and CR3 would overestimate by up to 1
+    ÷ √(1 − A).
     """
     info, score = _by_cluster(
         state, corners, weight, free, cluster if cluster is not None else np.arange(len(state.poses))
     )
     if len(score) < FEWEST_CLUSTERS:
         return Clustered(np.asarray(scale * arrow.covariance), 1.0)
-    rim = arrow.rim  # in its coordinates the whole information is the unit matrix
+    rim = arrow.rim  # in its coordinates the total information is the unit matrix
     info, score = rim.T @ info @ rim, score @ rim
     held = rim.T @ state.beforehand.precision[np.ix_(free, free)] @ rim
     meat, unbiased = (_scatter(info, score, by) + held for by in (power, UNBIASED))
@@ -69,16 +74,18 @@ def clustered(
     return Clustered(np.asarray(rim @ meat @ rim.T), inflation)
 
 
-def _inflation(meat: Float[Array, "k k"], rows: Float[Array, "p k"], scale: float) -> float:
-    """Mean of the scatter `meat` (K, K) over the directions in which the parameters of `rows` (P, K) are told, ÷ `scale`; at least 1."""
+def _inflation(meat: Real[Array, "k k"], rows: Real[Array, "p k"], scale: float) -> float:
+    """Mean of the scatter `meat` (K, K) over the directions that determine the parameters of `rows` (P, K), ÷ `scale`;
+    at least 1."""
     if not len(rows):
         return 1.0
     directions, _ = np.linalg.qr(rows.T)
     return max(float(np.trace(directions.T @ meat @ directions)) / len(rows) / max(scale, 1e-300), 1.0)
 
 
-def _scatter(leverage: Float[Array, "g k k"], score: Float[Array, "g k"], power: float) -> Float[Array, "k k"]:
-    """(K, K) sum over G clusters of v vᵀ, v = (1 − leverage)^−power score, of symmetric `leverage` (G, K, K) and `score` (G, K)."""
+def _scatter(leverage: Real[Array, "g k k"], score: Real[Array, "g k"], power: float) -> Real[Array, "k k"]:
+    """(K, K) sum over G clusters of v vᵀ, v = (1 − leverage)^−power score, with symmetric `leverage` (G, K, K) and
+    `score` (G, K)."""
     values, vectors = np.linalg.eigh((leverage + leverage.transpose(0, 2, 1)) / 2)
     along = np.einsum("gka,gk->ga", vectors, score) * np.maximum(1 - values, LEAST_LEFT) ** -power
     pulled = np.einsum("gka,ga->gk", vectors, along)
@@ -107,11 +114,12 @@ def _by_cluster(state: State, corners: Corners3, weight: Array, free: Array, clu
     return np.array(info), np.array(score)
 
 
-def covariance(arrow: Arrow, frames: Float[Array, " f"], scale: float, honest: Clustered) -> Array:
-    """Covariance (K + 6, K + 6) of the K shared parameters and of the mean motion of the poses `frames` (F,) that were used.
+def covariance(arrow: Arrow, frames: Real[Array, " f"], scale: float, honest: Clustered) -> Array:
+    """Covariance (K + 6, K + 6) of the K shared parameters and of the mean motion of the poses `frames` (F,) that were
+    used.
 
-    `scale`: mean square of the whitened residuals. What a pose errs by itself is taken to be as many times larger than by the noise of
-    corners as what the parameters err by.
+    `scale`: mean square of the whitened residuals. The independent part of the poses' errors is inflated, relative to
+    the noise of corners, by the same factor as the parameters' errors.
     """
     many = len(frames)
     shared = honest.covariance
@@ -121,13 +129,15 @@ def covariance(arrow: Arrow, frames: Float[Array, " f"], scale: float, honest: C
     return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
 
 
-def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Float[Array, "6 6"]:
-    """Covariance (6, 6) of the small motion of one board's pose under a known camera, from corners that err together with their neighbours.
+def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Real[Array, "6 6"]:
+    """Covariance (6, 6) of the small motion of one board's pose under a known camera, with correlated errors of
+    neighbouring corners.
 
-    A sandwich whose middle sums products of the corners' gradients with a weight that falls linearly to 0 at half of the board's longer side
-    (Conley, GMM estimation with cross sectional dependence, 1999): bends of paper and errors of the lens move whole regions. The pose takes up
-    a part of them, so that residuals show less: REACHED times as much is counted. Never less than by the noise of single corners, whose mean
-    square is `scale`.
+    A sandwich estimate whose middle sums products of the corners' gradients with a weight that falls linearly to 0 at
+    half of the board's longer side (Conley, GMM estimation with cross sectional dependence, 1999): bending of paper and
+    errors of the lens displace whole regions. The pose absorbs a part of them, so that residuals are too small: the
+    middle is multiplied by REACHED. Never less than the covariance from the noise of single corners, whose mean square
+    is `scale`.
     """
     here = Linear.of(state, corners, weight, np.zeros(len(state.values), bool))
     used = np.flatnonzero(weight > 0)
@@ -138,19 +148,21 @@ def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow
     bread = arrow.own[0] @ arrow.own[0].T
     single = scale * bread
     meat = gradient.T @ kernel @ gradient
-    root = np.linalg.inv(arrow.own[0])  # in its coordinates the noise of corners is the unit matrix
+    root = np.linalg.inv(arrow.own[0])  # in its coordinates the covariance from the noise of corners is the unit matrix
     middle = REACHED * root @ bread @ meat @ bread @ root.T / max(scale, 1e-300)
     values, vectors = np.linalg.eigh((middle + middle.T) / 2)
     wide = (vectors * np.maximum(values, 1.0)) @ vectors.T
     return np.asarray(arrow.own[0] @ wide @ arrow.own[0].T * scale) if np.isfinite(wide).all() else np.asarray(single)
 
 
-def projection_uncertainty(calibration: Calibration, pixels: Float[Array, "n 2"], distance: float = np.inf) -> Array:
-    """Standard deviation, px, of where the camera sees a fixed point that it sees at `pixels` (N, 2): root mean square of both axes.
+def projection_uncertainty(calibration: Calibration, pixels: Real[Array, "n 2"], distance: float = np.inf) -> Array:
+    """Standard deviation, px, of the projection of a fixed point that the camera sees at `pixels` (N, 2): root mean
+    square of both axes.
 
-    The point stands `distance` m away, in front of boards that hold still: camera and boards were estimated together, and a turn of
-    all boards that a shift of the principal point makes up for is no error (mrcal's projection uncertainty, mean-pcam). NaN where
-    the lens model has no ray. It rests on how views disagree with each other; an error that is the same in all views isn't in it.
+    The point is `distance` m away, fixed with respect to the boards: camera and boards were estimated together, and a
+    rotation of all boards that compensates a shift of the principal point is no error (mrcal's projection uncertainty,
+    mean-pcam). NaN where the lens model has no ray. The estimate is based on the disagreement of the views; an error
+    that is the same in all views is not included.
     """
     pixels = np.atleast_2d(np.asarray(pixels, float))
     if pixels.ndim != 2 or pixels.shape[1] != 2:
@@ -160,35 +172,38 @@ def projection_uncertainty(calibration: Calibration, pixels: Float[Array, "n 2"]
     rays = unproject(calibration.camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_slopes(calibration.camera, rays[seen])
+    _, by_point, by_camera = project_with_jacobian(calibration.camera, rays[seen])
     turn = -by_point @ cross_matrix(rays[seen])
     shift = by_point / distance
-    slopes = np.concatenate([by_camera, turn, shift], axis=2)
-    variance = np.einsum("nia,ab,nib->n", slopes, calibration.cov, slopes, optimize=True) / 2
+    jacobian = np.concatenate([by_camera, turn, shift], axis=2)
+    variance = np.einsum("nia,ab,nib->n", jacobian, calibration.cov, jacobian, optimize=True) / 2
     out = np.full(len(pixels), np.nan)
     out[seen] = np.sqrt(variance)
     return out
 
 
-def projection_deviation(calibration: Calibration, pixels: Float[Array, "n 2"]) -> Float[Array, "n 2 2"]:
-    """Covariance (N, 2, 2), px², of where the camera sees the directions that it sees at `pixels` (N, 2), but for a rotation of all of them.
+def projection_deviation(calibration: Calibration, pixels: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
+    """Covariance (N, 2, 2), px², of the projections of the directions that the camera sees at `pixels` (N, 2), up to a
+    rotation of all of them.
 
-    What a rotation of the camera does to all pixels is no error: the one that takes most away, by least squares over `pixels`, is taken out.
-    With it the difference of two calibrations after the best rotation can be compared. NaN where the lens model has no ray.
+    The effect of a rotation of the camera on all pixels is no error: its least-squares estimate over `pixels` is
+    removed. The result is comparable with the difference of two calibrations after the best rotation. NaN where the
+    lens model has no ray.
     """
-    J, _ = unrotated_slopes(calibration.camera, pixels)
+    J, _ = unrotated_jacobian(calibration.camera, pixels)
     many = J.shape[2]
     return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
 
 
-def unrotated_slopes(camera: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array, Array]:
-    """Derivatives (N, 2, P), in the camera's parameters, of where it sees the directions that it sees at `pixels` (N, 2), without what a
-    rotation of all directions makes up for; NaN where it has no ray, and (N,) bool where it has one."""
+def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
+    """Derivatives (N, 2, P) with respect to the camera's parameters of the projections of the directions that it sees
+    at `pixels` (N, 2), without the part that a rotation of all directions compensates; NaN where it has no ray; and
+    (N,) bool where it has one."""
     pixels = np.atleast_2d(np.asarray(pixels, float))
     rays = unproject(camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_slopes(camera, rays[seen])
+    _, by_point, by_camera = project_with_jacobian(camera, rays[seen])
     turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
     flat = by_camera.reshape(len(turn), -1)
     flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]
@@ -198,7 +213,7 @@ def unrotated_slopes(camera: Camera, pixels: Float[Array, "n 2"]) -> tuple[Array
 
 
 def coverage(calibration: Calibration, cells: tuple[int, int] = (12, 9)) -> Array:
-    """(rows, columns) how many used corners lie in each of `cells` (columns, rows) equal parts of the sensor."""
+    """(rows, columns) number of used corners in each of `cells` (columns, rows) equal parts of the sensor."""
     width, height = calibration.camera.image_size
     corners = np.concatenate([v.xy[v.used] for v in calibration.used_views] or [np.zeros((0, 2))])
     edges = np.linspace(-0.5, height - 0.5, cells[1] + 1), np.linspace(-0.5, width - 0.5, cells[0] + 1)

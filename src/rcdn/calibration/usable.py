@@ -1,4 +1,4 @@
-"""Which boards a calibration can use, as arrays; and why it can't use the others."""
+"""Selection of the boards that a calibration can use, as arrays, and the reasons for rejecting the others."""
 
 from __future__ import annotations
 
@@ -16,19 +16,21 @@ from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
 LOOSEST = 1e3
-"""px; a sigma beyond counts as this"""
+"""px; a larger sigma is reduced to this"""
 SAME_SIZE = 0.75
-"""share of the boards whose pictures have one size: the others are left out, or it would be an error"""
+"""least share of boards whose pictures have the most frequent size: the others are then left out; a smaller share is an
+error"""
 
 
 @dataclass(frozen=True, eq=False)
 class Usable:
-    """The boards that can be used: `index` of each among all, what is `seen`, `reasons` by index of those that can't; `corners`, `sigma` (N,),
-    `picture` (N,) its number; `settled`: how many views show which corner of the board is which."""
+    """The boards that can be used: `index` of each among all, their corners `seen`, `reasons` by index for those
+    rejected; `corners`, `sigma` (N,), `picture` (N,) number; `settled`: number of views in which it is known which
+    corner of the board is which."""
 
     index: list[int]
     seen: list[Seen]
@@ -40,7 +42,8 @@ class Usable:
 
 
 def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
-    """The image size of (nearly) all boards, or an error that says which pictures are odd."""
+    """The image size of (nearly) all boards. Raises CalibrationError, naming the pictures of each size, if no size is
+    frequent enough."""
     sizes = Counter(b.image_size for b in boards)
     (usual, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
@@ -62,7 +65,7 @@ def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple
 
 
 def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str:
-    """Why a board can't take part, or ""."""
+    """The reason why a board cannot be used, or ""."""
     if board.image_size != image_size:
         (w, h), (cols, rows) = board.image_size, image_size
         return f"its picture has {w}×{h} px, the others {cols}×{rows}"
@@ -74,7 +77,7 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str
         return "its corners lie in one line"
     return (
         "its labels run the wrong way round: were pixels mirrored after the corners were found?"
-        if board.target is None and mirrored(board)  # one with codes may be seen from behind
+        if board.target is None and mirrored(board)  # a board with codes may be seen from behind
         else ""
     )
 
@@ -86,7 +89,7 @@ def usable(
     image_size: tuple[int, int],
     whole: Geometry,
 ) -> Usable:
-    """Boards with corners enough; `whole`: the board whose shape may be solved for."""
+    """The boards with enough corners, as arrays; `whole`: the board whose shape may be estimated."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -112,8 +115,9 @@ def usable(
     return Usable(index, seen, reasons, corners, np.nan_to_num(sigma), picture, settled)
 
 
-def _basis(labels: list[Labelled], whole: Geometry) -> Float[Array, "n b"]:
-    """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or that don't settle which corner is which."""
+def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
+    """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or in which it is unknown which
+    corner is which."""
     parts = [
         shape_basis(label.ij, whole.size, whole.plane)
         if label.settled and label.main and whole.size
@@ -133,13 +137,13 @@ def too_few(many: int, reasons: dict[int, str]) -> str:
     )
 
 
-def sigma_of(board: Board) -> Float[Array, " m"]:
+def sigma_of(board: Board) -> Real[Array, " m"]:
     """(M,) px; NaN where unknown."""
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 
 
 def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:
-    """Only the views that got a pose."""
+    """The task without the views whose pose is NaN, and the remaining poses."""
     good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T

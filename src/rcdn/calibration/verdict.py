@@ -1,7 +1,8 @@
-"""Whether to use a calibration: one verdict, from which the terminal, the JSON, the page and the exit code all take theirs.
+"""The verdict on a calibration: whether to use it. The terminal, the JSON, the page and the exit code all use the same
+one.
 
-It is the worst of its reasons; the thresholds are in `limits`. What a person reads first is the gravest reason, and of equally grave ones
-that which explains the others: a cause (two cameras, a wrong size) before its symptoms (an RMS).
+Its level is that of the worst reason; the thresholds are in `limits`. The worst reason is shown first; among equally
+bad ones a cause (two cameras, a wrong size) comes before its symptoms (a large RMS).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from rcdn.calibration.facts import Facts, measure
 from rcdn.types import LEVELS, Calibration, Level, Reason, Verdict
 
 Check = Callable[[Calibration, Facts], Sequence[Reason]]
-"""Looks at one thing; gives a reason, good or not, or none where there is nothing to look at"""
+"""Examines one property; returns reasons, good or not, or none where the property does not exist"""
 
 CHECKS: tuple[Check, ...] = (
     set_checks.one_camera,
@@ -36,7 +37,7 @@ CHECKS: tuple[Check, ...] = (
     view_checks.coverage,
     fit_checks.projections,
 )
-"""causes before symptoms: the first of the gravest is what is said first"""
+"""causes before symptoms: among equally bad reasons the first is shown first"""
 WORD: dict[Level, str] = {"good": "Good", "fair": "Fair", "unsure": "Unsure", "bad": "Bad"}
 MEANING: dict[Level, str] = {
     "good": "use this camera.",
@@ -47,27 +48,27 @@ MEANING: dict[Level, str] = {
 
 
 def judge(calibration: Calibration, facts: Facts | None = None) -> Verdict:
-    """The verdict on one camera. `facts`: what `measure` gave, if it was measured already."""
+    """The verdict on one camera. `facts`: the result of `measure`, if it is available already."""
     facts = facts or measure(calibration)
     return verdict_of([found for check in CHECKS for found in check(calibration, facts)])
 
 
 def verdict_of(reasons: Sequence[Reason]) -> Verdict:
-    """The verdict of these reasons, the gravest first; of equally grave ones the order stays."""
+    """The verdict from these reasons, the worst first; equally bad ones keep their order."""
     ordered = tuple(sorted(reasons, key=lambda r: -LEVELS.index(r.level)))
     return Verdict(ordered[0].level if ordered else "unsure", ordered)
 
 
 def headline(verdict: Verdict) -> str:
-    """The verdict in a line: what it means, and the gravest reason with what to do about it."""
+    """The verdict in one line: its meaning, and the worst reason with its remedy."""
     return " ".join([f"{WORD[verdict.level]}:", *filter(None, [MEANING[verdict.level]]), *sentences(verdict)[:1]])
 
 
 def sentences(verdict: Verdict) -> tuple[str, ...]:
-    """What speaks against the calibration and what to do about it, gravest first."""
+    """The reasons against the calibration with their remedies, the worst first."""
     return tuple(f"{r.sentence} {r.action}".rstrip() for r in verdict.against)
 
 
 def fails(verdict: Verdict, limit: Level) -> bool:
-    """Whether the verdict is `limit` or worse."""
+    """Whether the verdict is at least as bad as `limit`."""
     return LEVELS.index(verdict.level) >= LEVELS.index(limit)

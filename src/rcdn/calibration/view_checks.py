@@ -1,4 +1,4 @@
-"""Checks of what the pictures are: sizes, board, number, variety, what was left out. Each gives reasons of a verdict."""
+"""Checks of the pictures: sizes, board, number, variety, views left out. Each returns reasons of a verdict."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ THIRDS = (
 
 
 def spacing(c: Calibration, facts: Facts) -> list[Reason]:
-    """A side of a square that can't be one in metres; nothing is said of a usual one."""
+    """A side of a square that is implausible in metres; no reason if it is plausible."""
     found = reason(
         "spacing", c.spacing, "",
         f"A spacing of {c.spacing:g} m makes a board of {c.spacing:g} m squares: distances will be wrong if these are millimetres.",
@@ -28,7 +28,7 @@ def spacing(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
-    """Pictures of another size among those of this camera; nothing is said if there are none."""
+    """Pictures of another size among those of this camera; no reason if there are none."""
     odd = [v for v in c.views if v.reason.startswith("its picture has ")]
     if not odd:
         return []
@@ -44,7 +44,7 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def board_size(c: Calibration, facts: Facts) -> list[Reason]:
-    """A board named by its squares instead of its inner corners; nothing is said of one that was seen whole."""
+    """A board whose size was given in squares instead of inner corners; no reason if a whole board was seen."""
     if c.size is None or any(v.settled for v in c.used_views):
         return []
     boxes = [tuple(sorted(box(v.ij))) for v in c.used_views]
@@ -60,7 +60,7 @@ def board_size(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def views(c: Calibration, facts: Facts) -> list[Reason]:
-    """How many views there are, near-duplicates counted once."""
+    """The number of views, near-duplicates counted once."""
     many, distinct = facts.views.many, facts.views.distinct
     need = f"{LIMITS['views'].good:g}"
     wrong = f"Only {_counted(many, 'view')}: one bad picture can bend the result."
@@ -75,7 +75,7 @@ def views(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def tilt(c: Calibration, facts: Facts) -> list[Reason]:
-    """How far the boards are tilted, and whether in more than one direction."""
+    """The tilts of the boards, and whether they have more than one direction."""
     how = "Tilt it by 30° to 45°, to different sides."
     found = [
         reason(
@@ -98,7 +98,7 @@ def tilt(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def left_out(c: Calibration, facts: Facts) -> list[Reason]:
-    """Views that have a pose and yet disagree with the others."""
+    """Views that have a pose but are outliers."""
     out = [v for v in c.left_out if v.pose is not None]
     of = len(out) + len(c.used_views)
     some = ", ".join(dict.fromkeys(v.name for v in out[:3])) + (", …" if len(out) > 3 else "")
@@ -114,7 +114,7 @@ def left_out(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def coverage(c: Calibration, facts: Facts) -> list[Reason]:
-    """Where on the sensor corners were."""
+    """The part of the sensor that corners cover."""
     empty = int((facts.in_view & (facts.coverage == 0)).sum())
     where = _thirds(c)
     none = f", none in the {where}" if where else ""

@@ -1,4 +1,4 @@
-"""How different the views are: tilts, directions, and pictures that show the same thing twice."""
+"""Variety of the views: tilts, directions, and pictures that show the board in the same place."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from rcdn.calibration.board_points import flat_points
 from rcdn.errors import present
 from rcdn.geometry import transform
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 SAME_PLACE = 0.02
-"""of the picture's longer side: views whose boards lie closer than this, corner by corner (RMS), show the same"""
+"""share of the picture's longer side: boards whose outlines are closer (RMS over their corners) count as one view"""
 STEEP = 0.9
-"""quantile of the tilts that counts as the largest"""
+"""quantile of the tilts that is reported as the largest"""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewFacts:
-    """`many` used views, of which `distinct` show the board in a place of its own. `tilt` degrees between board and sensor that a tenth of
-    the views exceed; `spread` degrees: standard deviation of the tilts about the axis about which they vary least."""
+    """`many`: number of used views, of which `distinct` show the board in different places. `tilt`, degrees: 90 %
+    quantile of the angles between board and sensor; `spread`, degrees: standard deviation of the tilts about the axis
+    about which they vary least."""
 
     many: int
     distinct: int
@@ -30,7 +31,7 @@ class ViewFacts:
 
 
 def measure_views(calibration: Calibration) -> ViewFacts:
-    """The facts of the used views."""
+    """`ViewFacts` of the used views."""
     views = [v for v in calibration.used_views if v.pose is not None]
     if not views:
         return ViewFacts(0, 0, float("nan"), float("nan"))
@@ -38,17 +39,18 @@ def measure_views(calibration: Calibration) -> ViewFacts:
     return ViewFacts(len(views), len(set(places(calibration, views).tolist())), tilt, tilt_spread(views))
 
 
-def tilts(calibration: Calibration) -> Float[Array, " v"]:
-    """(V,) degrees by which each used board is tilted against the sensor."""
+def tilts(calibration: Calibration) -> Real[Array, " v"]:
+    """(V,) angle between each used board and the sensor, degrees."""
     normals = np.array([v.pose.R[2, 2] for v in calibration.used_views if v.pose is not None])
     return np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1)))
 
 
 def tilt_spread(views: list[BoardView]) -> float:
-    """Degrees by which the boards' normals vary, as standard deviation, in the direction in which they vary least.
+    """Standard deviation of the directions of the boards' normals, degrees, along the direction in which they vary
+    least.
 
-    Zero if all boards are tilted about one axis, by whatever angle, or all alike: then focal length and principal point can make up
-    for each other.
+    Zero if all boards are tilted about one axis, by whatever angle, or all by the same angle: focal length and
+    principal point can then compensate each other.
     """
     normals = np.array([v.pose.R[:, 2] * np.sign(v.pose.R[2, 2] or 1.0) for v in views if v.pose is not None])
     angles = normals[:, :2] * (
@@ -59,7 +61,8 @@ def tilt_spread(views: list[BoardView]) -> float:
 
 
 def places(calibration: Calibration, views: list[BoardView]) -> Int[Array, " v"]:
-    """(V,) a number for each view, the same for views that show the board in the same place: near-duplicates of a picture."""
+    """(V,) a group number for each view, equal for views that show the board in the same place (near-duplicates of a
+    picture)."""
     spots = np.array([_outline(calibration, v) for v in views])
     near = SAME_PLACE * max(calibration.camera.image_size)
     group = np.arange(len(views))
@@ -70,8 +73,9 @@ def places(calibration: Calibration, views: list[BoardView]) -> Int[Array, " v"]
     return group
 
 
-def _outline(calibration: Calibration, view: BoardView) -> Float[Array, "4 2"]:
-    """(4, 2) where the corners of the view's part of the board lie, px of a lens without distortion (so that none folds back)."""
+def _outline(calibration: Calibration, view: BoardView) -> Real[Array, "4 2"]:
+    """(4, 2) px of the outermost corners of the view's part of the board, projected without distortion (so that the
+    projection cannot fold)."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     ends = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     flat = np.column_stack([flat_points(calibration, view, ends), np.zeros(4)])

@@ -1,4 +1,4 @@
-"""Which views tell the same: of one picture, or of a board that hardly moved."""
+"""Clusters of views with the same content: views of one picture, or of a board that hardly moved."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR = 0.01
-"""of the frame's diagonal: views whose corners lie nearer each other in the mean show the same, and err together"""
+"""share of the frame's diagonal: views whose corners have a smaller mean distance are in one cluster; their errors are
+correlated"""
 
 
-def alike(corners: Corners3, image_size: tuple[int, int], picture: Float[Array, " f"]) -> Float[Array, " f"]:
-    """(F,) cluster numbers of the frames: frames of one `picture` (F,) are in one, and so are views of a board that hardly moved.
+def alike(corners: Corners3, image_size: tuple[int, int], picture: Real[Array, " f"]) -> Real[Array, " f"]:
+    """(F,) cluster numbers of the frames: frames of one `picture` (F,) are in one cluster, and so are views of a board
+    that hardly moved.
 
-    Copies of a picture and the many frames of a slow video tell no more than one of them. A view joins the first cluster whose first view
-    it is near, so that a board that moves on a little from frame to frame begins a new one at last.
+    Copies of a picture and the many frames of a slow video contain no more information than one of them. A view joins
+    the first cluster whose first view is close to it, so that a board that moves slowly from frame to frame eventually
+    begins a new cluster.
     """
     limit = NEAR * float(np.hypot(*image_size))
     places = [_places(corners, f) for f in range(len(picture))]
@@ -36,7 +39,7 @@ def alike(corners: Corners3, image_size: tuple[int, int], picture: Float[Array, 
 
 
 def _places(corners: Corners3, frame: int) -> dict[tuple[float, float], Array]:
-    """Pixels by place on the board."""
+    """Pixels by position on the board."""
     mine = np.flatnonzero(corners.frame == frame)
     return {
         (round(x, 6), round(y, 6)): corners.xy[k] for k, (x, y) in zip(mine, corners.board[mine].tolist(), strict=True)
@@ -44,7 +47,7 @@ def _places(corners: Corners3, frame: int) -> dict[tuple[float, float], Array]:
 
 
 def _distance(a: dict[tuple[float, float], Array], b: dict[tuple[float, float], Array]) -> float:
-    """Mean distance of the corners that both show, px; infinite if they share less than half."""
+    """Mean distance of the corners in both views, px; infinite if they share less than half."""
     common = a.keys() & b.keys()
     if 2 * len(common) < max(len(a), len(b), 1):
         return float("inf")

@@ -14,7 +14,7 @@ from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
 from rcdn.corners.refine import refine
 from rcdn.geometry.near import pairs
 from rcdn.types import Array, Corners, Status
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 __all__ = ["Candidates", "Maxima", "candidates_at", "find_candidates", "find_maxima"]
 
@@ -40,7 +40,7 @@ class Candidates:
         return self.all.take(self.sure)
 
 
-def find_candidates(grey: Shaped[Array, "h w"], response: Float[Array, "h w"], config: DetectorConfig) -> Candidates:
+def find_candidates(grey: Shaped[Array, "h w"], response: Real[Array, "h w"], config: DetectorConfig) -> Candidates:
     """Threshold → NMS → clustering → refinement → orientation. `grey` and `response` (H, W)."""
     return candidates_at(grey, response, find_maxima(response, config), config)
 

@@ -11,7 +11,7 @@ from rcdn.corners.saddle import Fit, rochade, smooth_fit, surface_fit, surface_f
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 LONE_PITCH = 20.0
 """Distance to the next corner that is assumed for a corner without one, px."""
@@ -25,7 +25,7 @@ DISC_RANGE = (2, 10)
 """Its limits, px."""
 
 
-def nearest_pitch(xy: Shaped[Array, "n 2"]) -> Float[Array, " n"]:
+def nearest_pitch(xy: Shaped[Array, "n 2"]) -> Real[Array, " n"]:
     """Distance (N,) px from each of `xy` (N, 2) to the nearest other one; `LONE_PITCH` for a single corner."""
     if len(xy) < 2:
         return np.full(len(xy), LONE_PITCH)
@@ -35,9 +35,9 @@ def nearest_pitch(xy: Shaped[Array, "n 2"]) -> Float[Array, " n"]:
 def adaptive_fit(
     grey: Shaped[Array, "h w"],
     seeds: Shaped[Array, "n 2"],
-    pitch: Float[Array, " n"] | None = None,
-    careful: Float[Array, " n"] | None = None,
-) -> Float[Array, "n 2"]:
+    pitch: Real[Array, " n"] | None = None,
+    careful: Bool[Array, " n"] | None = None,
+) -> Real[Array, "n 2"]:
     """Corners (N, 2) px of `grey` (H, W) near integer `seeds` (N, 2); NaN where there is no saddle.
 
     First a weighted surface fit, which finds the corner from over a pixel away, then the centre of point symmetry,

@@ -8,12 +8,12 @@ from rcdn.corners.orientation import HALF_TURN, RINGS, directions
 from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _kernel = bind("rcdn_blurred_axes")
 
 
-def blurred_axes(rings: Array, radius: Float[Array, "n 3"], start: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+def blurred_axes(rings: Array, radius: Real[Array, "n 3"], start: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
     """Axes (N, 2), radians, from `rings` (N, 3, 48): means of opposite directions at angles 0, π / 48, …
 
     `radius` (N, 3) px; `start` (N, 2) radians, a < b < a + π. Damped Gauss–Newton on m + c erf(d₁/s) erf(d₂/s), d the

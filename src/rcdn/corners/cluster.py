@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.config import Cluster
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 STARTS = 10
 """runs of k-means++, of which the best counts"""
@@ -27,7 +27,7 @@ def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
     return np.bincount(label)[label] > rule.drop
 
 
-def kmeans(xy: Float[Array, "n 2"], k: int, seed: int) -> Int[Array, " n"]:
+def kmeans(xy: Real[Array, "n 2"], k: int, seed: int) -> Int[Array, " n"]:
     """Labels (N,) of the best (smallest sum of squares) of `STARTS` k-means++ runs on `xy` (N, 2)."""
     rng = np.random.default_rng(seed)
     runs = [_lloyd(xy, _plus_plus(xy, k, rng)) for _ in range(STARTS)]

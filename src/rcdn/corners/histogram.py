@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.corners.patches import chunks, gather
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 BINS = 32
 """of edge directions in [0, π)"""
@@ -20,7 +20,7 @@ MOST = 4
 """Directions that are handed on; a corner with more is no start for a board."""
 
 
-def edge_directions(grey: Array, xy: Float[Array, "n 2"]) -> tuple[Array, Array]:
+def edge_directions(grey: Array, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Edge directions of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
 
     Paper section 3.4: the local maxima of the gradient histogram of the 20 × 20 window. The histogram has 32 bins of edge

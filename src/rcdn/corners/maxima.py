@@ -11,7 +11,7 @@ from rcdn.corners.cluster import cluster_mask
 from rcdn.corners.nms import nms
 from rcdn.corners.threshold import threshold_value
 from rcdn.types import Array, Warnings
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 RESCUE, RESCUE_SHARE = 0.15, 0.41
 """least top response of a map without any response above the usual level that is still looked at, and the threshold's share of it"""
@@ -38,7 +38,7 @@ class Maxima:
 
 
 def find_maxima(
-    response: Float[Array, "h w"], config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
+    response: Real[Array, "h w"], config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
 ) -> Maxima:
     """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look.
 

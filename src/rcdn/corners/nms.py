@@ -10,7 +10,7 @@ from rcdn.config import Nms
 from rcdn.corners.sieve import every_cell
 from rcdn.native import bind
 from rcdn.types import Array, Warnings, allowed
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 ROOM = 4096
 """candidates that are usual"""
@@ -21,7 +21,7 @@ _suppress = bind("rcdn_suppress")
 
 
 def candidates(
-    response: Float[Array, "h w"], threshold: float, peaks: bool = False, cells: Array | None = None
+    response: Real[Array, "h w"], threshold: float, peaks: bool = False, cells: Array | None = None
 ) -> Array:
     """Pixels of `response` (H, W) that are at least `threshold`, as (N, 2) integer (x, y), row by row.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import ConfigError, shown
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 KINDS = ("minmax", "local")
 WINDOW = 25
@@ -55,7 +55,7 @@ def normaliser(grey: Shaped[Array, "h w"], kind: str) -> Normaliser:
     raise ConfigError(f"normalisation must be 'minmax' or 'local', not {shown(kind)}")
 
 
-def normalise(grey: Array, kind: str) -> Float[Array, "h w"]:
+def normalise(grey: Array, kind: str) -> Real[Array, "h w"]:
     """The whole picture normalised, (H, W) float32; see `normaliser`."""
     return normaliser(grey, kind)(grey)
 

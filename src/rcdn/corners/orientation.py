@@ -11,7 +11,7 @@ from rcdn.corners.patches import plain
 from rcdn.geometry.elementary import cos_sin
 from rcdn.native import bind, constants
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 HALF_TURN = constants("rings")["DIRECTIONS"]
 """Directions in [0, π) at which the rings are sampled."""
@@ -39,7 +39,7 @@ class Orientation:
     fit: Array
 
 
-def axes(grey: Array, xy: Float[Array, "n 2"], radius: Array, careful: Bool[Array, " n"] | None = None) -> Orientation:
+def axes(grey: Array, xy: Real[Array, "n 2"], radius: Array, careful: Bool[Array, " n"] | None = None) -> Orientation:
     """Edge directions, contrast and polarity of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
 
     `radius` (N,) px, or one number, about a third of the pitch: rings at 0.8, 1 and 1.2 times that should stay within
@@ -61,7 +61,7 @@ def axes(grey: Array, xy: Float[Array, "n 2"], radius: Array, careful: Bool[Arra
     return Orientation(axes, contrast, polarity, fit)
 
 
-def sample_rings(grey: Array, xy: Array, radius: Float[Array, "n r"]) -> Array:
+def sample_rings(grey: Array, xy: Array, radius: Real[Array, "n r"]) -> Array:
     """Grey levels (N, R, 2 HALF_TURN) float32 on rings of `radius` (N, R) px, at directions 0, π / HALF_TURN, …"""
     out = np.empty((*radius.shape, 2 * HALF_TURN), np.float32)
     xy, radius = np.ascontiguousarray(xy, np.float64), np.ascontiguousarray(radius, np.float64)

@@ -11,7 +11,7 @@ from rcdn.corners.orientation import Orientation, axes
 from rcdn.corners.refine import refine
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 DEFAULT_PITCH = 20.0
 """px; of a corner that is alone in its picture"""
@@ -44,12 +44,12 @@ class Peaks:
         return fine, status, axes(self.grey, fine, ring(pitch), careful)
 
 
-def ring(pitch: Float[Array, " n"]) -> Float[Array, " n"]:
+def ring(pitch: Real[Array, " n"]) -> Real[Array, " n"]:
     """Radius (N,) of the rings around corners `pitch` (N,) px apart."""
     return np.asarray(np.clip(RING_SHARE * pitch, *RING))
 
 
-def nearest_other(points: Shaped[Array, "m 2"], xy: Float[Array, "n 2"]) -> Float[Array, " n"]:
+def nearest_other(points: Shaped[Array, "m 2"], xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
     """Distance (N,) px from each of `xy` (N, 2) to the nearest of `points` (M, 2) that is another corner."""
     if len(points) < 2 or not len(xy):
         return np.full(len(xy), DEFAULT_PITCH)

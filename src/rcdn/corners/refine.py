@@ -11,7 +11,7 @@ from rcdn.corners.patches import chunks, gather_zero
 from rcdn.corners.saddle import rochade, surface_fit
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Status
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 FLOOR = 0.01
 """Smallest neighbour, share of the peak: a ReLU response is often exactly 0, which has no logarithm."""
@@ -26,8 +26,8 @@ def refine(
     response: Array,
     xy: Shaped[Array, "n 2"],
     rule: Refine,
-    pitch: Float[Array, " n"] | None = None,
-    careful: Float[Array, " n"] | None = None,
+    pitch: Real[Array, " n"] | None = None,
+    careful: Bool[Array, " n"] | None = None,
 ) -> tuple[Array, Array]:
     """Sub-pixel positions of corners and whether they can be trusted.
 
@@ -52,7 +52,7 @@ def refine(
 
 def _positions(
     grey: Array, response: Array, peaks: Array, rule: Refine, pitch: Array | None, careful: Array | None
-) -> Float[Array, "n 2"]:
+) -> Real[Array, "n 2"]:
     """Positions (N, 2) by `rule.method`, NaN where it failed."""
     match rule.method:
         case "peak":
@@ -70,7 +70,7 @@ def _positions(
             return mix(by_peak, saddle_position(grey, peaks, rule.half, pitch))
 
 
-def mix(by_peak: Array, by_saddle: Array) -> Float[Array, "n 2"]:
+def mix(by_peak: Array, by_saddle: Array) -> Real[Array, "n 2"]:
     """The paper's mixed refinement: the mean of two estimates (N, 2), px.
 
     Paper section 3.3. It is silent about failures: the one that is left counts where the other is NaN, and the
@@ -85,7 +85,7 @@ def mix(by_peak: Array, by_saddle: Array) -> Float[Array, "n 2"]:
 
 def saddle_position(
     grey: Array, peaks: Array, half: int | None, pitch: Array | None = None, careful: Array | None = None
-) -> Float[Array, "n 2"]:
+) -> Real[Array, "n 2"]:
     """Saddles (N, 2) px of the grey surface: the paper's fit over (2 half + 1)²; if None, windows from the pitch.
 
     NaN where there is none; see `surface_fit` and `adaptive_fit`.
@@ -107,7 +107,7 @@ def _three(response: Array, peaks: Array) -> tuple[Array, Array, Array]:
     return before, np.where(peak.all(axis=1, keepdims=True), middle, np.nan), after
 
 
-def peak_offset(response: Float[Array, "h w"], peaks: Shaped[Array, "n 2"]) -> Array:
+def peak_offset(response: Real[Array, "h w"], peaks: Shaped[Array, "n 2"]) -> Array:
     """Sub-pixel offset of response peaks by a three-point Gaussian fit.
 
     Paper section 3.3, Eq. (4). `response` (H, W), `peaks` (N, 2) integer (x, y). Returns (N, 2) offsets (dx, dy), px,
@@ -128,7 +128,7 @@ def parabola_offset(response: Array, peaks: Array) -> Array:
     return 0.5 * (before - after) / (before - 2 * middle + after)
 
 
-def com_offset(response: Array, peaks: Shaped[Array, "n 2"], half: int = 4) -> Float[Array, "n 2"]:
+def com_offset(response: Array, peaks: Shaped[Array, "n 2"], half: int = 4) -> Real[Array, "n 2"]:
     """Offset (N, 2), px, from `peaks` (N, 2) to the centre of mass of the response over (2 half + 1)² pixels.
 
     Paper section 4.3: 9×9. Negative responses and pixels outside the image weigh nothing; NaN if no weight is left.
@@ -143,7 +143,7 @@ def com_offset(response: Array, peaks: Shaped[Array, "n 2"], half: int = 4) -> F
     return out
 
 
-def edge_position(grey: Array, peaks: Array) -> Float[Array, "n 2"]:
+def edge_position(grey: Array, peaks: Array) -> Real[Array, "n 2"]:
     """Positions (N, 2) px by OpenCV's cornerSubPix: gradients at right angles to the line from the corner.
 
     Paper section 4.3: 9×9 window; at most 40 steps, until they are below 1e-3 px. OpenCV returns the start where it

@@ -24,7 +24,7 @@ from rcdn.corners.sieve import cells_with_saddles, every_cell
 from rcdn.corners.threads import Threads
 from rcdn.errors import ConfigError, DependencyError, RcdnError, shown
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TILE = 512
 """px of output a tile: memory stays bounded, and the tiles, not the threads, decide what is computed together"""
@@ -135,7 +135,7 @@ class ResponseModel:
         self.pool(run, together, count)
         return out
 
-    def _answer(self, session: Any, tiles: Array) -> Float[Array, "n 1 h w"]:
+    def _answer(self, session: Any, tiles: Array) -> Real[Array, "n 1 h w"]:
         """The network's responses (N, 1, H, W) to `tiles` (N, 1, H + context, W + context)."""
         wanted = (len(tiles), 1, *(n - sum(self.margins) for n in tiles.shape[2:]))
         try:

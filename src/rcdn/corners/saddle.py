@@ -16,7 +16,7 @@ from rcdn.geometry.elementary import exp
 from rcdn.geometry.matrices import inverse, product
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 _kernel = bind("rcdn_surface_fit")
 
@@ -63,7 +63,7 @@ def _gaussian(half: int, sigma: float) -> Array:
     return exp(-(square[:, None] + square) / (2 * sigma * sigma))
 
 
-def _matrix(weights: Array, kernel: Array) -> Float[Array, "5 n"]:
+def _matrix(weights: Array, kernel: Array) -> Real[Array, "5 n"]:
     """(5, n): raw window → a1..a5 (`Fit`), fitted with `weights`, symmetric ones, after smoothing by `kernel`."""
     half = len(weights) // 2
     y, x = (v.ravel().astype(float) for v in np.mgrid[-half : half + 1, -half : half + 1])
@@ -81,7 +81,7 @@ def _matrix(weights: Array, kernel: Array) -> Float[Array, "5 n"]:
     return out.reshape(5, -1)
 
 
-def surface_fit(grey: Array, seeds: Shaped[Array, "n 2"], fit: Fit) -> Float[Array, "n 2"]:
+def surface_fit(grey: Array, seeds: Shaped[Array, "n 2"], fit: Fit) -> Real[Array, "n 2"]:
     """Saddles (N, 2) px of `grey` (H, W; uint8 or float) near integer `seeds` (N, 2); NaN where the fit fails.
 
     SPEC 5.1 after ROCHADE. Where the saddle is more than `fit.slack` from the window's centre, the window moves to

@@ -17,7 +17,7 @@ from rcdn.corners.peaks import nearest_other
 from rcdn.corners.refine import peak_offset
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.types import Array, Corners, Status
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 HALF_TURN = 48
 """directions in [0, π) at which the rings are sampled; as in `orientation`"""
@@ -58,14 +58,12 @@ def six_candidates(grey: Array, response: Array, found: Maxima, config: Detector
     return Candidates(Corners(fine, score, status), seen, strong & (score >= found.level), strong)
 
 
-def ring(pitch: Float[Array, " n"]) -> Float[Array, " n"]:
+def ring(pitch: Real[Array, " n"]) -> Real[Array, " n"]:
     """Radius (N,) of the rings around corners whose neighbours are `pitch` (N,) px away."""
     return np.asarray(np.clip(RING * pitch, *RING_RANGE))
 
 
-def refine_six(
-    grey: Array, response: Array, xy: Shaped[Array, "n 2"], pitch: Float[Array, " n"]
-) -> tuple[Array, Array]:
+def refine_six(grey: Array, response: Array, xy: Shaped[Array, "n 2"], pitch: Real[Array, " n"]) -> tuple[Array, Array]:
     """Sub-pixel positions (N, 2) of six-sector corners near response peaks `xy` (N, 2), and their status (N,).
 
     First the Gaussian through the response (paper Eq. 4), then the centre of antisymmetry within 0.45 of `pitch` (N,), px, the distance
@@ -80,7 +78,7 @@ def refine_six(
     return fine, np.where(failed, Status.SEED, Status.REFINED).astype(np.uint8)
 
 
-def antisymmetry(grey: Array, start: Float[Array, "n 2"], pitch: Float[Array, " n"]) -> Float[Array, "n 2"]:
+def antisymmetry(grey: Array, start: Real[Array, "n 2"], pitch: Real[Array, " n"]) -> Real[Array, "n 2"]:
     """Centres of antisymmetry (N, 2) px near `start` (N, 2); NaN where there is none. `pitch` (N,) px as in `refine_six`."""
     fine = np.full((len(start), 2), np.nan)
     half = np.clip(np.rint(SHARE * np.nan_to_num(pitch, nan=20.0)), *RANGE).astype(int)
@@ -90,7 +88,7 @@ def antisymmetry(grey: Array, start: Float[Array, "n 2"], pitch: Float[Array, " 
     return fine
 
 
-def six_axes(grey: Shaped[Array, "h w"], xy: Float[Array, "n 2"], radius: Float[Array, " n"]) -> SixSectors:
+def six_axes(grey: Shaped[Array, "h w"], xy: Real[Array, "n 2"], radius: Real[Array, " n"]) -> SixSectors:
     """The three edge directions of corners at `xy` (N, 2) px of `grey` (H, W), with contrast and colours.
 
     `radius` (N,) px, about 0.3 of the distance to the next corner. `axes` (N, 3) rising, radians in [0, π), NaN where there aren't three;
@@ -152,7 +150,7 @@ def _nothing(odd: Array) -> Array:
     return np.full((len(odd), NARROWEST), -np.inf)
 
 
-def _running_best(values: Float[Array, "n k"]) -> tuple[Array, Array]:
+def _running_best(values: Real[Array, "n k"]) -> tuple[Array, Array]:
     """The largest of `values` (N, K) up to each column, and the column where it is."""
     best = np.maximum.accumulate(values, axis=1)
     new = np.concatenate([np.ones((len(values), 1), bool), values[:, 1:] > best[:, :-1]], axis=1)
@@ -171,7 +169,7 @@ def _all_three(odd: Array, bounds: Array, contrast: Array) -> Bool[Array, " n"]:
     return np.asarray((np.min(means, axis=0) > contrast / 20) & (third.sum(axis=1) >= NARROWEST))
 
 
-def _crossings(odd: Array, bounds: Array) -> Float[Array, "n 3"]:
+def _crossings(odd: Array, bounds: Array) -> Real[Array, "n 3"]:
     """Directions (N, 3) at which `odd` passes zero nearest to the bins `bounds`, between samples by a straight line."""
     row = np.arange(len(odd))[:, None]
     before = np.where(bounds == 0, -1, 1) * odd[row, (bounds - 1) % HALF_TURN]

@@ -19,7 +19,7 @@ import numpy as np
 from rcdn.corners.patches import plain
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 _room = lru_cache(bind("rcdn_symmetry_room"))
 _kernel = bind("rcdn_symmetry_centre")
@@ -32,7 +32,7 @@ def symmetry_centre(
     repeats: int = 10,
     done: float = 0.003,
     anti: bool = False,
-) -> Float[Array, "n 2"]:
+) -> Real[Array, "n 2"]:
     """Centres of symmetry (N, 2) px of `grey` (H, W) near `start` (N, 2) px, over discs of radius `half`, px, one or (N,); `anti`: of antisymmetry.
 
     Gauss–Newton steps of at most 1 px until they are shorter than `done`, on the picture smoothed by a Gaussian of 1 px, which makes linear

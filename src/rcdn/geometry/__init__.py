@@ -1,25 +1,25 @@
-"""Homographies, lens models and poses. The only place where any of them lives."""
+"""Homographies, lens models and poses. Each of them is implemented in this package only."""
 
 from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography
+from rcdn.geometry.jacobians import core_jacobian, cross_matrix, project_with_jacobian, rotation, rotation_jacobian
 from rcdn.geometry.lens import project, transform, unproject
-from rcdn.geometry.slopes import core_slopes, cross_matrix, project_with_slopes, rotation, rotation_slope
 from rcdn.geometry.spline_grid import folds, largest_shift, roughness, zero_correction
 from rcdn.geometry.usable_lens import lens_trouble
 
 __all__ = [
     "apply_homography",
     "basis",
-    "core_slopes",
+    "core_jacobian",
     "cross_matrix",
     "folds",
     "homography",
     "largest_shift",
     "lens_trouble",
     "project",
-    "project_with_slopes",
+    "project_with_jacobian",
     "rotation",
-    "rotation_slope",
+    "rotation_jacobian",
     "roughness",
     "stereographic",
     "surface",

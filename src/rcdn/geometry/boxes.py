@@ -1,4 +1,4 @@
-"""Points and boxes of the plane, sorted into square cells: what lies in a box is found without looking at all of it."""
+"""Spatial index of points and boxes in square cells, so that a query for a box need not scan all of them."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 EACH = 16
-"""points of a cell, about"""
+"""points per cell, approximately"""
 FEW = 8
-"""boxes"""
+"""queries that are answered by scanning all points, before the index is built"""
 AWAY = -1e5
-"""px; points put away, far off any picture, are in no box"""
+"""px; points below this, placed far outside any picture to discard them, are in no box"""
 
 
 class _Table(NamedTuple):
-    """Points sorted into `cells` (2,) cells of `size` px from `low` (2,) on: their rows in `order`, those of cell k from `first[k]` to
-    `first[k + 1]`."""
+    """Points sorted into `cells` (2,) cells of `size` px, starting at `low` (2,): `order` holds their rows, those of
+    cell k from `first[k]` to `first[k + 1]`."""
 
     low: Array
     size: float
@@ -28,8 +28,8 @@ class _Table(NamedTuple):
     order: Array
     first: Array
 
-    def cell(self, at: Float[Array, "... 2"]) -> Array:
-        """Column and row of the cell of each of the positions `at` (..., 2), the nearest one for those outside."""
+    def cell(self, at: Real[Array, "... 2"]) -> Array:
+        """Column and row of the cell of each position in `at` (..., 2); the nearest cell for positions outside."""
         return np.clip((at - self.low) // self.size, 0, self.cells - 1).astype(np.int64).T
 
 
@@ -48,8 +48,8 @@ def _sorted(points: Array) -> _Table:
 
 
 class PointCells:
-    """`points` (N, 2), sorted into square cells of about `EACH` points once more than `FEW` boxes are asked for: for fewer it is quicker to look
-    at all points."""
+    """`points` (N, 2) with an index of square cells of about `EACH` points, built after `FEW` queries: for fewer
+    queries a scan of all points is faster."""
 
     def __init__(self, points: Array) -> None:
         self.points = points
@@ -60,13 +60,13 @@ class PointCells:
         return _sorted(self.points)
 
     def share(self, low: Array, high: Array) -> float:
-        """Which share of all cells a box touches."""
+        """Share of all cells that a box intersects."""
         table = self._table
         (left, top), (right, bottom) = table.cell(low).tolist(), table.cell(high).tolist()
         return (right - left + 1) * (bottom - top + 1) / float(table.cells.prod())
 
-    def inside(self, low: Float[Array, " 2"], high: Float[Array, " 2"]) -> Array:
-        """Rows, rising, of the points in a box, its `low` (2,) and `high` (2,) corner included."""
+    def inside(self, low: Real[Array, " 2"], high: Real[Array, " 2"]) -> Array:
+        """Rows, in ascending order, of the points in the closed box from `low` (2,) to `high` (2,)."""
         if not (high >= low).all():
             return np.zeros(0, np.int64)
         self._asked += 1
@@ -83,7 +83,8 @@ class PointCells:
 
 
 class BoxCells:
-    """Boxes `low`, `high` (N, 2), each listed in all cells that it touches. Cells are as large as the boxes' usual area."""
+    """Index of boxes `low`, `high` (N, 2): each is listed in all cells that it intersects. A cell has about the area of
+    an average box."""
 
     def __init__(self, low: Array, high: Array) -> None:
         self.low, self.high = low, high
@@ -102,8 +103,8 @@ class BoxCells:
         (left, top), (right, bottom) = ((a // self._size).astype(int).tolist() for a in (low, high))
         return [(i, j) for i in range(left, right + 1) for j in range(top, bottom + 1)]
 
-    def touched(self, low: Float[Array, " 2"], high: Float[Array, " 2"]) -> list[int]:
-        """Numbers, rising, of the boxes that have a point in common with the box from `low` (2,) to `high` (2,)."""
+    def touched(self, low: Real[Array, " 2"], high: Real[Array, " 2"]) -> list[int]:
+        """Numbers, in ascending order, of the boxes that intersect the closed box from `low` (2,) to `high` (2,)."""
         near = {box for cell in self._cells(low, high) for box in self._held.get(cell, ())}
         some = np.array(sorted(near), np.int64)
         if not len(some):

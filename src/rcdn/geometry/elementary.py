@@ -1,6 +1,7 @@
-"""Elementary functions whose last bits are the same on every processor: NumPy's and the system's differ with the vector instructions.
+"""Elementary functions with bit-identical results on every processor; those of NumPy and of the C library depend on the
+processor's vector instructions.
 
-Detection takes these; where a result is only shown or compared with a tolerance, NumPy's will do.
+Detection uses these; for results that are only displayed or compared with a tolerance, NumPy's functions suffice.
 """
 
 from __future__ import annotations
@@ -11,14 +12,13 @@ import numpy as np
 
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
 
 _exp, _log, _erf = bind("rcdn_exp"), bind("rcdn_log"), bind("rcdn_erf")
 _cos_sin, _arctan2 = bind("rcdn_cos_sin"), bind("rcdn_arctan2")
 
 
 def exp(x: Any) -> Array:
-    """exp x, of the shape of `x`, within 2e-16 of itself; 0 below −707."""
+    """exp x, of the shape of `x`, with a relative error below 2e-16; 0 below −707."""
     x = _doubles(x)
     out = np.empty_like(x)
     _exp(x.ravel(), out.ravel())
@@ -26,7 +26,7 @@ def exp(x: Any) -> Array:
 
 
 def log(x: Any) -> Array:
-    """ln x, of the shape of `x`; −inf of 0, NaN below."""
+    """ln x, of the shape of `x`; −inf at 0, NaN for negative x."""
     x = _doubles(x)
     out = np.empty_like(x)
     _log(x.ravel(), out.ravel())
@@ -34,7 +34,7 @@ def log(x: Any) -> Array:
 
 
 def erf(x: Any) -> Array:
-    """The error function of x, of the shape of `x`, within 1e-15."""
+    """The error function of x, of the shape of `x`, with an error below 1e-15."""
     x = _doubles(x)
     out = np.empty_like(x)
     _erf(x.ravel(), out.ravel())
@@ -49,8 +49,8 @@ def cos_sin(x: Any) -> tuple[Array, Array]:
     return cosine, sine
 
 
-def arctan2(y: Any, x: Any) -> Float[Array, "x y"]:
-    """The angle of (x, y) in −π..π, of their shape, radians; 0 of (0, 0)."""
+def arctan2(y: Any, x: Any) -> Array:
+    """The angle of (x, y) in [−π, π], of their broadcast shape, radians; 0 for (0, 0)."""
     y, x = (_doubles(v) for v in np.broadcast_arrays(y, x))
     out = np.empty_like(x)
     _arctan2(y.ravel(), x.ravel(), out.ravel())

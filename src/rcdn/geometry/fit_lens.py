@@ -1,4 +1,4 @@
-"""The nearest camera of a simpler lens model, for programs that know coefficients only."""
+"""Approximation of a camera by a simpler lens model, for programs that support distortion coefficients only."""
 
 from __future__ import annotations
 
@@ -7,28 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.errors import RcdnError
+from rcdn.geometry.jacobians import project_with_jacobian
 from rcdn.geometry.lens import project, unproject
-from rcdn.geometry.slopes import project_with_slopes
 from rcdn.geometry.spline_grid import frame_pixels
 from rcdn.types import LENS, Array, Camera, CameraModel
 
 ALONG = 41
-"""pixels along each side of the frame that a lens is fitted to"""
+"""grid points along each side of the frame, to which the lens is fitted"""
 CENTRAL = 80.0
-"""degrees off the axis; the models pinhole, brown and rational aren't fitted to a frame that sees more"""
+"""degrees from the optical axis; the models pinhole, brown and rational aren't fitted to a frame with rays beyond it"""
 HELD = 1e-3
-"""px that a coefficient of one in the denominator of a rational lens adds to the RMS that is minimised"""
+"""px; contribution of a denominator coefficient of 1 of a rational lens to the minimised RMS (a zero prior)"""
 WORTH = 0.8
-"""A model with more numbers is taken if it lowers the residual to this share."""
+"""A model with more coefficients is chosen if it lowers the residual to this share."""
 
 
 def best_coefficients(camera: Camera, model: CameraModel, many: int | None = None) -> tuple[Camera, float, float]:
-    """The camera of another lens model, with `many` numbers of distortion (None: all of the model's), that maps the rays of the frame to
-    the nearest pixels, by least squares over a grid; and the residual's RMS and largest length over that grid, px.
+    """The camera of another lens model, with `many` distortion coefficients (None: all of the model's), whose
+    projection of the frame's rays is closest to their pixels, by least squares over a grid; and the RMS and the largest
+    length of the residuals over that grid, px.
 
-    Both numbers are infinite if the frame reaches so far off the axis, or the best fit is so folded, that the model can't show it, or
-    nearly no pixel has a ray.
-    Raises RcdnError for the model `division`, and if the camera has no rays.
+    Both numbers are infinite if the model can't represent the frame, because its rays are too far from the optical axis
+    or the best fit is folded there, or if nearly no pixel has a ray. Raises RcdnError for the model `division`, and if
+    the camera has no rays.
     """
     if model == "division":
         raise RcdnError("best_coefficients: model can't be 'division'; use pinhole, brown, rational or fisheye")
@@ -47,8 +48,9 @@ def best_coefficients(camera: Camera, model: CameraModel, many: int | None = Non
 
 
 def nearest(camera: Camera, models: Sequence[tuple[CameraModel, int]]) -> tuple[Camera, float, float]:
-    """The best of `best_coefficients` under several models, each with its number of coefficients, the simplest first: a later one is
-    taken if it is nearer by the share WORTH. Raises RcdnError if none can show the frame."""
+    """The best result of `best_coefficients` over several models, each with its number of coefficients, the simplest
+    first: a later one is chosen if its RMS is below WORTH times the best so far. Raises RcdnError if none can represent
+    the frame."""
     best = best_coefficients(camera, *models[0])
     for model, many in models[1:]:
         found = best_coefficients(camera, model, many)
@@ -69,7 +71,7 @@ def _frame(camera: Camera) -> tuple[Array, Array]:
 
 
 def _start(camera: Camera, model: CameraModel, many: int) -> Camera:
-    """The camera's own numbers as far as both models have them."""
+    """Initial guess: the camera's own parameters as far as both models have them, zero for the others."""
     distortion = np.zeros(many)
     if (camera.model == "fisheye") == (model == "fisheye"):
         common = min(many, len(camera.distortion), 5 if camera.model != model else many)
@@ -80,7 +82,8 @@ def _start(camera: Camera, model: CameraModel, many: int) -> Camera:
 
 
 def _fit(start: Camera, rays: Array, pixels: Array) -> Camera:
-    """Least squares; the denominator of a rational lens, which may share a factor with its numerator, is held to be small."""
+    """Least-squares fit; a weak zero prior keeps the denominator of a rational lens small, since numerator and
+    denominator may share a factor."""
     from scipy.optimize import least_squares
 
     held = np.arange(9, 12) if start.model == "rational" else np.arange(0)
@@ -93,8 +96,8 @@ def _fit(start: Camera, rays: Array, pixels: Array) -> Camera:
         return np.concatenate([gap, firm * parameters[held]])
 
     def jacobian(parameters: Array) -> Array:
-        slopes = project_with_slopes(start.with_parameters(parameters), rays)[2]
-        return np.concatenate([slopes.reshape(-1, slopes.shape[2]), prior])
+        jacobian = project_with_jacobian(start.with_parameters(parameters), rays)[2]
+        return np.concatenate([jacobian.reshape(-1, jacobian.shape[2]), prior])
 
     found = least_squares(residuals, start.parameters, jacobian, method="lm", x_scale="jac", max_nfev=200)
     return start.with_parameters(found.x)

@@ -1,4 +1,4 @@
-"""Which part of what a camera saw an undistorted picture shows: nothing but seen pixels, or all of them, or between."""
+"""Field of view of an undistorted picture: only pixels that the camera saw, all that it saw, or a compromise."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.undistort import HALF_VIEW, ray_test, undistorted_camera
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 ALONG = 200
-"""points along each side of a picture that are looked at"""
+"""points along each side of a picture at which visibility is checked"""
 HALVINGS = 40
-"""of the interval in which the focal length of the inner view lies"""
+"""bisection steps in the search for the inner view's focal length"""
 MOST_ZOOM = 64.0
-"""the inner view's focal length, as a multiple of the usual one, at most"""
+"""largest focal length of the inner view, as a multiple of that of `undistorted_camera`"""
 ROUNDING = 0.01
-"""px beyond the rim that still count as on it: maps are float32"""
+"""px; tolerance at the picture's border, since maps are float32"""
 COARSE = 256
-"""cells along a mask's longer side in which its largest rectangle is sought"""
+"""cells along a mask's longer side in the coarse search for its largest rectangle"""
 
 
 def flat_camera(camera: Camera, balance: float = 0.0) -> Camera:
     """A pinhole camera of the same size, with square pixels, that shows what `camera` saw without its distortion.
 
-    `balance` 0: every pixel was seen; 1: all that was seen is shown, though no more than HALF_VIEW off the axis, and what was not
-    seen is empty; between the two the focal length changes by equal factors. Raises RcdnError if `balance` isn't within 0..1, or
-    if no view without empty pixels was found.
+    `balance` 0: the view has no empty pixels; 1: it shows all that the camera saw, up to HALF_VIEW from the optical
+    axis, with empty pixels elsewhere; in between, the focal length is interpolated geometrically. Raises RcdnError if
+    `balance` isn't within 0..1, or if no view without empty pixels was found.
     """
     if not 0 <= balance <= 1:
         raise RcdnError(f"balance must be within 0 (no empty pixels) and 1 (all that the camera saw), not {balance:g}")
@@ -43,7 +43,7 @@ def flat_camera(camera: Camera, balance: float = 0.0) -> Camera:
 
 
 def seen(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
-    """(...,) bool: whether rays (..., 3) end on a pixel of the picture of `camera`."""
+    """(...,) bool: whether rays (..., 3) are seen within the picture of `camera`."""
     width, height = camera.image_size
     xy = project(camera, rays)
     with np.errstate(invalid="ignore"):
@@ -52,15 +52,17 @@ def seen(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
 
 
 def in_picture(map_x: Array, map_y: Array, size: tuple[int, int]) -> Bool[Array, "h w"]:
-    """(H, W) bool: where maps of `undistortion_maps` lead to a pixel of a picture of `size` (width, height)."""
+    """(H, W) bool: where the maps of `undistortion_maps` point into a picture of `size` (width, height)."""
     low, high = -0.5 - ROUNDING, (size[0] - 0.5 + ROUNDING, size[1] - 0.5 + ROUNDING)
     return np.asarray((map_x >= low) & (map_x <= high[0]) & (map_y >= low) & (map_y <= high[1]))
 
 
-def largest_rectangle(mask: Float[Array, "h w"]) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom), right and bottom exclusive, of a rectangle of `mask` (H, W) bool that holds nothing but True.
+def largest_rectangle(mask: Real[Array, "h w"]) -> tuple[int, int, int, int]:
+    """(left, top, right, bottom), right and bottom exclusive, of a rectangle of `mask` (H, W) bool in which every pixel
+    is True.
 
-    The largest one of a coarse grid of cells that are all True, grown pixel by pixel as far as it goes; empty (0, 0, 0, 0) if there is none.
+    It is the largest rectangle of cells of a coarse grid that are True throughout, then grown pixel by pixel as far as
+    possible; the empty (0, 0, 0, 0) if there is none.
     """
     height, width = mask.shape
     cell = -(-max(height, width) // COARSE)
@@ -84,7 +86,7 @@ def largest_rectangle(mask: Float[Array, "h w"]) -> tuple[int, int, int, int]:
 
 
 def cropped(camera: Camera, box: tuple[int, int, int, int]) -> Camera:
-    """The camera of the part `box` (left, top, right, bottom; as of `largest_rectangle`) of its picture."""
+    """The camera of the picture cropped to `box` (left, top, right, bottom; as returned by `largest_rectangle`)."""
     left, top, right, bottom = box
     K = camera.K.copy()
     K[:2, 2] -= left, top
@@ -92,7 +94,7 @@ def cropped(camera: Camera, box: tuple[int, int, int, int]) -> Camera:
 
 
 def _inner(camera: Camera) -> Camera:
-    """The widest view about the usual centre whose pixels were all seen."""
+    """The widest view, with the principal point of `undistorted_camera`, in which every pixel was seen."""
     usual = undistorted_camera(camera)
     f, centre = usual.K[0, 0], usual.K[:2, 2]
     if _all_seen(camera, usual):
@@ -114,7 +116,8 @@ def _all_seen(camera: Camera, flat: Camera) -> bool:
 
 
 def _outer(camera: Camera) -> Camera:
-    """The narrowest view that holds what the rim of the picture saw, as far as HALF_VIEW off the axis, and the usual view."""
+    """The narrowest view that contains the rays of the picture's border, up to HALF_VIEW from the optical axis, and the
+    view of `undistorted_camera`."""
     usual = undistorted_camera(camera)
     width, height = camera.image_size
     ends = np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]])
@@ -134,20 +137,21 @@ def _with_K(camera: Camera, f: float, centre: Array) -> Camera:
     return replace(camera, K=np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]))
 
 
-def _rim(size: tuple[int, int], beyond: float) -> Float[Array, "n 2"]:
-    """Points (N, 2) around a picture, px, `beyond` the centres of its outermost pixels."""
+def _rim(size: tuple[int, int], beyond: float) -> Real[Array, "n 2"]:
+    """Points (N, 2) around a picture, px, at the distance `beyond` outside the centres of its outermost pixels."""
     x, y = (np.linspace(-beyond, side - 1 + beyond, ALONG) for side in size)
     sides = [(x, np.full(ALONG, y[k])) for k in (0, -1)] + [(np.full(ALONG, x[k]), y) for k in (0, -1)]
     return np.concatenate([np.stack(side, axis=1) for side in sides])
 
 
 def _largest_of_cells(cells: Array) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) of the largest rectangle of True in a small mask, row by row over the heights of its columns."""
+    """(left, top, right, bottom) of the largest rectangle of True in a small mask, by the row-by-row histogram method
+    (the height of each column of True cells, and a stack)."""
     best, box = 0, (0, 0, 0, 0)
     heights = np.zeros(cells.shape[1], int)
     for bottom, row in enumerate(cells, start=1):
         heights = np.where(row, heights + 1, 0)
-        waiting: list[tuple[int, int]] = []  # (first column, height), heights rising
+        waiting: list[tuple[int, int]] = []  # (first column, height), with increasing heights
         for column, tall in enumerate([*heights.tolist(), 0]):
             first = column
             while waiting and waiting[-1][1] >= tall:

@@ -1,4 +1,4 @@
-"""The only homography."""
+"""Estimation and application of homographies."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _homography = bind("rcdn_homography")
 
 
-def homography(src: Float[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Array, "3 3"]:
-    """Homography (3, 3) that takes `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
+def homography(src: Real[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "3 3"]:
+    """Homography (3, 3) that maps `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
 
-    Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points, LinAlgError
-    for points that aren't finite.
+    Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points,
+    LinAlgError for points that aren't finite.
     """
     src, dst = np.ascontiguousarray(src, float), np.ascontiguousarray(dst, float)
     if src.ndim != 2 or src.shape[1] != 2 or len(src) < 4 or src.shape != dst.shape:
@@ -27,8 +27,8 @@ def homography(src: Float[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Arra
     return H
 
 
-def apply_homography(H: Float[Array, "3 3"], points: Float[Array, "... 2"]) -> Array:
-    """`points` (..., 2) through `H` (3, 3)."""
+def apply_homography(H: Real[Array, "3 3"], points: Real[Array, "... 2"]) -> Array:
+    """`points` (..., 2) mapped by the homography `H` (3, 3)."""
     points = np.asarray(points, float)
     w = points @ H[2, :2] + H[2, 2]
     return (points @ H[:2, :2].T + H[:2, 2]) / w[..., None]

@@ -1,34 +1,35 @@
-"""Rays of a lens model with a correction: Newton's method on the stereographic plane."""
+"""Rays of distorted points for a lens model with a correction: Newton's method on the stereographic plane."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rcdn.errors import present
-from rcdn.geometry.correction import point_of, stereographic, surface_slopes
-from rcdn.geometry.model_slopes import distorted_with_slopes
+from rcdn.geometry.correction import point_of, stereographic, surface_jacobian
+from rcdn.geometry.model_jacobians import distorted_with_jacobian
 from rcdn.geometry.models import fold, undistorted
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 STEPS = 40
-"""of Newton's method at most; four to six do, but for points that begin far away"""
+"""largest number of Newton steps; four to six suffice unless the initial guess is far away"""
 EXACT = 1e-13
-"""focal lengths, and share of the distance from the axis: a solution that is closer is not improved"""
+"""focal lengths, times 1 + the distance from the axis: below this residual the iteration stops"""
 GOOD = 1e-11
-"""as `EXACT`: a solution that is farther is none"""
+"""unit of `EXACT`: a point with a larger residual is not accepted as a solution"""
 BLOCK = 1 << 16
 """points at a time, which bounds the memory"""
 SHRUNK = (1.0, 0.97, 0.9, 0.75, 0.5)
-"""shares of a distorted point that the parametric model alone can't invert: the first that it can is the start"""
+"""scale factors of a distorted point; the first at which the parametric model can be inverted gives the initial guess"""
 STAGES = 8
-"""in which the correction is brought in where it is too much for Newton's method at once"""
+"""continuation steps from no correction to the full one, for points where Newton's method fails with the full one"""
 
 
-def corrected_ray(camera: Camera, d: Array) -> Float[Array, "... 3"]:
-    """Rays (..., 3) of distorted points (..., 2), in focal lengths; scaled, exact and NaN as `unproject` says.
+def corrected_ray(camera: Camera, d: Array) -> Real[Array, "... 3"]:
+    """Rays (..., 3) of distorted points (..., 2), in focal lengths; scale, accuracy and NaN as in `unproject`.
 
-    NaN where the whole map is turned over (its Jacobian has a determinant ≤ 0), too, or the ray is beyond the fold of the parametric model.
+    Also NaN where the complete map reverses orientation (the determinant of its Jacobian is ≤ 0), or where the ray is
+    beyond the fold of the parametric model.
     """
     flat = np.asarray(d, float).reshape(-1, 2)
     parts = [_solve(camera, flat[k : k + BLOCK]) for k in range(0, len(flat), BLOCK)]
@@ -39,8 +40,8 @@ def corrected_ray(camera: Camera, d: Array) -> Float[Array, "... 3"]:
 
 
 def unfolded(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
-    """(...,) bool: whether the map of a camera isn't turned over at rays (..., 3), and they are before the fold of the parametric
-    model. Not for the model `division`."""
+    """(...,) bool: whether the camera's map preserves orientation at rays (..., 3) and these are before the fold of the
+    parametric model. Not for the model `division`."""
     u = stereographic(rays).reshape(-1, 2)
     J = _error(camera, camera.correction, u, np.zeros(2))[1]
     return np.asarray(_upright(camera, u, J).reshape(np.shape(rays)[:-1]))
@@ -52,8 +53,8 @@ def before_fold(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
     return np.asarray(np.hypot(u[..., 0], u[..., 1]) < 2 * np.tan(fold(camera) / 2))
 
 
-def _solve(camera: Camera, d: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-    """Stereographic points (N, 2) that are seen at `d` (N, 2), or NaN."""
+def _solve(camera: Camera, d: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
+    """Stereographic points (N, 2) that the camera maps to the distorted points `d` (N, 2), or NaN."""
     correction = present(camera.correction, "Camera.correction")
     start = _start(camera, d)
     u = _newton(camera, correction, d, start)
@@ -66,8 +67,9 @@ def _solve(camera: Camera, d: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
     return u
 
 
-def _start(camera: Camera, d: Array) -> Float[Array, "n 2"]:
-    """Stereographic points (N, 2) at which the parametric model alone sees `d` or, where it sees it nowhere, a point nearer the axis."""
+def _start(camera: Camera, d: Array) -> Real[Array, "n 2"]:
+    """Initial guesses: stereographic points (N, 2) that the parametric model alone maps to `d` or, where that has no
+    solution, to a point nearer the axis."""
     u = np.full_like(d, np.nan)
     for share in SHRUNK:
         lost = np.flatnonzero(np.isnan(u).any(axis=1) & np.isfinite(d).all(axis=1))
@@ -76,8 +78,9 @@ def _start(camera: Camera, d: Array) -> Float[Array, "n 2"]:
     return u
 
 
-def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) -> Float[Array, "n 2"]:
-    """Solutions (N, 2) from `start`, steps halved that lead away; NaN where there is none or the map is folded."""
+def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) -> Real[Array, "n 2"]:
+    """Solutions (N, 2) by damped Newton steps from `start`: a step that doesn't reduce the residual is halved; NaN
+    where there is no solution or the map is folded."""
     u, scale = start.copy(), 1 + np.hypot(d[:, 0], d[:, 1])
     error, J = _error(camera, correction, u, d)
     damping = np.ones(len(d))
@@ -97,25 +100,27 @@ def _newton(camera: Camera, correction: LensCorrection, d: Array, start: Array) 
     return np.asarray(np.where(good[:, None], u, np.nan))
 
 
-def _upright(camera: Camera, u: Array, J: Float[Array, "n 2 2"]) -> Bool[Array, " n"]:
-    """(N,) bool: the Jacobian `J` (N, 2, 2) of the map keeps the orientation, and `u` is before the fold of the parametric model."""
+def _upright(camera: Camera, u: Array, J: Real[Array, "n 2 2"]) -> Bool[Array, " n"]:
+    """(N,) bool: the Jacobian `J` (N, 2, 2) of the map preserves orientation, and `u` is before the fold of the
+    parametric model."""
     determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
     return np.asarray((determinant > 0) & (np.hypot(u[:, 0], u[:, 1]) < 2 * np.tan(fold(camera) / 2)))
 
 
-def _error(camera: Camera, correction: LensCorrection | None, u: Float[Array, "n 2"], d: Array) -> tuple[Array, Array]:
-    """Where `u` (N, 2) is seen less `d`, and its Jacobian (N, 2, 2) in u; NaN where it isn't seen."""
+def _error(camera: Camera, correction: LensCorrection | None, u: Real[Array, "n 2"], d: Array) -> tuple[Array, Array]:
+    """Residual (N, 2): the distorted point of `u` (N, 2) minus `d`; and its Jacobian (N, 2, 2) with respect to u. NaN
+    where `u` isn't visible."""
     with np.errstate(all="ignore"):
-        seen, by_point, _ = distorted_with_slopes(camera, point_of(u))
+        seen, by_point, _ = distorted_with_jacobian(camera, point_of(u))
         J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :]
         if correction is None:
             return seen - d, J
-        shift, by_u = surface_slopes(correction, u)
+        shift, by_u = surface_jacobian(correction, u)
         return seen + shift - d, J + by_u
 
 
-def _solved(J: Array, e: Array) -> Float[Array, "n 2"]:
-    """J⁻¹·e (N, 2), of bounded length where J is singular."""
+def _solved(J: Array, e: Array) -> Real[Array, "n 2"]:
+    """J⁻¹·e (N, 2), with bounded length where J is singular."""
     a, b, c, d = J[:, 0, 0], J[:, 0, 1], J[:, 1, 0], J[:, 1, 1]
     det = a * d - b * c
     det = np.where(np.abs(det) > 1e-6, det, 1e-6)

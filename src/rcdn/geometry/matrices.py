@@ -1,15 +1,15 @@
-"""Products and inverses of small matrices by plain sums, in one order: those of a BLAS differ in the last bits from processor to processor."""
+"""Products and inverses of small matrices by sums in a fixed order; a BLAS's last bits depend on the processor."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 
-def product(a: Array, b: Array) -> Float[Array, "... n m"]:
-    """a · b of matrices (..., n, m) and (..., m, k)."""
+def product(a: Array, b: Array) -> Real[Array, "... n m"]:
+    """Products a · b of matrices (..., n, m) and (..., m, k)."""
     return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
 
 
@@ -25,7 +25,7 @@ def inverse(m: Array) -> Array:
         cofactors = np.array(list(zip(first, _cross(three, one), _cross(one, two), strict=True)))
         det = np.asarray(
             one[0] * first[0] + one[1] * first[1] + one[2] * first[2]
-        )  # not `sum`, which newer Pythons compensate
+        )  # not `sum`, which compensates rounding in newer Pythons
     if (det == 0).any():
         raise np.linalg.LinAlgError("singular matrix")
     return np.asarray(cofactors / det[..., None, None])
@@ -35,17 +35,17 @@ def _cross(a: list[float], b: list[float]) -> list[float]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def affine(src: Shaped[Array, "n 2"], dst: Float[Array, "n 2"]) -> Float[Array, "2 3"]:
-    """The affine map (2, 3) that takes `src` (N, 2) to `dst` (N, 2) best, by least squares: `dst` = map[:, :2] · `src` + map[:, 2].
+def affine(src: Shaped[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "2 3"]:
+    """Least-squares affine map (2, 3) from `src` (N, 2) to `dst` (N, 2): `dst` = map[:, :2] · `src` + map[:, 2].
 
-    Raises LinAlgError where all of `src` are one point or points are not finite.
-    Points on one line are told nothing about the direction across, and the map is flat there.
+    Collinear points don't determine the map across their line; its derivative in that direction is then zero. Raises
+    LinAlgError if all of `src` coincide or points are not finite.
     """
     middle, to = src.mean(axis=0), dst.mean(axis=0)
     off = (src - middle).T
     normal = product(off, off.T)
-    slopes = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
-    out = np.column_stack([slopes, to - (slopes * middle).sum(axis=1)])
+    linear = product(inverse(normal + 1e-13 * np.trace(normal) * np.eye(2)), product(off, dst - to)).T
+    out = np.column_stack([linear, to - (linear * middle).sum(axis=1)])
     if not np.isfinite(out).all():
         raise np.linalg.LinAlgError("affine map: points are not finite")
     return out

@@ -1,4 +1,4 @@
-"""Pictures without distortion, pixel by pixel: any number of channels, of 8 or 16 bits or floats."""
+"""Resampling of pictures to remove distortion: any number of channels, of 8 or 16 bits or floats."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ LONGEST_SIDE = 32766
 """px; OpenCV's remap counts pixels in 16 bits"""
 
 MOST_PIXELS = 1 << 28
-"""of a picture; its maps take 2 GB"""
+"""pixels of the largest undistorted picture, whose maps take 2 GB"""
 
 
 @dataclass(frozen=True, eq=False)
 class Undistortion:
-    """What makes pictures of `camera` those of the pinhole `flat`; made by `undistortion`, then called for each picture.
+    """Converts pictures of `camera` to those of the pinhole camera `flat`; created by `undistortion`, then called for
+    each picture.
 
-    `map_x`, `map_y` (H, W): where each pixel comes from, px; `empty` (H, W) bool: from nowhere. They may be larger than `flat`'s picture, which
-    is then their mean over areas.
+    `map_x`, `map_y` (H, W): source position of each pixel, px; `empty` (H, W) bool: pixels without a source. The maps
+    may be larger than the picture of `flat`, which is then obtained by averaging over areas.
     """
 
     camera: Camera
@@ -34,7 +35,8 @@ class Undistortion:
     empty: Array
 
     def __call__(self, picture: Array) -> Array:
-        """`picture` (H, W) or (H, W, C), uint8, uint16 or float32, of the camera's size, without distortion; empty pixels are 0.
+        """`picture` (H, W) or (H, W, C), uint8, uint16 or float32, of the camera's size, without distortion; empty
+        pixels are 0.
 
         Raises RcdnError if it has another size.
         """
@@ -44,7 +46,7 @@ class Undistortion:
             raise RcdnError(
                 f"the picture has {width}×{height} px, but the camera was calibrated at {wide}×{high} px; give the camera of this size"
             )
-        # the rim's half pixels repeat the outermost ones; without that they would fade to black
+        # the outer half pixels of the border repeat the outermost pixels; otherwise they would fade to black
         out = cv2.remap(picture, self.map_x, self.map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         out[self.empty] = 0
         if out.shape[1::-1] != tuple(self.flat.image_size):
@@ -53,10 +55,10 @@ class Undistortion:
 
 
 def undistortion(camera: Camera, balance: float = 0.0, scale: float = 1.0, crop: bool = False) -> Undistortion:
-    """Maps from the pictures of `camera` to those of `flat_camera(camera, balance)`, `scale` times as large.
+    """The conversion from pictures of `camera` to those of `flat_camera(camera, balance)`, `scale` times as large.
 
-    `crop`: only the largest rectangle in which no pixel is empty. Raises RcdnError if `balance` isn't within 0..1, `scale` isn't above 0, a
-    side would exceed LONGEST_SIDE or the picture MOST_PIXELS, or nothing is left.
+    `crop`: keep only the largest rectangle without empty pixels. Raises RcdnError if `balance` isn't within 0..1,
+    `scale` isn't above 0, a side would exceed LONGEST_SIDE or the picture MOST_PIXELS, or the crop would be empty.
     """
     if not scale > 0:
         raise RcdnError(f"scale must be above 0, not {scale:g}")

@@ -1,4 +1,4 @@
-"""Grids of lens corrections: one that covers a camera's frame, and how rough a surface on it is."""
+"""Grids of lens corrections: construction of one that covers a camera's frame, folds, and bending energy."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from rcdn.geometry.inverse import unfolded
 from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.models import fold
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.correction import DEGREE
 
 WIDEST = 120.0
-"""degrees off the axis; rays beyond don't widen the grid"""
+"""degrees from the optical axis; rays beyond it don't enlarge the grid"""
 ALONG = 65
-"""rays along each side of the frame that the grid is laid over"""
+"""grid points along each side of the frame at which its rays are evaluated"""
 
 
 def zero_correction(
-    camera: Camera, columns: int, margin: float = 0.03, pixels: Float[Array, "m 2"] | None = None
+    camera: Camera, columns: int, margin: float = 0.03, pixels: Real[Array, "m 2"] | None = None
 ) -> LensCorrection:
-    """A correction without effect, `columns` control points wide, of square cells that cover the camera's frame, or `pixels` (M, 2) if
-    they are given, and `margin` of their width more on each side.
+    """A zero correction, `columns` control points wide, of square cells that cover the camera's frame, or `pixels` (M,
+    2) if given, plus a margin of `margin` times their width on each side.
 
-    What the frame sees is known from the camera's own rays: pixels that have none, and rays over WIDEST degrees off the axis, are
-    passed over. The number of rows follows. Raises RcdnError for fewer than four columns, or if no pixel has a ray.
+    The frame's extent is computed from the camera's rays; pixels without a ray, and rays over WIDEST degrees from the
+    optical axis, are ignored. The number of rows follows from the extent. Raises RcdnError for fewer than four columns,
+    or if no pixel has a ray.
     """
     if columns <= DEGREE:
         raise RcdnError(f"zero_correction: columns must be 4 or more, not {columns}")
@@ -42,7 +43,7 @@ def zero_correction(
 
 
 def largest_shift(camera: Camera) -> float:
-    """How far the camera's correction moves a pixel of the frame at most, px; 0 without one."""
+    """Largest displacement of a pixel of the frame by the camera's correction, px; 0 without a correction."""
     if camera.correction is None:
         return 0.0
     rays = unproject(camera, frame_pixels(camera.image_size, ALONG))
@@ -51,9 +52,11 @@ def largest_shift(camera: Camera) -> float:
 
 
 def folds(camera: Camera) -> bool:
-    """Whether the camera's correction turns the map over somewhere in the frame, so that several rays share a pixel.
+    """Whether the camera's correction reverses the orientation of the map somewhere in the frame, so that several rays
+    share a pixel.
 
-    Looked for on a grid of several points a cell, among the rays before the fold of the parametric model. False without a correction.
+    Checked on a grid of several points per cell, for the rays before the fold of the parametric model. False without a
+    correction.
     """
     if camera.correction is None:
         return False
@@ -67,30 +70,32 @@ def folds(camera: Camera) -> bool:
 
 
 def frame_pixels(image_size: tuple[int, int], along: int) -> Array:
-    """(along², 2) pixels over the frame, its borders included."""
+    """Grid of (along², 2) pixels over the frame, its borders included."""
     width, height = image_size
     x, y = np.linspace(-0.5, width - 0.5, along), np.linspace(-0.5, height - 0.5, along)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def roughness(correction: LensCorrection) -> Float[Array, "p p"]:
-    """(P, P) quadratic form of the P flat control points: ∬ S_uu² + 2·S_uv² + S_vv² du dv over the domain, summed over both axes of the
-    displacement (the bending energy of a thin plate), in (focal lengths)² ÷ u²; only the grid counts, not the control points.
+def roughness(correction: LensCorrection) -> Real[Array, "p p"]:
+    """Matrix (P, P) of the bending energy of a thin plate, a quadratic form in the P flattened control points:
+    ∬ S_uu² + 2·S_uv² + S_vv² du dv over the domain, summed over both axes of the displacement, in (focal lengths)² ÷
+    u². It depends on the grid only, not on the values of the control points.
 
-    Exact: the products of B-splines are integrated by Gauss's rule. Positive semidefinite; zero for displacements that are affine in u,
-    and for those only. The energy of a surface doesn't depend on the grid that it is written on.
+    Exact: the products of B-splines are integrated by Gaussian quadrature. Positive semidefinite, and zero only for
+    displacements that are affine in u. The energy of a surface doesn't depend on the grid that represents it.
     """
     return np.kron(bending(correction), np.eye(2))
 
 
 def bending(correction: LensCorrection) -> Array:
-    """(rows·columns, rows·columns) `roughness` of one axis of the displacement."""
+    """The matrix of `roughness` for one axis of the displacement, (rows·columns, rows·columns)."""
     x, y = (_products(int(n), float(h)) for n, h in zip(correction.cells, correction.sides, strict=True))
     return np.asarray(np.kron(y[0], x[2]) + 2 * np.kron(y[1], x[1]) + np.kron(y[2], x[0]))
 
 
 def _products(cells: int, side: float) -> list[Array]:
-    """∫ B_i B_j, ∫ B_i′ B_j′ and ∫ B_i″ B_j″ (n, n) of the n = `cells` + 3 cubic B-splines of a line of cells."""
+    """The integrals ∫ B_i B_j, ∫ B_i′ B_j′ and ∫ B_i″ B_j″, each (n, n), of the n = `cells` + 3 cubic B-splines on a
+    line of cells."""
     nodes, share = np.polynomial.legendre.leggauss(DEGREE + 1)
     out = []
     for derivative in (0, 1, 2):

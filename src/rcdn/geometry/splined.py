@@ -1,4 +1,5 @@
-"""mrcal's splined stereographic lens, and ours as one: mrcal.secretsauce.net/splined-models.html, `LENSMODEL_SPLINED_STEREOGRAPHIC`."""
+"""Conversion to and from mrcal's splined stereographic lens model `LENSMODEL_SPLINED_STEREOGRAPHIC`
+(mrcal.secretsauce.net/splined-models.html)."""
 
 from __future__ import annotations
 
@@ -12,29 +13,30 @@ from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.models import distorted
 from rcdn.geometry.spline_grid import WIDEST, bending, frame_pixels
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.correction import DEGREE
 
 CLOSE = 0.005
-"""px: a spline that follows a camera over its frame to this is fine enough"""
+"""px: largest accepted difference of a spline from the camera over its frame"""
 COLUMNS = (10, 14, 20, 28, 40, 56)
-"""of control points that are tried"""
+"""numbers of columns of control points that are tried"""
 ALONG = 61
-"""pixels along each side of the frame at which a spline is compared"""
+"""grid points along each side of the frame at which a spline is compared with the camera"""
 BEYOND = 0.08
-"""share of the frame's sides beyond it where the lens is followed, too, if it has rays there"""
+"""margin around the frame, as a share of its sides, where the spline is also fitted if the lens has rays there"""
 SMOOTH = 1e-10
-"""weight of the bending energy, which decides where there are no rays, relative to the rays'"""
+"""weight of the bending energy, which determines the spline where there are no rays, relative to that of the rays"""
 REFINED = (1, 2, 3, 4)
-"""times as fine as mrcal's grid ours is, until it is close"""
+"""refinement factors of mrcal's grid that are tried in turn, until the difference is small enough"""
 STEREOGRAPHIC = (1 / 12, 1 / 120, 17 / 20160, 31 / 362880)
-"""Kannala-Brandt coefficients of 2·tan(θ/2), by its series at 0: all positive, so that the map grows everywhere"""
+"""Kannala–Brandt coefficients of 2·tan(θ/2), from its series at 0: all positive, so that the map is monotonic"""
 
 
 @dataclass(frozen=True, eq=False)
 class Splined:
-    """q = f·(u + S(u)) + c with `core` (4,) fx, fy, cx, cy, px, and the cubic spline S whose `control` (Ny, Nx, 2) stand for
-    `LensCorrection.control`; its cells are square, and its domain is `fov` degrees wide. `image_size` (width, height) px."""
+    """The model q = f·(u + S(u)) + c with `core` (4,) = fx, fy, cx, cy, px, and the cubic spline S with control points
+    `control` (Ny, Nx, 2), as in `LensCorrection.control`; its cells are square, and its domain is `fov` degrees wide.
+    `image_size` (width, height) px."""
 
     core: Array
     control: Array
@@ -47,13 +49,14 @@ class Splined:
 
     @property
     def spline(self) -> LensCorrection:
-        """S."""
+        """The spline S."""
         rows, columns, _ = self.control.shape
         half = _half_width(self.fov)
         return LensCorrection(self.control, np.array([half, half * (rows - DEGREE) / (columns - DEGREE)]))
 
-    def project(self, points: Array) -> Float[Array, "... 3"]:
-        """Camera points (..., 3) to pixels (..., 2); outside of the spline's domain S is as `LensCorrection` has it, not as mrcal."""
+    def project(self, points: Array) -> Real[Array, "... 3"]:
+        """Camera points (..., 3) to pixels (..., 2); outside of the spline's domain S is extended as in
+        `LensCorrection`, not as in mrcal."""
         u = stereographic(points)
         return np.asarray((u + surface(self.spline, u)) * self.core[:2] + self.core[2:])
 
@@ -63,11 +66,11 @@ def _half_width(fov: float) -> float:
 
 
 def splined_of(camera: Camera) -> tuple[Splined, float, float]:
-    """The camera as a splined stereographic one, with the difference over the frame, px, RMS and largest.
+    """The camera as a splined stereographic one, with the RMS and the largest difference over the frame, px.
 
-    Least squares over the rays of the frame, and a little beyond; the coarsest grid of COLUMNS that is CLOSE, else the finest.
-    Rays over WIDEST degrees off the axis, where the stereographic plane grows without bound, are passed over. Raises RcdnError if the
-    camera has no rays.
+    Least-squares fit to the rays of the frame and of a margin around it, on the coarsest grid of COLUMNS whose
+    difference is at most CLOSE, else on the finest. Rays over WIDEST degrees from the optical axis, where the
+    stereographic plane grows without bound, are ignored. Raises RcdnError if the camera has no rays.
     """
     pixels, rays = _rays(camera, ALONG, 0.0)
     u = stereographic(rays)
@@ -82,18 +85,19 @@ def splined_of(camera: Camera) -> tuple[Splined, float, float]:
 
 
 def _rays(camera: Camera, along: int, beyond: float) -> tuple[Array, Array]:
-    """Pixels (N, 2) of a grid over the frame, and a share `beyond` its sides, that have rays to WIDEST off the axis, and the rays (N, 3)."""
+    """Pixels (N, 2) with rays up to WIDEST from the optical axis, and these rays (N, 3), of a grid over the frame and a
+    margin of `beyond` times its sides."""
     middle = (np.array(camera.image_size) - 1) / 2
     pixels = middle + (frame_pixels(camera.image_size, along) - middle) * (1 + 2 * beyond)
     rays = unproject(camera, pixels)
-    seen = np.degrees(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])) <= WIDEST  # NaN is not
+    seen = np.degrees(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])) <= WIDEST  # false for NaN
     if not seen.any():
         raise RcdnError("splined_of: no pixel of the camera has a ray; calibrate it first")
     return pixels[seen], rays[seen]
 
 
 def _fitted(camera: Camera, columns: int, fov: int, half_height: float) -> Splined:
-    """The nearest spline with `columns` control points across."""
+    """Least-squares spline with `columns` columns of control points."""
     from scipy.linalg import cho_factor, cho_solve
     from scipy.sparse import csr_array
 
@@ -116,8 +120,9 @@ def _fitted(camera: Camera, columns: int, fov: int, half_height: float) -> Splin
 
 
 def camera_of(splined: Splined) -> Camera:
-    """The splined camera as a fisheye near 2·tan(θ/2) with a correction over the same domain, on a grid as fine as mrcal's or a few times
-    finer. What is left over is of the order of a thousandth of a pixel, and only outside of the domain more.
+    """The splined camera as a fisheye close to 2·tan(θ/2) with a correction over the same domain, on a grid as fine as
+    mrcal's or a few times finer. The remaining difference is of the order of a thousandth of a pixel; it is larger only
+    outside of the domain.
     """
     fx, fy, cx, cy = splined.core
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
@@ -133,7 +138,8 @@ def camera_of(splined: Splined) -> Camera:
 
 
 def _refitted(base: Camera, spline: LensCorrection, finer: int) -> LensCorrection:
-    """The spline and what its stereographic map is more than that of `base`, over the same domain on cells `finer` times as small."""
+    """The sum of the spline and of the difference between the stereographic map and the map of `base`, as a spline over
+    the same domain with cells smaller by the factor `finer`."""
     cells = finer * spline.cells
     nodes, designs = zip(*(_design(int(n), float(e)) for n, e in zip(cells, spline.extent, strict=True)), strict=True)
     u = np.stack(np.meshgrid(*nodes), axis=-1)
@@ -145,7 +151,7 @@ def _refitted(base: Camera, spline: LensCorrection, finer: int) -> LensCorrectio
 
 
 def _design(cells: int, extent: float) -> tuple[Array, Array]:
-    """Four places in each of `cells` cells of a line (4·cells,) and the cubic splines there (4·cells, cells + 3)."""
+    """Four nodes in each of `cells` cells on a line (4·cells,), and the cubic B-splines there (4·cells, cells + 3)."""
     inside = (np.arange(4) + 0.5) / 4
     design = np.zeros((cells, 4, cells + DEGREE))
     for k in range(cells):

@@ -1,4 +1,4 @@
-"""Pictures without distortion: the pinhole camera that they are of, and the maps that make them."""
+"""Undistortion: the pinhole camera of the undistorted picture, and the maps that resample to it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from rcdn.types import Array, Camera
 from rcdn.types.arrays import Bool
 
 HALF_VIEW = 55.0
-"""degrees off the axis: how far the undistorted picture goes at most; beyond, a flat picture is nothing but stretched edges"""
+"""degrees from the optical axis: limit of an undistorted picture; beyond it the perspective stretch dominates"""
 NOWHERE = -1e4
-"""px, the maps' value where the camera saw nothing: outside of every picture, and within cv2.remap's 16 bits"""
+"""px, value of the maps where the camera saw nothing: outside of every picture, and within cv2.remap's 16 bits"""
 BLOCK = 1 << 18
-"""pixels at a time, which bounds the memory"""
+"""pixels processed at a time, which bounds the memory"""
 
 
 def undistorted_camera(camera: Camera) -> Camera:
-    """A pinhole camera of the same size that shows the picture's middle lines out to its edges, but no more than HALF_VIEW off the
-    axis, with square pixels and no empty corners under a barrel distortion."""
+    """A pinhole camera of the same size, with square pixels, that shows the row and the column through the principal
+    point up to the picture's edges, but at most HALF_VIEW from the optical axis; with a barrel distortion its corners
+    are not empty."""
     width, height = camera.image_size
     cx, cy = camera.K[:2, 2]
     ends = np.array([[-0.5, cy], [width - 0.5, cy], [cx, -0.5], [cx, height - 0.5]])
@@ -40,15 +41,16 @@ def undistorted_camera(camera: Camera) -> Camera:
 
 
 def resized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """The camera of the same picture at another `size` (width, height); pixel centres at integers."""
+    """The camera of the same picture resized to `size` (width, height); pixel centres at integers."""
     sx, sy = size[0] / camera.image_size[0], size[1] / camera.image_size[1]
     K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ camera.K
     return replace(camera, K=K, image_size=size)
 
 
 def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> tuple[Array, Array]:
-    """For each pixel of `flat`, turned by `R` (3, 3; takes camera axes to those of `flat`), where `camera` sees it: map_x and map_y
-    (H, W) float32, px, as cv2.remap takes them; NOWHERE where it doesn't."""
+    """Position in the picture of `camera` of each pixel of `flat`, which is rotated by `R` (3, 3; takes camera axes to
+    those of `flat`): map_x and map_y (H, W) float32, px, as cv2.remap takes them; NOWHERE for pixels that `camera`
+    doesn't see."""
     width, height = flat.image_size
     rows = max(BLOCK // width, 1)
     sees = ray_test(camera)
@@ -58,7 +60,8 @@ def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> t
 
 
 def ray_test(camera: Camera) -> Callable[[Camera, Array], Array]:
-    """The function that says of a camera like this one and of rays (..., 3) whether the pixels that they reach see them, (...,) bool."""
+    """The visibility test for cameras like this one: a function of a camera and rays (..., 3) that returns (...,) bool,
+    whether a ray's pixel really sees this ray."""
     if camera.correction is None:
         return _reached
     return unfolded if folds(camera) else before_fold
@@ -75,7 +78,7 @@ def _block(
 
 
 def _reached(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
-    """(...,) bool: whether the pixels that rays (..., 3) reach see these rays; beyond the lens's fold they see others."""
+    """(...,) bool: whether the pixels of rays (..., 3) unproject to these rays; beyond the fold they give others."""
     gap = np.linalg.norm(_unit(unproject(camera, project(camera, rays))) - _unit(rays), axis=-1)
     return np.asarray(gap < 1e-6)
 

@@ -1,4 +1,4 @@
-"""Whether the numbers of a camera are those of a lens at all, before anything is computed with them."""
+"""Validity of a camera's parameters, checked before anything is computed with them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from rcdn.types import Camera
 from rcdn.types.ranges import COEFFICIENT, FOCAL, POSITION
 
 ALONG = 9
-"""pixels along each side of the frame that are looked at"""
+"""grid points along each side of the frame at which rays are checked"""
 DISPLACED = 100.0
-"""focal lengths: no correction moves a point by more"""
+"""focal lengths: largest valid displacement by a correction"""
 EXTENT = (1e-6, 1e3)
-"""of a correction's domain, in the stereographic plane, whose whole half space is 2"""
+"""valid range of a correction's half width in the stereographic plane, where the directions at 90° have radius 2"""
 
 
 def lens_trouble(camera: Camera) -> str:
-    """Why nothing can be computed with `camera`, with the field and its range; "" if all is well.
+    """The reason why `camera` is unusable, with the field and its range; "" if it is usable.
 
-    Its numbers must be finite and within `rcdn.types.ranges`, and some of its frame's pixels must have a viewing ray.
+    Its parameters must be finite and within `rcdn.types.ranges`, and some pixels of its frame must have a viewing ray.
     """
     if trouble := number_trouble(camera):
         return trouble
@@ -31,7 +31,7 @@ def lens_trouble(camera: Camera) -> str:
 
 
 def number_trouble(camera: Camera) -> str:
-    """`lens_trouble` of the numbers alone."""
+    """`lens_trouble` for the parameters alone, without the viewing rays."""
     K = camera.K
     f, shift = K[[0, 1], [0, 1]], K[[0, 0, 1], [1, 2, 2]]
     if not ((f >= FOCAL[0]) & (f <= FOCAL[1])).all():

@@ -28,7 +28,7 @@ from rcdn.types import (
     Target,
     Verdict,
 )
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import BOX, LABEL, POSITION, SPACING, in_words, is_spacing
 from rcdn.types.target import target_of, target_record
 
@@ -214,7 +214,7 @@ def _covariance(data: Any, where: str, many: int) -> Array:
     return cov
 
 
-def _is_positive(cov: Float[Array, "p p"]) -> bool:
+def _is_positive(cov: Real[Array, "p p"]) -> bool:
     """Is `cov` (P, P) a covariance within rounding: are its correlations symmetric, and their eigenvalues not negative?"""
     size = np.sqrt(np.diag(cov))
     size[size == 0] = 1

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.errors import FormatError
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import LARGEST, SIDE
 
 MOST_BYTES = 1 << 30
@@ -101,7 +101,7 @@ def two_whole_numbers(record: Any, key: str, where: str) -> tuple[int, int]:
     return int(pair[0]), int(pair[1])
 
 
-def rigid(record: Any, key: str, where: str) -> Float[Array, "4 4"]:
+def rigid(record: Any, key: str, where: str) -> Real[Array, "4 4"]:
     """(4, 4) a rotation and a translation, row by row."""
     T = numbers(record, key, where, finite=True, shape=(4, 4))
     if not is_rigid(T):

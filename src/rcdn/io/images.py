@@ -18,7 +18,7 @@ from rcdn.io.marks import Mark, marked
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
@@ -31,7 +31,7 @@ _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes that are read at once
 
 
-def read_image(path: str | Path) -> Float[Array, "h w"]:
+def read_image(path: str | Path) -> Real[Array, "h w"]:
     """Read a picture file as grey (H, W): uint8 from 8-bit files, else float32 in 0..255.
 
     Pixels as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not composited; of
@@ -44,7 +44,7 @@ def read_image(path: str | Path) -> Float[Array, "h w"]:
     return as_grey(decode(_read_bytes(path), path), str(path))
 
 
-def read_pixels(path: str | Path) -> Float[Array, "h w"]:
+def read_pixels(path: str | Path) -> Real[Array, "h w"]:
     """A picture file as it is stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as `read_image`."""
     return _channels(decode(_read_bytes(path), path), str(path))
 

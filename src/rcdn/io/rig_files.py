@@ -19,7 +19,7 @@ from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import nullable, numbers, read_text, rigid, take, two_whole_numbers
 from rcdn.io.files import write_text
 from rcdn.types import Array, Camera, Pose, Rig
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 RigFormat = Literal["kalibr", "aniposelib", "caliscope", "json"]
 _NAMES = "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope) or .json"
@@ -215,7 +215,7 @@ def _list(record: dict[str, Any], key: str, where: str) -> Array:
     return np.ravel(numbers(record, key, where, finite=True))
 
 
-def _place(record: dict[str, Any], where: str) -> Float[Array, "4 4"]:
+def _place(record: dict[str, Any], where: str) -> Real[Array, "4 4"]:
     """(4, 4) of a rotation vector, or of a matrix as older files of caliscope have it."""
     turn, t = _list(record, "rotation", where), _list(record, "translation", where)
     if len(turn) not in (3, 9) or len(t) != 3:

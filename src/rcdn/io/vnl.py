@@ -15,7 +15,7 @@ from rcdn.io.formats import DECIMALS, ImageResult, rounded
 from rcdn.io.images import read_named_image
 from rcdn.io.vnl_grid import VnlGrid, grid_for
 from rcdn.types import Array, Board, Corners, Orientation, Status
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import POSITION
 
 DECIDED = 3.0
@@ -117,7 +117,7 @@ def _vnl_name(path: str) -> str:
 # ---- corners.vnl → boards
 
 
-def _present(rows: Array) -> Float[Array, "n 3"]:
+def _present(rows: Array) -> Real[Array, "n 3"]:
     """The rows (N, 3) with NaN for each corner that the file calls missing by a negative number."""
     bad = (rows[:, :2] < -0.5).any(axis=1) | (rows[:, 2] < 0) | ~np.isfinite(rows).all(axis=1)
     return np.where(bad[:, None], np.nan, rows)

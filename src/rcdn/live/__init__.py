@@ -1,6 +1,7 @@
-"""`rcdn live`: a page on this machine that guides somebody through calibrating a camera.
+"""`rcdn live`: a local web page that guides the user through calibrating a camera.
 
-The session (`session`) takes frames, asks the guide and keeps what it accepts (`folder`); the server (`server`, `security`) is the only way to
-it from outside; the page (`page/`) shows it. The engine that knows what to ask for is `rcdn.calibration.guidance`; what is written at
-the end comes from whoever starts a session, as a function.
+The session (`session`) receives frames, evaluates them by the guide and stores the accepted ones (`folder`); the server
+(`server`, `security`) is the only access to it from outside; the page (`page/`) displays it.
+`rcdn.calibration.guidance` chooses the views to ask for; the function that writes the results is passed in by the
+caller that starts a session.
 """

@@ -1,4 +1,4 @@
-"""A certificate that this machine signs itself, for a page that another machine on the network opens."""
+"""Self-signed certificates, for access to the page from another machine on the network."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ DAYS = 30
 
 
 def self_signed(folder: Path, host: str) -> tuple[Path, Path]:
-    """Write a certificate for `host` and its key into `folder`, which only this user may read; gives both paths. It holds for 30 days.
+    """Write a certificate for `host` and its key into `folder`, readable by this user only; returns both paths. The
+    certificate is valid for 30 days.
 
     Raises DependencyError without the package cryptography.
     """
@@ -53,7 +54,7 @@ def self_signed(folder: Path, host: str) -> tuple[Path, Path]:
 
 
 def fingerprint(path: Path) -> str:
-    """SHA-256 of the certificate, as browsers show it: what a person compares before trusting it."""
+    """SHA-256 fingerprint of the certificate in the form shown by browsers, for comparison before trusting it."""
     import hashlib
     import ssl
 

@@ -1,4 +1,4 @@
-"""What the guide says, as JSON for the page: short numbers, nothing infinite."""
+"""The guide's output as JSON for the page: rounded numbers, none of them infinite."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from rcdn.calibration.guidance import Look, Progress
 from rcdn.types import Array, Board
 
 DECIMALS = 1
-"""of positions on the page, px"""
+"""decimals of positions on the page, px"""
 
 
 def look_facts(board: Board | None, look: Look | None, refused: str) -> dict[str, Any]:
-    """What is said of one frame; `refused`, where there is no guide yet."""
+    """The message about one frame; `refused`: the reason for refusal if there is no guide yet."""
     record: dict[str, Any] = {
         "type": "look",
         "board": None,
@@ -35,7 +35,7 @@ def look_facts(board: Board | None, look: Look | None, refused: str) -> dict[str
 
 
 def progress_facts(progress: Progress | None) -> dict[str, Any]:
-    """How far it has come; without a guide nothing has."""
+    """Progress of the calibration; empty without a guide."""
     if progress is None:
         return {"sentence": "", "worst": None, "target": None, "map": None, "done": False, "wanted": None}
     wanted = progress.wanted
@@ -58,6 +58,6 @@ def _rows(values: Array) -> list[list[float | None]]:
 
 
 def _rounded(xy: Array) -> list[list[float]] | None:
-    """Positions (N, 2) px; None if one isn't finite."""
+    """Rounded positions (N, 2) px; None if one isn't finite."""
     values = np.asarray(xy, float)
     return np.round(values, DECIMALS).tolist() if np.isfinite(values).all() else None

@@ -1,4 +1,4 @@
-"""The folder of a session: what was accepted, whole or not at all, so that a session goes on after whatever ended it."""
+"""The folder of a session. Pictures are stored atomically, so that a session can resume after any interruption."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ SESSION, ADDRESS = "session.json", ".address"
 PICTURES, DETECTIONS = "pictures", "detections"
 NAME = re.compile(r"frame-(\d{4})\.png")
 MOST = 200
-"""pictures that a session keeps"""
+"""largest number of pictures in a session"""
 VERSION = 1
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a folder belongs to: side of a square, m (None: not known yet), lens model and board size (columns, rows) of inner corners, if told."""
+    """Settings of a session: side of a square, m (None: not known yet), lens model, and board size (columns, rows) in
+    inner corners, if given."""
 
     spacing: float | None = None
     model: str = "auto"
@@ -40,10 +41,12 @@ class Settings:
 
 
 class Folder:
-    """Pictures (grey PNG, the pixels that the corners come from) and detections of a session below `path`.
+    """Pictures (grey PNG, with the pixels from which the corners were computed) and detections of a session below
+    `path`.
 
-    A picture counts once its detections are there: they are written last, and removed first.
-    Raises ConfigError if the folder holds other things, or if another process uses it; OutputError if it can't be written.
+    A picture is part of the session if its detections exist; they are written last and removed first.
+    Raises ConfigError if the folder contains other files, or if another process uses it; OutputError if it can't be
+    written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,7 +59,7 @@ class Folder:
         self._lock = self._locked()
 
     def _locked(self) -> IO[bytes] | None:
-        """The session's file, open and locked while this process lives."""
+        """The session's lock file, open and locked until `close` or the end of this process."""
         if fcntl is None:
             return None
         lock = open(self.path / ".lock", "wb")  # noqa: SIM115
@@ -70,14 +73,14 @@ class Folder:
         return lock
 
     def close(self) -> None:
-        """Let others use the folder."""
+        """Unlock the folder for other processes."""
         if self._lock is not None:
             self._lock.close()
 
     # ---- settings
 
     def settings(self) -> Settings:
-        """What the folder was begun with. Raises FormatError for a file that was damaged."""
+        """The settings stored in the folder. Raises FormatError for a damaged file."""
         record = _read(self.path / SESSION)
         spacing, size, model = record.get("spacing"), record.get("size"), record.get("model", "auto")
         if not (spacing is None or isinstance(spacing, int | float)) or not isinstance(model, str):
@@ -85,7 +88,8 @@ class Folder:
         return Settings(spacing, model, None if size is None else (int(size[0]), int(size[1])))
 
     def agree(self, wanted: Settings) -> Settings:
-        """The settings to go on with: `wanted`, and where it says nothing those of before. Raises ConfigError if pictures were taken with others."""
+        """The settings for the resumed session: those of `wanted`, and the stored ones where `wanted` has None. Raises
+        ConfigError if pictures were taken with other settings."""
         before = self.settings()
         now = Settings(wanted.spacing or before.spacing, wanted.model, wanted.size or before.size)
         if self.names() and (before.spacing, before.size) != (now.spacing, now.size):
@@ -103,11 +107,12 @@ class Folder:
     # ---- address
 
     def token(self) -> str:
-        """The random part of the page's address, the same after a restart, so that a page that is open goes on. Only this user may read its file."""
+        """The random part of the page's address. It is the same after a restart, so that an open page can reconnect,
+        and stored in a file that only this user can read."""
         return str(self._address()["token"])
 
     def port(self) -> int:
-        """The port that was used last, or 0."""
+        """The last port used, or 0."""
         port = self._address().get("port")
         return port if isinstance(port, int) and 0 < port < 65536 else 0
 
@@ -127,24 +132,24 @@ class Folder:
     def _keep(self, record: dict[str, Any]) -> None:
         place = self.path / ADDRESS
         if not place.exists():
-            os.close(os.open(place, os.O_CREAT | os.O_WRONLY, 0o600))  # the mode is kept by what replaces it
+            os.close(os.open(place, os.O_CREAT | os.O_WRONLY, 0o600))  # the file that replaces it keeps its mode
         write_text(place, json.dumps(record) + "\n")
 
     # ---- pictures
 
     def names(self) -> list[str]:
-        """Names of the accepted pictures, in the order in which they were taken."""
+        """Names of the accepted pictures, in the order of capture."""
         there = (f"{p.stem}.png" for p in (self.path / DETECTIONS).glob("frame-*.json"))
         return sorted(n for n in there if NAME.fullmatch(n) and self.picture(n).exists())
 
     def picture(self, name: str) -> Path:
-        """The file of a picture. Raises RcdnError for a name that isn't one."""
+        """The file of a picture. Raises RcdnError for a name that isn't a picture's."""
         if NAME.fullmatch(name) is None:
             raise RcdnError(f"{shown(name)} is no picture of this session")
         return self.path / PICTURES / name
 
     def add(self, grey: Array, board: Board) -> str:
-        """Keep a picture (H, W) uint8 and its board; gives its name. When this returns, both are on the disk."""
+        """Store a picture (H, W) uint8 and its board; returns its name. Both are on the disk when this returns."""
         taken = [int(m[1]) for p in (self.path / PICTURES).glob("*.png") if (m := NAME.fullmatch(p.name))]
         if len(self.names()) >= MOST or max(taken, default=0) >= 9999:
             raise RcdnError(f"there are {MOST} pictures already; remove some")
@@ -156,7 +161,7 @@ class Folder:
         return name
 
     def board(self, name: str) -> Board:
-        """The board of a picture, as it was kept. Raises RcdnError if the file can't be read or holds none."""
+        """The stored board of a picture. Raises RcdnError if the file can't be read or contains no board."""
         images, _ = read_detections(self._detections(name))
         if len(images) != 1 or not images[0].boards:
             raise FormatError(f"{self._detections(name)}: holds no board; remove it")

@@ -1,4 +1,4 @@
-"""The board in every frame: found in small pictures now and then, followed from one to the next in between."""
+"""Tracking of the board through the frames: occasional detection in reduced pictures, optical flow in between."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ import numpy as np
 from rcdn.types import Array, Board
 
 SMALL = 640
-"""px of the longer side of pictures in which boards are looked for and followed"""
+"""longer side of the reduced pictures for detection and tracking, px"""
 REST = 1.0
-"""× the time of a detection, to rest after it while a board is followed"""
+"""pause after a detection while a board is tracked, as a multiple of the detection's time"""
 NICENESS = 5
-"""of threads that nobody waits for within a frame"""
+"""niceness of threads whose results are not needed within a frame"""
 WINDOW, LEVELS = 15, 3
 BACK = 0.7
-"""px that a corner may be off after following it there and back, in the small picture"""
+"""largest forward–backward error of a tracked corner, px of the reduced picture"""
 KEPT = 0.85
-"""share of a board's corners that must be followed"""
+"""smallest share of a board's corners that must be tracked successfully"""
 WAITING = 40
-"""small pictures that are kept while a board is looked for"""
+"""largest number of reduced pictures kept during a detection"""
 
 Detect = Callable[[Array, bool], Board | None]
-"""the largest board in a grey picture; True: look closely, at other scales, too"""
+"""function that detects the largest board in a grey picture; True: thorough detection, also at other scales"""
 
 
 class Follower:
-    """Follows the largest board; `detect` runs in a thread of its own, one picture at a time."""
+    """Tracks the largest board; `detect` runs in a separate thread, on one picture at a time."""
 
     def __init__(self, detect: Detect) -> None:
         self._detect = detect
@@ -52,7 +52,8 @@ class Follower:
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     def see(self, grey: Array) -> Board | None:
-        """The board in the next frame (H, W) uint8, positions in its pixels; None if there is none or it isn't found yet."""
+        """The board in the next frame (H, W) uint8, with positions in the frame's pixels; None if there is none or it
+        hasn't been detected yet."""
         small, scale = _small(grey)
         if self._small is not None and self._small.shape != small.shape:
             self._forget()
@@ -71,7 +72,7 @@ class Follower:
             self._running = None
 
     def _look(self, small: Array) -> None:
-        """Begin a detection if none is running and it is time."""
+        """Start a detection if none is running and the pause is over."""
         if self._running is None and (self._board is None or time.monotonic() >= self._rest_until):
             self._since = [small]
             self._running = self._worker.submit(self._timed, small, self._missed % 2 == 1)
@@ -81,7 +82,7 @@ class Follower:
         return self._detect(small, closely), time.monotonic() - begin
 
     def _collect(self) -> None:
-        """Take what a detection has found, followed through the pictures that came meanwhile."""
+        """Take the result of a finished detection, tracked through the pictures that have arrived since its start."""
         if self._running is None or not self._running.done():
             return
         found, took = self._running.result()
@@ -101,14 +102,15 @@ class Follower:
 
 
 def yielding() -> None:
-    """Have this thread leave the processor to others that want it (where threads have priorities of their own: Linux)."""
+    """Lower the scheduling priority of this thread (on Linux only, where each thread has its own priority)."""
     if sys.platform == "linux":
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
 
 
 def followed(before: Array, after: Array, board: Board) -> Board | None:
-    """`board` of the picture `before` in the picture `after` (H, W) uint8, corners that can't be followed left out; None if those are too many."""
+    """`board` of the picture `before` tracked to the picture `after` (H, W) uint8, without the corners that can't be
+    tracked; None if these are too many."""
     start = board.xy.astype(np.float32).reshape(-1, 1, 2)
     settings = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
     there, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.zeros_like(start), **settings)  # type: ignore[call-overload]
@@ -127,7 +129,7 @@ def followed(before: Array, after: Array, board: Board) -> Board | None:
 
 
 def _small(grey: Array) -> tuple[Array, float]:
-    """A picture at most SMALL px long, and how many of its pixels make one of the large one."""
+    """The picture reduced to at most SMALL px on its longer side, and the scale from original to reduced pixels."""
     scale = min(1.0, SMALL / max(grey.shape))
     if scale == 1:
         return grey, 1.0
@@ -135,6 +137,6 @@ def _small(grey: Array) -> tuple[Array, float]:
 
 
 def _enlarged(board: Board, scale: float, image_size: tuple[int, int]) -> Board:
-    """A board of the small picture in pixels of the large one."""
+    """A board of the reduced picture converted to pixels of the original one."""
     sigma = None if board.sigma is None else board.sigma / scale
     return replace(board, xy=(board.xy + 0.5) / scale - 0.5, sigma=sigma, image_size=image_size)

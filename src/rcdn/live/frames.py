@@ -1,4 +1,4 @@
-"""Frames as they come from outside: checked before they are decoded, and encoded for the page."""
+"""Decoding of frames from the page, validated before they are decoded, and encoding of pictures for the page."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from rcdn.errors import ImageError
 from rcdn.types import Array
 
 MOST_BYTES = 6_000_000
-"""of one frame"""
+"""largest size of one frame, bytes"""
 SIDES = (120, 4096)
-"""px that the shorter and the longer side may have"""
+"""px: smallest shorter and largest longer side of a frame"""
 THUMB, PREVIEW = 320, 960
-"""px that pictures for the page are wide"""
+"""px: widths of pictures for the page"""
 
 
 def decoded(data: bytes) -> Array:
-    """A JPEG as grey (H, W) uint8. Its size is read before its pixels. Raises ImageError for what is no JPEG, is damaged, too small or too large."""
+    """A JPEG as grey (H, W) uint8. Its size is checked before its pixels are decoded. Raises ImageError for anything
+    that isn't a JPEG, is damaged, too small or too large."""
     if len(data) > MOST_BYTES:
         raise ImageError(f"a frame has {len(data)} bytes, more than {MOST_BYTES}")
     try:
@@ -31,7 +32,7 @@ def decoded(data: bytes) -> Array:
 
 
 def check_sides(width: int, height: int) -> None:
-    """Raise ImageError unless frames of this size are taken."""
+    """Raise ImageError unless frames of this size are accepted."""
     if min(width, height) < SIDES[0] or max(width, height) > SIDES[1]:
         raise ImageError(f"a frame has {width}×{height} px; its sides must be {SIDES[0]} to {SIDES[1]} px")
 

@@ -1,4 +1,4 @@
-"""What the page may say on the socket: frames as bytes, wishes as JSON. Anything else ends the connection."""
+"""Messages from the page on the socket: frames as bytes, requests as JSON. Any other message ends the connection."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Literal, cast, get_args
 from rcdn.errors import RcdnError
 
 HEADER = struct.Struct("<Id")
-"""of a frame: its number, and when it was taken, ms of the page's clock; then a JPEG"""
+"""header of a frame: its number, and its time, ms of the page's clock; a JPEG follows"""
 PREVIEW = struct.Struct("<I")
-"""of a frame that the server sends: its number; then a JPEG"""
+"""header of a frame that the server sends: its number; a JPEG follows"""
 MOST_TEXT = 500
-"""characters of a wish"""
+"""largest number of characters of a request"""
 Wish = Literal["begin", "take", "remove", "write", "shown"]
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame that the page sends: `number`, `time` s of its clock, and a JPEG."""
+    """A frame from the page: `number`, `time` of the page's clock, s, and a JPEG."""
 
     number: int
     time: float
@@ -30,8 +30,8 @@ class Frame:
 
 @dataclass(frozen=True)
 class Wanted:
-    """A wish of the page: to `begin` with a `value` (side of a square, m), to `take` a picture, to `remove` the one `name`d, to `write` the camera;
-    or a word that the preview with the number `value` was `shown`."""
+    """A request from the page: to `begin` with a `value` (side of a square, m), to `take` a picture, to `remove` the
+    picture `name`, to `write` the camera; or the confirmation that the preview number `value` was `shown`."""
 
     wish: Wish
     name: str = ""
@@ -39,7 +39,7 @@ class Wanted:
 
 
 def frame_of(message: bytes) -> Frame:
-    """Raises RcdnError for what is too short, or has a time that is none."""
+    """Parse a frame. Raises RcdnError for a message that is too short or whose time isn't finite."""
     if len(message) <= HEADER.size:
         raise RcdnError("a frame is too short")
     number, time = HEADER.unpack_from(message)
@@ -49,7 +49,7 @@ def frame_of(message: bytes) -> Frame:
 
 
 def wish_of(text: str) -> Wanted:
-    """Raises RcdnError for anything but a wish of the known form."""
+    """Parse a request. Raises RcdnError for anything but a well-formed request."""
     if len(text) > MOST_TEXT:
         raise RcdnError("a message is too long")
     try:
@@ -59,7 +59,7 @@ def wish_of(text: str) -> Wanted:
     if not isinstance(record, dict) or record.get("wish") not in get_args(Wish):
         raise RcdnError("a message is unknown")
     name, value = record.get("name", ""), record.get("value", 0.0)
-    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12  # NaN, too, is not
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12  # excludes NaN, too
     if not isinstance(name, str) or not number or set(record) - {"wish", "name", "value"}:
         raise RcdnError("a message is malformed")
     return Wanted(cast(Wish, record["wish"]), name, float(value))

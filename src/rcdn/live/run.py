@@ -1,4 +1,4 @@
-"""The server's process: the address, TLS, and the end by Ctrl-C."""
+"""The server's process: address, TLS, and termination by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from rcdn.live.security import Gate
 
 BACKLOG = 32
-"""requests at a time"""
+"""largest number of concurrent requests"""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the page is: `host` and `port` (0: that of the last time, or any free one); with TLS its `certificate` and `key`."""
+    """Address of the page: `host` and `port` (0: the last one used, or any free one); for TLS, `certificate` and
+    `key`."""
 
     host: str = "127.0.0.1"
     port: int = 0
@@ -35,11 +36,11 @@ class Place:
 
     @property
     def secure(self) -> bool:
-        """Whether by TLS."""
+        """Whether TLS is used."""
         return self.certificate is not None
 
     def check(self) -> None:
-        """Raise ConfigError for what would be open to others, or can't work."""
+        """Raise ConfigError for an address that would be insecurely open to other machines, or can't work."""
         check_host(self.host, self.secure)
         if (self.certificate is None) != (self.key is None):
             raise ConfigError("--certificate and --key belong together; give both")
@@ -49,7 +50,7 @@ class Place:
 
 
 def serve(folder: Folder, session: Session, source: Source | None, place: Place, say: Callable[[str], None]) -> None:
-    """Serve the page until Ctrl-C; `say` is called with its address once it can be opened."""
+    """Serve the page until Ctrl-C; `say` is called with its address as soon as it can be opened."""
     import uvicorn
 
     listening = _listen(place, folder.port())
@@ -67,7 +68,8 @@ def serve(folder: Folder, session: Session, source: Source | None, place: Place,
 
 
 def config_of(app: Gate, place: Place) -> uvicorn.Config:
-    """How uvicorn serves `app`: nothing in its log, since that would show the token, and no message larger than a frame."""
+    """uvicorn's configuration for `app`: without an access log, since that would reveal the token, and without messages
+    larger than a frame."""
     import uvicorn
 
     return uvicorn.Config(
@@ -89,7 +91,7 @@ def config_of(app: Gate, place: Place) -> uvicorn.Config:
 
 
 def _listen(place: Place, before: int) -> socket.socket:
-    """A socket that listens; at the port of the last time, if that is free and none is asked for."""
+    """A listening socket; if no port is requested, at the last port used, if that is free."""
     try:
         family, _, _, _, address = socket.getaddrinfo(place.host, place.port, type=socket.SOCK_STREAM)[0]
     except OSError as error:

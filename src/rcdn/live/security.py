@@ -1,7 +1,9 @@
-"""Who may talk to the page's server: the token in the address, the host and the origin are checked before anything else is done.
+"""Access control of the page's server: the token in the address, the host and the origin are checked before any request
+is processed.
 
-Another page in the same browser can send requests to this machine, but knows no token; a name that is made to point here (DNS rebinding) is
-no host of ours; a page that got the address can't open the socket, since its origin is another.
+Another page in the same browser can send requests to this machine, but doesn't know the token; a foreign host name that
+resolves to this machine (DNS rebinding) is not among the accepted hosts; and a page that learnt the address can't open
+the socket, since its origin differs.
 """
 
 from __future__ import annotations
@@ -22,18 +24,18 @@ PAGE_POLICY = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types rcdn"
 )
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; sandbox"
-"""of the report, which is one file with its styles and pictures in it, and needs no script"""
+"""content security policy of the report, a single file that embeds its styles and pictures, and needs no script"""
 
 
 def names_of(host: str, port: int) -> frozenset[str]:
-    """What the header Host may say for a server at `host` and `port`."""
+    """Accepted values of the header Host for a server at `host` and `port`."""
     shown = f"[{host}]" if ":" in host else host
     names = {shown} | ({"localhost", "127.0.0.1", "[::1]"} if is_loopback(host) else set())
     return frozenset(f"{name}:{port}" for name in names) | (frozenset(names) if port in (80, 443) else frozenset())
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`."""
+    """Whether `host` is reachable from this machine only."""
     if host == "localhost":
         return True
     try:
@@ -43,7 +45,7 @@ def is_loopback(host: str) -> bool:
 
 
 def check_host(host: str, secure: bool) -> None:
-    """Raise ConfigError if the page at `host` would be open to the network without TLS, or at addresses that nobody named."""
+    """Raise ConfigError if the page at `host` would be open to the network without TLS, or at unspecified addresses."""
     if host in ("", "0.0.0.0", "::", "*"):
         raise ConfigError(
             f"--host {host or '(empty)'}: name the one address of this machine that the other one reaches, such as 192.168.1.20"
@@ -55,9 +57,10 @@ def check_host(host: str, secure: bool) -> None:
 
 
 class Gate:
-    """ASGI: lets in requests with the `token` as the path's first part, one of the `hosts` as Host, and no origin but ours.
+    """ASGI middleware that accepts requests with the `token` as the first part of the path, one of the `hosts` as Host,
+    and no origin other than the server's own.
 
-    `secure`: by TLS. To the answers it adds the headers that bind the page.
+    `secure`: whether TLS is used. It adds headers to the responses that restrict the page.
     """
 
     def __init__(self, app: Callable[..., Awaitable[None]], token: str, hosts: frozenset[str], secure: bool) -> None:
@@ -101,7 +104,7 @@ class Gate:
 
 
 def _headers(message: MutableMapping[str, Any], policy: str) -> list[tuple[bytes, bytes]]:
-    """The headers of an answer; one that has a policy of its own keeps that."""
+    """The headers to add to a response; those that the response already has are kept."""
     there = {name.lower() for name, _ in message.get("headers", [])}
     wanted = {
         "content-security-policy": policy,
@@ -117,7 +120,7 @@ def _headers(message: MutableMapping[str, Any], policy: str) -> list[tuple[bytes
 
 
 def _single(scope: Scope) -> dict[bytes, bytes] | None:
-    """The headers; None if one that is checked stands there twice."""
+    """The request's headers; None if one of those that are checked occurs twice."""
     found: dict[bytes, bytes] = {}
     for name, value in scope["headers"]:
         if name in (b"host", b"origin") and name in found:
@@ -127,7 +130,7 @@ def _single(scope: Scope) -> dict[bytes, bytes] | None:
 
 
 async def _refuse(scope: Scope, send: Send) -> None:
-    """No word on what was wrong."""
+    """Refuse the request without stating the reason."""
     if scope["type"] == "websocket":
         await send({"type": "websocket.close", "code": 1008})
         return

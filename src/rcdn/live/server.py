@@ -1,4 +1,4 @@
-"""The server: the page's files, thumbnails and results by GET, everything else on one socket."""
+"""The server: the page's files, thumbnails and results by GET, everything else over one WebSocket."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rcdn.report.target import make_page, to_pdf
 from rcdn.types import Checkerboard, Printed
 
 MOST_MESSAGE = MOST_BYTES + HEADER.size
-"""bytes of a message; a longer one ends the connection before it is read whole"""
+"""largest message, bytes; a longer one ends the connection before it is read completely"""
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -37,15 +37,15 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 REPLACED, REFUSED = 4001, 1008
-"""codes with which a connection ends: another page took over; what was sent has no meaning"""
+"""close codes of a connection: another page took over; an invalid message was received"""
 BOARD = Printed(Checkerboard(9, 6), 0.025)
-"""the board to print"""
+"""the board offered for printing"""
 AHEAD = 2
-"""previews that may be on their way"""
+"""largest number of previews sent but not yet confirmed"""
 
 
 def page_files() -> dict[str, tuple[bytes, str]]:
-    """The page: name → (bytes, media type)."""
+    """The page's files: name → (bytes, media type)."""
     folder = files("rcdn.live") / "page"
     names = [f.name for f in folder.iterdir()]
     return {
@@ -54,7 +54,8 @@ def page_files() -> dict[str, tuple[bytes, str]]:
 
 
 class Server:
-    """One session for one page at a time; a page that comes later takes over. `source`: the server's own camera, None for the page's."""
+    """Serves one session to one page at a time; a page that connects later takes over. `source`: the server's own
+    camera, None to use the page's."""
 
     def __init__(self, session: Session, source: Source | None = None) -> None:
         self.session, self._source = session, source
@@ -65,7 +66,7 @@ class Server:
         self._clock = 0.0
 
     def app(self, token: str, hosts: frozenset[str], secure: bool = False) -> Gate:
-        """The ASGI application behind its gate."""
+        """The ASGI application, wrapped in its access control."""
         routes = [
             WebSocketRoute("/socket", self._socket),
             Route("/thumb/{name}", self._thumb),
@@ -121,7 +122,7 @@ class Server:
         return FileResponse(path, filename=name, media_type="application/octet-stream")
 
     async def _board(self, _: Request) -> Response:
-        """A board to print, for who has none."""
+        """A PDF of a board, for users who have none."""
         headers = {"content-disposition": 'attachment; filename="board.pdf"'}
         return Response(to_pdf(make_page(BOARD)), media_type="application/pdf", headers=headers)
 
@@ -142,7 +143,7 @@ class Server:
         except WebSocketDisconnect:
             code = 0
         except (RcdnError, KeyError, ValueError):
-            pass  # what was sent has no meaning: the connection ends, and nothing is done
+            pass  # an invalid message: the connection is closed, without any other effect
         finally:
             if self._page is page:
                 self._page = None
@@ -179,7 +180,8 @@ class Server:
                 self.session.write()
 
     async def _see(self, page: _Page, frame: Frame) -> dict[str, Any]:
-        """What is said of a frame that the page sent. Times of one page's clock go on where those of the page before ended."""
+        """The response to a frame from the page. Each page's clock is shifted so that its times continue those of the
+        previous page."""
         if page.clock is None:
             page.clock = max(self._clock, time.monotonic()) - frame.time
         self._clock = max(self._clock, page.clock + frame.time)
@@ -188,13 +190,13 @@ class Server:
         return {**look, "n": frame.number}
 
     def _changed(self) -> None:
-        """Tell the page the session's state."""
+        """Send the session's state to the page."""
         if self._page is not None:
             state = {**self.session.state(), "source": "browser" if self._source is None else "server"}
             self._page.put(state)
 
     async def _read_source(self, source: Source) -> None:
-        """Frames of the server's camera, while a page is there to see them."""
+        """Process frames of the server's camera while a page is connected."""
         from rcdn.io import as_grey
 
         loop, number = asyncio.get_running_loop(), 0
@@ -220,7 +222,7 @@ class Server:
 
 
 class _Page:
-    """A connection: what is to be sent waits in a queue, of states only the newest."""
+    """A connection: messages to be sent wait in a queue, but only the newest state is sent."""
 
     def __init__(self, socket: WebSocket) -> None:
         self._socket = socket
@@ -230,7 +232,7 @@ class _Page:
         self.ahead = 0
 
     def put(self, message: bytes | dict[str, Any]) -> None:
-        """Send `message` soon."""
+        """Queue `message` for sending."""
         if isinstance(message, dict) and message["type"] == "state":
             waiting, self._state = self._state is not None, message
             if waiting:
@@ -238,7 +240,7 @@ class _Page:
         self._queue.put_nowait(message)
 
     async def write(self) -> None:
-        """Send what comes, until the connection ends."""
+        """Send the queued messages until the connection ends."""
         with suppress(RuntimeError, WebSocketDisconnect, OSError):
             while True:
                 message = await self._queue.get()
@@ -257,5 +259,5 @@ class _Page:
 
 
 def _soon(loop: asyncio.AbstractEventLoop, call: Any) -> None:
-    with suppress(RuntimeError):  # the server has ended meanwhile
+    with suppress(RuntimeError):  # the server has stopped meanwhile
         loop.call_soon_threadsafe(call)

@@ -1,4 +1,5 @@
-"""One calibration session: frames in, what the guide says of them, what was accepted on disk, and at the end the camera's files."""
+"""One calibration session: evaluates frames by the guide, stores accepted ones, and finally writes the camera's
+files."""
 
 from __future__ import annotations
 
@@ -21,16 +22,16 @@ from rcdn.live.frames import check_sides
 from rcdn.types import Array, Board
 
 NEAR = 6.0
-"""px that the board found at full size may lie off the one that was followed, median"""
+"""px: largest median distance of the board detected at full size from the tracked one"""
 AGAIN = 1.0
-"""s after a picture that was given up, until the next one is taken"""
+"""s: pause after a discarded picture before the next one is taken"""
 SPACINGS = (0.0005, 2.0)
-"""m that the side of a square may be, as the page takes it"""
+"""m: range of the side of a square that the page accepts"""
 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written at the end: `files`, and the verdict's `level` and `lines`."""
+    """The result of writing the camera: `files`, and the verdict's `level` and `lines`."""
 
     files: tuple[Path, ...]
     level: str
@@ -38,14 +39,15 @@ class Written:
 
 
 MakeGuide = Callable[[tuple[int, int], float], Guide]
-"""a guide for pictures of a size (width, height) px and squares of a side, m"""
+"""creates a guide for pictures of a size (width, height) px and squares of a side, m"""
 Write = Callable[[Path, Sequence[str], Sequence[Board], Settings], Written]
-"""writes the camera's files into a folder, from names of pictures and their boards"""
+"""writes the camera's files into a folder, given the names of the pictures and their boards"""
 
 
 @dataclass(frozen=True)
 class Tools:
-    """What a session works with: `make_guide`; `follow`, a quick search in small pictures; `detect`, a careful one in whole pictures; `write`."""
+    """The functions that a session uses: `make_guide`; `follow`, fast detection in reduced pictures; `detect`, accurate
+    detection in full pictures; `write`."""
 
     make_guide: MakeGuide
     follow: Detect
@@ -54,9 +56,9 @@ class Tools:
 
 
 class Session:
-    """The state of a session. `see` is called by one thread, in the order of frames; everything else by any.
+    """The state of a session. `see` is called by one thread, in the order of frames; all other methods by any thread.
 
-    `changed()` is called, by any thread, when `state()` has become another.
+    `changed()` is called, by any thread, when `state()` has changed.
     """
 
     def __init__(
@@ -75,20 +77,20 @@ class Session:
         self._by_hand = self._done = False
         self._again = 0.0
         self.notice = ""
-        """what the page has to say besides: of a source, for example"""
+        """an additional message for the page, for example about the source"""
         if self._views:
             self._run("Taking up the session", self._resume)
 
     def close(self) -> None:
-        """End all threads, and let others use the folder."""
+        """Stop all threads and unlock the folder."""
         self._follower.close()
         self._slow.shutdown(wait=True, cancel_futures=True)
         self.folder.close()
 
-    # ---- what the page sees
+    # ---- state for the page
 
     def state(self) -> dict[str, Any]:
-        """Everything but the frames, as JSON takes it."""
+        """The state, apart from the frames, as values for JSON."""
         with self._lock:
             guide, views, done = self._guide, list(self._views), self._written
             record = {
@@ -106,10 +108,11 @@ class Session:
             }
         return {**record, **progress_facts(None if guide is None else guide.progress)}
 
-    # ---- what the page asks for
+    # ---- requests of the page
 
     def begin(self, spacing: float) -> None:
-        """Set the side of a square, m, if no picture rests on another. Raises RcdnError if it can't be one."""
+        """Set the side of a square, m. Raises RcdnError if it is out of range, or if pictures were taken with another
+        one."""
         if not SPACINGS[0] <= spacing <= SPACINGS[1]:
             raise RcdnError(f"the side of a square must be {SPACINGS[0] * 1000:g} to {SPACINGS[1] * 1000:g} mm")
         with self._lock:
@@ -123,7 +126,7 @@ class Session:
         self._by_hand = True
 
     def remove(self, name: str) -> None:
-        """Remove an accepted picture. Raises RcdnError if there is none of that name."""
+        """Remove an accepted picture. Raises RcdnError if there is none with that name."""
         with self._lock:
             if name not in self._views:
                 raise RcdnError("there is no such picture")
@@ -135,16 +138,17 @@ class Session:
         self._run("Calculating", lambda: self._forget(name))
 
     def write(self) -> None:
-        """Solve once more, as `rcdn calibrate` does, and write the camera's files."""
+        """Calibrate again, as `rcdn calibrate` does, and write the camera's files."""
         if not self._busy:
             self._run("Writing the camera", self._write)
 
     # ---- frames
 
     def see(self, grey: Array, at: float) -> dict[str, Any]:
-        """What the guide says of a frame (H, W) uint8 of the time `at`, s, as JSON takes it; it is kept if it is accepted.
+        """The guide's response to a frame (H, W) uint8 taken at the time `at`, s, as values for JSON; an accepted frame
+        is stored.
 
-        Raises ImageError for its size."""
+        Raises ImageError for an unsupported size."""
         check_sides(grey.shape[1], grey.shape[0])
         size = (grey.shape[1], grey.shape[0])
         guide, refused = self._ready(size)
@@ -161,7 +165,7 @@ class Session:
         return look_facts(board, look, "")
 
     def _ready(self, size: tuple[int, int]) -> tuple[Guide | None, str]:
-        """The guide for pictures of a `size` (width, height), or why there is none."""
+        """The guide for pictures of a `size` (width, height), or None and the reason."""
         with self._lock:
             if self.settings.spacing is None:
                 return None, "Say how long the side of a square is"
@@ -177,7 +181,7 @@ class Session:
         self.changed()
         return self._guide, ""
 
-    # ---- slow work, one piece after the other in a thread
+    # ---- slow tasks, executed one after the other in a thread
 
     def _run(self, busy: str, work: Callable[[], None]) -> None:
         with self._lock:
@@ -206,7 +210,7 @@ class Session:
         self.changed()
 
     def _resume(self) -> None:
-        """Give the guide what was accepted before; what can't be read is left out and told."""
+        """Add the boards accepted earlier to the guide; unreadable ones are skipped and reported."""
         boards: dict[str, Board] = {}
         lost = []
         for name in list(self._views):
@@ -227,7 +231,7 @@ class Session:
             raise RcdnError("; ".join(lost))
 
     def _accept(self, grey: Array, followed: Board) -> None:
-        """Find the board at full size, keep it and its picture, and add it."""
+        """Detect the board at full size, store it with its picture, and add it to the guide."""
         boards = self._tools.detect(grey)
         board = max(boards, key=len, default=None)
         if board is None or not _same(board, followed):
@@ -263,7 +267,7 @@ class Session:
             self._done = self._done and progress.done
 
     def _write_once_enough(self) -> None:
-        """Write by itself the first time that it is enough."""
+        """Write the camera automatically when the guide first reports that the pictures suffice."""
         with self._lock:
             guide = self._guide
             enough = guide is not None and guide.progress.done and not self._done and bool(self._views)
@@ -277,7 +281,7 @@ class Session:
             raise RcdnError("there is no picture yet")
         boards = [self.folder.board(name) for name in names]
         wanted = None if self._guide is None else self._guide.progress.wanted
-        # the guide knows the board's size from a frame that showed all of it
+        # the guide has determined the board's size from a frame that showed the whole board
         size = self.settings.size or (None if wanted is None else wanted.size)
         written = self._tools.write(self.folder.path, names, boards, replace(self.settings, size=size))
         with self._lock:
@@ -289,7 +293,7 @@ def _finite(value: float) -> float | None:
 
 
 def _same(board: Board, followed: Board) -> bool:
-    """Whether a board found at full size is the one that was followed: as many corners, at the same places."""
+    """Whether the board detected at full size is the tracked one: a similar number of corners at the same positions."""
     if len(board) < 0.8 * len(followed):
         return False
     apart = np.linalg.norm(board.xy[:, None] - followed.xy[None], axis=2).min(axis=0)

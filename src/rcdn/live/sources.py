@@ -1,4 +1,4 @@
-"""Cameras that the server reads itself: one of this computer, an address on the network, a video file."""
+"""Cameras that the server reads itself: one of this computer, one on the network, or a video file."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from rcdn.io.quiet import quiet_opencv
 from rcdn.types import Array
 
 BROWSER = "browser"
-"""the page's own camera: no source of the server"""
+"""stands for the page's own camera, which is not a source of the server"""
 AGAIN = 2.0
-"""s until a camera that stopped is opened again"""
+"""s: pause before a camera that has stopped is opened again"""
 WAIT = 1.0
-"""s that `read` waits for a frame"""
+"""s: longest time that `read` waits for a frame"""
 WIDTH, HEIGHT = 1280, 720
-"""px that a camera of this computer is asked for"""
+"""px: size requested from a camera of this computer"""
 RATE = 25.0
-"""frames a second of a file that doesn't say"""
+"""frames per second, assumed for a file without a valid rate"""
 
 
 class Source(Protocol):
-    """`read` gives the next frame (H, W) or (H, W, 3) BGR uint8 and its time, s, or None if there is none for now; it may wait about a second.
-    `trouble` says why there is none, "" if there is nothing to say."""
+    """`read` returns the next frame (H, W) or (H, W, 3) BGR uint8 and its time, s, or None if there is none at present;
+    it may block for about a second. `trouble` is the reason why there is none, "" if there is no problem."""
 
     trouble: str
 
@@ -38,7 +38,7 @@ class Source(Protocol):
 
 
 def check_source(text: str) -> None:
-    """Raise ConfigError unless `text` is `browser`, a camera's number, an address rtsp://… or a video file that is there."""
+    """Raise ConfigError unless `text` is `browser`, a camera's number, an address rtsp://… or an existing video."""
     if text == BROWSER or re.fullmatch(r"\d{1,2}", text) or re.match(r"rtsps?://\S", text):
         return
     if not is_video(text):
@@ -50,7 +50,7 @@ def check_source(text: str) -> None:
 
 
 def open_source(text: str) -> Source | None:
-    """The source that `check_source` let pass; None for the browser's camera."""
+    """The source named by `text`, which `check_source` has accepted; None for the browser's camera."""
     if text == BROWSER:
         return None
     if is_video(text) and not text.startswith("rtsp"):
@@ -59,7 +59,7 @@ def open_source(text: str) -> Source | None:
 
 
 class VideoFile:
-    """Every frame of a video, not faster than it was taken. After the last one there are none."""
+    """All frames of a video, at most at its frame rate. After the last one, `read` returns None."""
 
     def __init__(self, path: str) -> None:
         with quiet_opencv():
@@ -77,7 +77,7 @@ class VideoFile:
         if early > 0:
             time.sleep(min(early, WAIT))
         else:
-            self._begin -= early  # what came late must not be caught up with
+            self._begin -= early  # don't catch up after a delay
         with quiet_opencv():
             there, frame = self._video.read()
         if not there:
@@ -92,7 +92,8 @@ class VideoFile:
 
 
 class Camera:
-    """The newest frame of a camera: a thread reads all, so that none is old when it is asked for. One that stops is opened again."""
+    """The newest frame of a camera: a thread reads all frames, so that `read` never returns an outdated one. A camera
+    that stops is opened again."""
 
     def __init__(self, place: int | str) -> None:
         self._place = place

@@ -14,7 +14,7 @@ from rcdn.precision.model import CONTRAST
 from rcdn.precision.smooth import smooth
 from rcdn.precision.surroundings import Surroundings
 from rcdn.types import Array, Board, Status
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 __all__ = ["sharpen"]
 
@@ -61,7 +61,7 @@ def sharpen(
     return replace(board, xy=xy, sigma=_sigma(cov))
 
 
-def _sigma(cov: Array) -> Float[Array, " m"]:
+def _sigma(cov: Array) -> Real[Array, " m"]:
     """Standard deviations (M,) along an axis, of covariances (M, 2, 2)."""
     return np.sqrt((cov[:, 0, 0] + cov[:, 1, 1]) / 2)
 

@@ -18,7 +18,7 @@ from rcdn.precision.spread import SHARE, spreads
 from rcdn.precision.surroundings import PLAIN, Print, Surroundings
 from rcdn.precision.window import frames
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 BLURS = np.array([0.5, 0.8, 1.2, 2.0, 3.2, 5.0])
 """px that the fit may start from"""
@@ -91,7 +91,7 @@ class Round:
 
 
 def fit_corners(
-    grey: Shaped[Array, "h w"], ij: Int[Array, "n 2"], xy: Float[Array, "n 2"], around: Surroundings | None = None
+    grey: Shaped[Array, "h w"], ij: Int[Array, "n 2"], xy: Real[Array, "n 2"], around: Surroundings | None = None
 ) -> Fit:
     """Fit every corner of a board with labels `ij` (N, 2) near `xy` (N, 2) px of `grey` (H, W).
 
@@ -126,8 +126,8 @@ def fit_corners(
 
 
 def levels(
-    grey: Array, frame: Array, maps: Lattice, blurs: Float[Array, " k"], drawn: Print = PLAIN
-) -> Float[Array, "k n 3"]:
+    grey: Array, frame: Array, maps: Lattice, blurs: Real[Array, " k"], drawn: Print = PLAIN
+) -> Real[Array, "k n 3"]:
     """Residual variance, grey level and contrast (K, N, 3) of straight edges of `blurs` (K,) px in each of N windows `frame`."""
     out = np.empty((len(blurs), len(frame), 3))
     _levels(grey, maps.maps, drawn, frame, blurs, out)
@@ -162,7 +162,7 @@ def fit_round(
     return Round(state, *found)
 
 
-def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Float[Array, "n 2 2"]:
+def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Real[Array, "n 2 2"]:
     """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
@@ -170,7 +170,7 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array |
     odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
     extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise, plane))
     cov = cov + extra[:, None, None] * np.eye(2)
-    jacobian = inverse(maps.with_slopes(np.arange(len(xy)), xy)[1])
+    jacobian = inverse(maps.with_jacobian(np.arange(len(xy)), xy)[1])
     return product(product(jacobian, cov), jacobian.swapaxes(1, 2))
 
 

@@ -12,7 +12,7 @@ from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 _neighbours = bind("rcdn_lattice_neighbours")
 _lattice = bind("rcdn_lattice")
@@ -56,24 +56,24 @@ class Lattice:
 
     def __call__(self, which: Array, xy: Array) -> Array:
         """Board coordinates (K, ..., 2), squares from corner `which` (K,), of pixels `xy` (K, ..., 2)."""
-        return self.with_slopes(which, xy)[0]
+        return self.with_jacobian(which, xy)[0]
 
     @property
     def maps(self) -> Maps:
         """As kernels take it."""
         return Maps(*(np.ascontiguousarray(a, np.float64) for a in (self.flat, self.origin, self.terms)))
 
-    def with_slopes(self, which: Array, xy: Array) -> tuple[Array, Array]:
+    def with_jacobian(self, which: Array, xy: Array) -> tuple[Array, Array]:
         """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
-        uv, slopes = np.empty(xy.shape), np.empty((*xy.shape, 2))
+        uv, jacobian = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
         each = (len(which), xy[..., 0].size // max(len(which), 1), 2)
-        _map(self.maps, which, xy.reshape(each), uv.reshape(each), slopes.reshape(*each, 2))
-        return uv, slopes
+        _map(self.maps, which, xy.reshape(each), uv.reshape(each), jacobian.reshape(*each, 2))
+        return uv, jacobian
 
     def pixels(
-        self, which: Int[Array, " k"], uv: Float[Array, "k 2"], start: Float[Array, "k 2"], repeats: int = 4
-    ) -> Float[Array, "k 2"]:
+        self, which: Int[Array, " k"], uv: Real[Array, "k 2"], start: Real[Array, "k 2"], repeats: int = 4
+    ) -> Real[Array, "k 2"]:
         """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
 
         Raises LinAlgError where a map folds.
@@ -86,7 +86,7 @@ class Lattice:
 
 
 def lattice(
-    ij: Int[Array, "n 2"], xy: Float[Array, "n 2"], own: float = 1.0, plane: Float[Array, "n 2"] | None = None
+    ij: Int[Array, "n 2"], xy: Real[Array, "n 2"], own: float = 1.0, plane: Real[Array, "n 2"] | None = None
 ) -> Lattice:
     """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
     `plane` (N, 2): where labels lie on the board, squares, if not where they say.

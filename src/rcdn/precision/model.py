@@ -12,7 +12,7 @@ import numpy as np
 
 from rcdn.native import constants
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 _C = constants("fit")
 COUNT, MEAN, CONTRAST = _C["COUNT"], _C["MEAN"], _C["CONTRAST"]
@@ -22,7 +22,7 @@ BLUR, BLEED, LIGHT = slice(_C["BLUR"], _C["BLEED"]), slice(_C["BLEED"], MEAN), s
 their blurs, px; bleed, px; grey level and contrast; slopes of the level along u and v, of the contrast along u and v."""
 
 
-def crossing(state: Array) -> Float[Array, "n 2"]:
+def crossing(state: Array) -> Real[Array, "n 2"]:
     """Where the two edges cross, (N, 2) squares from the corner."""
     u, v = state[:, 0], state[:, 1]
     for _ in range(3):

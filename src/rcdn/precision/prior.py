@@ -11,7 +11,7 @@ from rcdn.native import bind
 from rcdn.precision.lattice import neighbours
 from rcdn.precision.model import BLEED, BLUR, CONTRAST, COUNT, CURVE, LIGHT, MEAN, TURN
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 
 LOUD = 3.0
 """standard deviations from the prior beyond which a corner's own pixels are believed"""
@@ -90,7 +90,7 @@ def _least(state: Array) -> Array:
     return least
 
 
-def _spread(stray: Float[Array, "n k 2"], variance: Array, least: Float[Array, " k"]) -> Float[Array, "n k 2"]:
+def _spread(stray: Real[Array, "n k 2"], variance: Array, least: Real[Array, " k"]) -> Real[Array, "n k 2"]:
     """Standard deviation of the true values about the prior's mean, (N, K, 2): common to both parameters of a pair and to all corners but those that
     stray. `stray` (N, K, 2) how far they do; `least` (K,).
     """
@@ -99,7 +99,7 @@ def _spread(stray: Float[Array, "n k 2"], variance: Array, least: Float[Array, "
     return np.where(stray > LOUD * np.sqrt(variance + common), stray, np.sqrt(common))
 
 
-def _light(near: Int[Array, "n 9"], state: Array, plane: Float[Array, "n 2"]) -> Float[Array, "n 4"]:
+def _light(near: Int[Array, "n 9"], state: Array, plane: Real[Array, "n 2"]) -> Real[Array, "n 4"]:
     """Slopes (N, 4) of level and contrast along u and v, from planes through the values of the neighbours `near` (N, 9) at `plane` (N, 2)."""
     slopes = np.empty((len(state), 4))
     _slopes(np.ascontiguousarray(plane, float), near, np.ascontiguousarray(state[:, [MEAN, CONTRAST]]), slopes)

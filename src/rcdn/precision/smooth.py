@@ -18,7 +18,7 @@ from rcdn.geometry import homography
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 LEAST_CORNERS, LEAST_LINES = 16, 4
 """a smaller board says too little of its own smoothness"""
@@ -117,7 +117,7 @@ class Evidence:
             known += (out + fixed).tolist()
         return known
 
-    def root(self, spot: Spot) -> Float[Array, " d"]:
+    def root(self, spot: Spot) -> Real[Array, " d"]:
         """Prior standard deviations (D,) of all coefficients, px."""
         return np.concatenate([np.full(HOMOGRAPHY, FREE * self.scale), self._roots([spot], len(self.sheet.degree))[0]])
 
@@ -130,10 +130,10 @@ class Evidence:
 
 def smooth(
     ij: Int[Array, "n 2"],
-    xy: Float[Array, "n 2"],
-    cov: Float[Array, "n 2 2"],
+    xy: Real[Array, "n 2"],
+    cov: Real[Array, "n 2 2"],
     trusted: Bool[Array, " n"],
-    plane: Float[Array, "n 2"] | None = None,
+    plane: Real[Array, "n 2"] | None = None,
 ) -> tuple[Array, Array]:
     """Posterior positions (N, 2) px and covariances (N, 2, 2) px² of a board's corners.
 
@@ -196,7 +196,7 @@ def _polynomials(size: int) -> Array:
     return _orthonormal(2 * np.arange(size) / max(size - 1, 1) - 1, min(DEGREE, size - 1))
 
 
-def _scaled(plane: Array) -> Float[Array, "2 n"]:
+def _scaled(plane: Array) -> Real[Array, "2 n"]:
     """Both coordinates (2, N) of places (N, 2), from −1 to 1."""
     low, high = plane.min(axis=0), plane.max(axis=0)
     return np.asarray((2 * (plane - low) / np.maximum(high - low, 1e-9) - 1).T)

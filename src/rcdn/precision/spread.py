@@ -12,7 +12,7 @@ import numpy as np
 
 from rcdn.geometry.elementary import exp, log
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 SHARE = 1 / 3
 """side of a block, squares (from 1 to 8 px)"""
@@ -24,7 +24,7 @@ LOUD = 2.0
 """a corner whose own factor is this many times the board's is less certain than the board's others"""
 
 
-def spreads(scores: Float[Array, "n 2"], variance: Float[Array, " n"]) -> Float[Array, " n"]:
+def spreads(scores: Real[Array, "n 2"], variance: Real[Array, " n"]) -> Real[Array, " n"]:
     """Variance (N,) of the pull of a pixel, grey levels², that makes the normal matrix honest.
 
     `scores` (N, 2): sums over blocks of pixels, of squared pulls on the position, and of what white noise of variance 1 would give

@@ -15,7 +15,7 @@ import numpy as np
 from rcdn.geometry import apply_homography, homography
 from rcdn.native import constants
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 _C = constants("fit")
 EDGES, CELLS, PARTS, SIDES = (_C[name] for name in ("EDGES", "CELLS", "PARTS", "SIDES"))
@@ -60,7 +60,7 @@ class Surroundings:
     plane: Array
     by_gap: Array | None = None
 
-    def plane_of(self, xy: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+    def plane_of(self, xy: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
         """The places (N, 2) under which corners at `xy` (N, 2) px lie most evenly: by least squares, beside a cubic for perspective and lens."""
         if self.by_gap is None or len(xy) < FEW:
             return self.plane
@@ -82,7 +82,7 @@ def without_shapes(known: Print) -> Print:
 
 
 def drawn(
-    shapes: Sequence[Shape], which: Array, at: Array, bright: Float[Array, " n"], following: Array | None = None
+    shapes: Sequence[Shape], which: Array, at: Array, bright: Bool[Array, " n"], following: Array | None = None
 ) -> Print:
     """Shapes for kernels.
 
@@ -96,7 +96,7 @@ def drawn(
     return Print(edge, value, which, at, np.where(bright, 1.0, -1.0), following)
 
 
-def shape(u: Array, v: Array, values: Float[Array, "a b"]) -> Shape:
+def shape(u: Array, v: Array, values: Real[Array, "a b"]) -> Shape:
     """Edges (2, EDGES) and values (CELLS, CELLS) of what is `values` (A, B) between the edges `u` (A + 1,) and `v` (B + 1,), rising, squares from its
     middle; 0 outside. In contrasts: −2 is black on white.
     """

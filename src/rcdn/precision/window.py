@@ -16,7 +16,7 @@ from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.precision.lattice import Lattice, Maps
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 FRAME, REACH, CENTRE, THIN, MIDDLE = (constants("fit")[name] for name in ("FRAME", "REACH", "CENTRE", "THIN", "MIDDLE"))
 """numbers that tell a window, see `frames`; where its half extents, its centre and the middle of its extents begin; which is its thinning"""
@@ -46,11 +46,11 @@ class Windows:
 
 def frames(
     maps: Lattice,
-    xy: Float[Array, "n 2"],
+    xy: Real[Array, "n 2"],
     rim: Bool[Array, "n 2"],
     blur: float,
     most: float = np.inf,
-    ends: Float[Array, "n 4"] | None = None,
+    ends: Real[Array, "n 4"] | None = None,
 ) -> Array:
     """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2), squares; centre (2) and
     half size (2) of a box that holds the window, px; every how many-th pixel is taken; middle (2) of the extents, squares.
@@ -68,7 +68,7 @@ def frames(
     return out
 
 
-def _cut(frame: Array, ends: Float[Array, "n 4"]) -> None:
+def _cut(frame: Array, ends: Real[Array, "n 4"]) -> None:
     """Let windows `frame` (N, FRAME) reach no further than `ends` (N, 4)."""
     for k in (0, 1):
         reach = frame[:, REACH + k].copy()

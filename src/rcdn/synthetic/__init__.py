@@ -1,4 +1,4 @@
-"""Rendered checkerboard scenes with exact truth: one renderer for training, tests, evaluation and docs."""
+"""Rendered checkerboard scenes with exact ground truth: one renderer for training, tests, evaluation and docs."""
 
 from rcdn.synthetic.crops import random_crop
 from rcdn.synthetic.render import render, truth

@@ -1,4 +1,4 @@
-"""What stands behind the boards: textures and clutter that look like boards to a careless detector, but are none."""
+"""Backgrounds: textures and clutter that contain no boards, but may cause false positives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ KINDS = ("plain", "noise", "shapes", "text", "tiles", "blocks")
 
 
 def paint(spec: Background, width: int, height: int, images: Sequence[Array] = ()) -> Array:
-    """Reflectance (height, width) float32 in 0..1. `images`: grey pictures for kind `image` (none: noise)."""
+    """Reflectance (height, width) float32 in 0..1 of the background. `images`: grey pictures for the kind `image`,
+    which becomes noise if there are none."""
     rng = np.random.default_rng(spec.seed)
     if spec.kind == "image" and len(images):
         return _crop(images[spec.image % len(images)], width, height, rng)
@@ -86,10 +87,10 @@ def _text(canvas: Array, rng: np.random.Generator) -> None:
 
 
 def _tiles(canvas: Array, rng: np.random.Generator) -> None:
-    """Bricks, window panes, shelves, stripes, keyboards: lattices whose crossings are T, + and L, not X.
+    """Bricks, window panes, shelves, stripes, keyboards: lattices with T-, +- and L-junctions, but no X-corners.
 
-    Tiles vary by row plus column, which never makes a saddle, and joints are narrow: wide ones between staggered tiles
-    are a checkerboard.
+    The grey level of a tile is the sum of a term of its row and one of its column, which never forms a saddle, and
+    joints are narrow, since wide ones between staggered tiles would form a checkerboard.
     """
     h, w = canvas.shape
     step = int(rng.integers(6, 50))
@@ -110,7 +111,7 @@ def _tiles(canvas: Array, rng: np.random.Generator) -> None:
 
 
 def _blocks(canvas: Array, rng: np.random.Generator) -> None:
-    """Patches of random binary cells of 2–5 px, as 2-D codes and far markers look."""
+    """Patches of random binary cells of 2–4 px, similar to 2-D codes and distant markers."""
     for _ in range(int(rng.integers(1, 4))):
         n, cell = int(rng.integers(6, 20)), int(rng.integers(2, 5))
         low, high = sorted(rng.integers(0, 256, 2).tolist())

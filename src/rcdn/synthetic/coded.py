@@ -1,8 +1,8 @@
-"""Flat drawings of boards that carry codes, with the number and the place of every corner.
+"""Flat drawings of boards with codes, with the number and the position of every corner.
 
-They follow the rules of those who print such boards, not of `rcdn.targets`, which reads them: OpenCV draws the ChArUco boards and the tags, so that
-a mistake in what we take for their conventions is not in the truth as well. This floor lies below `rcdn.targets`: the code of a PuzzleBoard is
-therefore passed in.
+They are independent of `rcdn.targets`, which reads such boards: OpenCV draws the ChArUco boards and the tags, so that a
+mistake in our understanding of their conventions is not repeated in the ground truth. This package is below
+`rcdn.targets` and can't import it; the code of a PuzzleBoard is therefore passed as an argument.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from rcdn.types import Array
 
 SQUARE = 96
-"""px of a drawing a square"""
+"""side of a square in a drawing, px"""
 MARGIN = SQUARE // 2
-"""px of paper around the print"""
+"""margin of paper around the print, px"""
 TAG = 2 * SQUARE
-"""px of a drawing a side of a tag"""
+"""side of a tag in a drawing, px"""
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A flat drawing `image` (H, W) uint8 and its corners: numbers `ids` (N,), positions `xy` (N, 2) px of the drawing; `unit`: px of a square, or
-    of the side of a tag."""
+    """A flat drawing `image` (H, W) uint8 and its corners: numbers `ids` (N,), positions `xy` (N, 2) in pixels of the
+    drawing; `unit`: side of a square or of a tag, px."""
 
     image: Array
     ids: Array
@@ -42,7 +42,8 @@ def charuco_drawing(
     inverted: bool = False,
     first: int = 0,
 ) -> Drawing:
-    """A ChArUco board of `columns` × `rows` squares as OpenCV draws it; `ratio` of marker to square, `first` marker, `inverted` grey levels."""
+    """A ChArUco board of `columns` × `rows` squares as drawn by OpenCV; `ratio` of marker to square, number of the
+    `first` marker, `inverted` grey levels."""
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     ids = first + np.arange(marker_count(columns, rows, legacy))
     board = cv2.aruco.CharucoBoard((columns, rows), SQUARE, SQUARE * ratio, known, ids)
@@ -55,7 +56,7 @@ def charuco_drawing(
 
 
 def marker_count(columns: int, rows: int, legacy: bool = False) -> int:
-    """How many markers a ChArUco board has: one in every white square."""
+    """Number of markers of a ChArUco board: one in every white square."""
     odd = not (legacy and rows % 2 == 0)
     return (columns * rows + (not odd)) // 2
 
@@ -63,9 +64,11 @@ def marker_count(columns: int, rows: int, legacy: bool = False) -> int:
 def aprilgrid_drawing(
     columns: int, rows: int, dictionary: str = "DICT_APRILTAG_36h11", border: int = 2, gap: float = 0.3, first: int = 0
 ) -> Drawing:
-    """Kalibr's AprilGrid of `columns` × `rows` tags with a `border` in bits, a `gap` over the side of a tag (rounded to px), `first` tag.
+    """Kalibr's AprilGrid of `columns` × `rows` tags with a `border` in bits, a `gap` relative to the side of a tag
+    (rounded to px), and the number of the `first` tag.
 
-    Printed tags are turned by 180° against those that OpenCV draws. Tags and corners are numbered row by row upwards from the bottom left.
+    Printed tags are rotated by 180° relative to those drawn by OpenCV. Tags and corners are numbered row by row upwards
+    from the bottom left.
     """
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     space = round(TAG * gap)
@@ -90,9 +93,10 @@ def aprilgrid_drawing(
 def puzzleboard_drawing(
     columns: int, rows: int, start: tuple[int, int], codes: tuple[tuple[str, ...], tuple[str, ...]]
 ) -> Drawing:
-    """A part of the PuzzleBoard of `columns` × `rows` corners, the first of which has the place `start` (column, row) in the code.
+    """A part of the PuzzleBoard of `columns` × `rows` corners, the first of which is at the position `start` (column,
+    row) of the code.
 
-    `codes`: bits of the vertical and of the horizontal edges, 3 rows of 167 each, as text of 0 and 1.
+    `codes`: bits of the vertical and of the horizontal edges, 3 rows of 167 each, as strings of 0 and 1.
     """
     vertical, horizontal = codes
     image = np.zeros((rows + 1, columns + 1), np.uint8)
@@ -112,7 +116,7 @@ def puzzleboard_drawing(
 
 
 def _dot(image: Array, centre: Array, white: bool) -> None:
-    x, y = (2 * centre - 1).tolist()  # in half pixels: the edge lies between two
+    x, y = (2 * centre - 1).tolist()  # in half pixels, since the edge lies between two pixels
     cv2.circle(image, (x * 8, y * 8), SQUARE // 6 * 16, 255 if white else 0, -1, cv2.LINE_AA, 4)
 
 

@@ -1,7 +1,8 @@
-"""Pictures of flat drawings: where a camera sees their corners, and what it sees; optics, light and covers as in `rcdn.synthetic.render`.
+"""Rendered pictures of flat drawings, and the ground truth of their corners; optics, light and covers as in
+`rcdn.synthetic.render`.
 
-A drawing lies on the plane of the scene's only board (`Scene.boards[0]`), whose pose and greys it takes; its unit is the board's square, and its
-centre is the middle of that board.
+A drawing lies in the plane of the scene's only board (`Scene.boards[0]`) and takes its pose and grey levels; its unit
+is the board's square, and its centre is the middle of that board.
 """
 
 from __future__ import annotations
@@ -19,17 +20,18 @@ from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import BoardSpec, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 F32 = np.float32
 FRAME = 4.0
-"""px from the rim of the picture within which a corner is neither demanded nor forbidden"""
+"""px; corners closer to the picture's border than this are ignored in the evaluation"""
 
 
 @dataclass(frozen=True, eq=False)
 class CodedTruth:
-    """Exact corners of a drawing in a picture: `ids` (N,), `xy` (N, 2) px (NaN where the lens sees nothing), `visible` (N,): plainly in the picture,
-    `pitch` (N,) px to the nearest other corner. Corners that are not visible may lie outside the frame, under a cover, or at the rim of either."""
+    """Exact corners of a drawing in a picture: `ids` (N,), `xy` (N, 2) px (NaN where the lens can't see them),
+    `visible` (N,): clearly visible in the picture, `pitch` (N,): distance to the nearest other corner, px. Corners that
+    are not visible may lie outside the frame, under a cover, or at the border of either."""
 
     ids: Array
     xy: Array
@@ -37,8 +39,9 @@ class CodedTruth:
     pitch: Array
 
 
-def render_drawing(drawing: Drawing, scene: Scene, samples: int = 4) -> Float[Array, "h w"]:
-    """The picture (H, W) uint8 of a drawing in a scene. `samples`² sub-samples a pixel; the same arguments give the same bytes."""
+def render_drawing(drawing: Drawing, scene: Scene, samples: int = 4) -> Real[Array, "h w"]:
+    """The picture (H, W) uint8 of a drawing in a scene, with `samples`² sub-samples per pixel; the same arguments give
+    the same bytes."""
     x, y = np.meshgrid(np.arange(scene.width, dtype=F32), np.arange(scene.height, dtype=F32))
     image = _over(paint(scene.background, scene.width, scene.height), drawing, scene, samples)
     for cover in scene.covers:
@@ -49,7 +52,7 @@ def render_drawing(drawing: Drawing, scene: Scene, samples: int = 4) -> Float[Ar
 
 
 def _over(image: Array, drawing: Drawing, scene: Scene, samples: int) -> Array:
-    """The drawing over what is already there. Places on the drawing are exact at pixel centres, and linear inside a pixel."""
+    """Composite the drawing over `image`. Positions on it are exact at pixel centres, and linear within a pixel."""
     spec = scene.boards[0]
     part = _window(drawing, scene)
     y, x = np.mgrid[part].astype(float)
@@ -78,7 +81,8 @@ def _over(image: Array, drawing: Drawing, scene: Scene, samples: int) -> Array:
 
 
 def _window(drawing: Drawing, scene: Scene) -> tuple[slice, slice]:
-    """Rows and columns of the picture that may show the drawing: the box of its rim, and some px; all where the lens doesn't see all of it."""
+    """Rows and columns of the picture that may show the drawing: the bounding box of its border plus a few px; the
+    whole picture if the lens can't see all of the border."""
     spec = scene.boards[0]
     xy = board_to_pixels(spec, scene.camera, _rim(drawing, spec))
     if not np.isfinite(xy).all():
@@ -88,15 +92,15 @@ def _window(drawing: Drawing, scene: Scene) -> tuple[slice, slice]:
     return np.s_[low[1] : high[1], low[0] : high[0]]
 
 
-def _rim(drawing: Drawing, spec: BoardSpec) -> Float[Array, "n 2"]:
-    """Board coordinates (N, 2) of points along the rim of the sheet."""
+def _rim(drawing: Drawing, spec: BoardSpec) -> Real[Array, "n 2"]:
+    """Board coordinates (N, 2) of points along the border of the sheet."""
     edge = np.linspace(-0.5, 0.5, 33)
     sides = [np.column_stack(p) for s in (-0.5, 0.5) for p in ((edge, 0 * edge + s), (0 * edge + s, edge))]
     height, width = drawing.image.shape
     return np.asarray(np.concatenate(sides) * [width, height] / drawing.unit + middle(spec))
 
 
-def _on_drawing(drawing: Drawing, spec: BoardSpec, uv: Float[Array, "... 2"]) -> Float[Array, "... 2"]:
+def _on_drawing(drawing: Drawing, spec: BoardSpec, uv: Real[Array, "... 2"]) -> Real[Array, "... 2"]:
     """Pixels (..., 2) of the drawing at board coordinates `uv` (..., 2)."""
     height, width = drawing.image.shape
     return np.asarray((uv - middle(spec)) * drawing.unit + (np.array([width, height]) - 1) / 2)
@@ -109,7 +113,7 @@ def _on_board(drawing: Drawing, spec: BoardSpec, xy: Array) -> Array:
 
 
 def drawing_truth(drawing: Drawing, scene: Scene) -> CodedTruth:
-    """Where the scene's camera sees the corners of a drawing."""
+    """Ground truth: the corners of a drawing as seen by the scene's camera."""
     spec = scene.boards[0]
     uv = _on_board(drawing, spec, drawing.xy)
     xy = board_to_pixels(spec, scene.camera, uv)
@@ -131,9 +135,11 @@ def posed(
     axis: float = 0.0,
     roll: float = 0.0,
 ) -> BoardSpec:
-    """A board for `Scene.boards`, as near as the whole sheet stays in the `box` (x0, y0, x1, y1) px, in whose middle its middle is.
+    """A board for `Scene.boards`, centred in the `box` (x0, y0, x1, y1) px and as close as possible with the whole
+    sheet inside the box.
 
-    Rolled by `roll`, then leaned by `tilt` about a direction `axis` of its plane, radians: its normal is `tilt` away from the line of sight.
+    It is rotated by `roll` about its normal, then by `tilt` about the direction `axis` in its plane, radians: the angle
+    between its normal and the line of sight is `tilt`.
     """
     height, width = np.array(drawing.image.shape) / drawing.unit
     centre = np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2])

@@ -1,4 +1,4 @@
-"""Small windows of random scenes for training and validation: the picture and its labels."""
+"""Small windows of random scenes for training and validation, with their labels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rcdn.synthetic.render import irradiance, truth
 from rcdn.synthetic.sample import TRAINING, Ranges, random_scene
 from rcdn.synthetic.scene import Scene
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
 def random_crop(
@@ -20,10 +20,9 @@ def random_crop(
 ) -> tuple[Array, Array]:
     """Picture (size, size) uint8 and labels (N, 3) of one crop; the same seed gives the same crop.
 
-    Labels are x, y in the crop and a kind: 1 a corner that is plainly there, 0 one to be neither demanded nor forbidden
-    (damaged, or not legible under its blur and noise). With deltilles among the ranges (`deltille_p`) only theirs have
-    labels: other boards are clutter then.
-    Most windows hold a corner within 48 px of their middle.
+    Labels are x, y in the crop and a class: 1 for a clearly visible corner, 0 for a corner to be ignored (damaged, or
+    not legible under its blur and noise). If the ranges include deltilles (`deltille_p`), only their corners are
+    labelled, and other boards are clutter. Most windows contain a corner within 48 px of their middle.
     """
     scene, window = crop_scene(seed, size, ranges, len(images))
     if not scene.boards and ranges.busy_p and len(images):
@@ -61,9 +60,10 @@ def crop_scene(seed: int, size: int, ranges: Ranges, image_count: int) -> tuple[
 
 
 def busy_window(rng: np.random.Generator, size: int, images: Sequence[Array], tries: int = 6) -> Array:
-    """A window (size, size) uint8 of a photograph: of `tries` random ones that with most detail, contrast stretched until some of it clips.
+    """A window (size, size) uint8 of a photograph: the one with the most detail out of `tries` random windows, with its
+    contrast stretched until some pixels saturate.
 
-    Thin bright and dark things side by side are what answers like corners; most of a photograph is nothing of the kind.
+    Thin bright and dark structures side by side cause false positives, but most of a photograph contains none.
     """
     parts = [_window(rng, size, images[int(rng.integers(len(images)))]) for _ in range(tries)]
     detail = [float(np.abs(cv2.Laplacian(cv2.GaussianBlur(part, (0, 0), 1.2), cv2.CV_32F)).mean()) for part in parts]
@@ -85,8 +85,9 @@ def _window(rng: np.random.Generator, size: int, image: Array) -> Array:
     )
 
 
-def _plain(image: Array, xy: Array, faint: float) -> Float[Array, "n 2"]:
-    """Whether grey levels around positions (N, 2) vary by at least `faint` of the picture's range (0.1 to 99.9 %), (N,) bool."""
+def _plain(image: Array, xy: Array, faint: float) -> Real[Array, "n 2"]:
+    """(N,) bool: whether the standard deviation of the grey levels around positions `xy` (N, 2) is at least `faint`
+    times the picture's range (0.1 to 99.9 %)."""
     low, high = np.percentile(image, [0.1, 99.9])
     grey = cv2.GaussianBlur(image.astype(np.float32) / np.float32(max(high - low, 1.0)), (0, 0), 1.0)
     mean, square = cv2.boxFilter(grey, -1, (9, 9)), cv2.sqrBoxFilter(grey, -1, (9, 9))

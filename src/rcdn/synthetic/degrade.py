@@ -9,13 +9,13 @@ import numpy as np
 
 from rcdn.synthetic.scene import Cover, Light, Sensor
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 F32 = np.float32
 
 
 def signed_distance(cover: Cover, x: Array, y: Array) -> Array:
-    """Distance in px from a cover's rim, negative inside. `x`, `y`: any shape."""
+    """Signed distance from a cover's border, px, negative inside. `x`, `y`: any shape."""
     dx, dy = cover.x1 - cover.x0, cover.y1 - cover.y0
     length = float(np.hypot(dx, dy))
     c, s = (dx / length, dy / length) if length > 1e-9 else (1.0, 0.0)
@@ -26,12 +26,12 @@ def signed_distance(cover: Cover, x: Array, y: Array) -> Array:
 
 
 def coverage(cover: Cover, x: Array, y: Array) -> Array:
-    """Share of each pixel under the cover, with a rim of `soft` px."""
+    """Share of each pixel under the cover, with a soft border of `soft` px."""
     return np.clip(0.5 - signed_distance(cover, x, y) / cover.soft, 0, 1)
 
 
 def illuminate(image: Array, light: Light, x: Array, y: Array, size: tuple[int, int]) -> Array:
-    """Reflectance times light. `x`, `y` broadcast to the picture's pixels; `size` is the whole frame's."""
+    """Reflectance times illumination. `x`, `y` broadcast to the picture's pixels; `size` is that of the whole frame."""
     width, height = size
     X, Y = (x / width - 0.5).astype(F32), (y / height - 0.5).astype(F32)
     exponent = F32(light.gx) * X + F32(light.gy) * Y
@@ -47,7 +47,7 @@ def illuminate(image: Array, light: Light, x: Array, y: Array, size: tuple[int, 
 
 
 def disk_kernel(radius: float) -> Array:
-    """Normalised disk of a defocused lens, its rim anti-aliased."""
+    """Normalised disk kernel of a defocused lens, with an anti-aliased border."""
     n = int(np.ceil(radius))
     y, x = np.mgrid[-n : n + 1, -n : n + 1]
     k = np.clip(radius + 0.5 - np.hypot(x, y), 0, 1).astype(F32)
@@ -55,7 +55,7 @@ def disk_kernel(radius: float) -> Array:
 
 
 def motion_kernel(length: float, angle: float) -> Array:
-    """Normalised straight stroke of `length` px, centred."""
+    """Normalised kernel of linear motion blur, a centred stroke of `length` px."""
     n = int(np.ceil(length / 2)) + 1
     y, x = np.mgrid[-n : n + 1, -n : n + 1]
     dx, dy = np.cos(angle) * length / 2, np.sin(angle) * length / 2
@@ -65,13 +65,14 @@ def motion_kernel(length: float, angle: float) -> Array:
 
 
 def legible(
-    image: Array, sensor: Sensor, xy: Float[Array, "n 2"], pitch: Float[Array, " n"], unsure: float = 0.6
+    image: Array, sensor: Sensor, xy: Real[Array, "n 2"], pitch: Real[Array, " n"], unsure: float = 0.6
 ) -> Array:
-    """Whether corners at `xy` (N, 2), px in the irradiance `image`, can be told after optics and noise, (N,) bool.
+    """(N,) bool: whether corners at `xy` (N, 2), px in the irradiance `image`, are still localisable after optics and
+    noise.
 
-    The one-corner Cramér–Rao bound, from the contrast C that is left in a noise-free exposure:
-    σ·sqrt(√π·blur / L) / C ≤ `unsure` px, with L the edge that a corner has to itself (`pitch` (N,), at most 15 px), and
-    C at least 6 grey levels.
+    The criterion is the Cramér–Rao bound for a single corner, from the remaining contrast C in a noise-free exposure:
+    σ·sqrt(√π·blur / L) / C ≤ `unsure` px, with L the length of edge that belongs to one corner (`pitch` (N,), at most
+    15 px), and C at least 6 grey levels.
     """
     clean = expose(image, replace(sensor, noise=0.0, shot=0.0, jpeg=0), np.random.default_rng(0))
     box = np.ones((11, 11), np.uint8)
@@ -84,8 +85,8 @@ def legible(
     return np.asarray((contrast >= 6) & (bound <= unsure))
 
 
-def focus(image: Array, sensor: Sensor) -> Float[Array, "h w"]:
-    """Irradiance (H, W) float32 to the exact grey levels (H, W) float32 that a sensor without noise would see."""
+def focus(image: Array, sensor: Sensor) -> Real[Array, "h w"]:
+    """Irradiance (H, W) float32 to the exact grey levels (H, W) float32 of a sensor without noise."""
     border = cv2.BORDER_REFLECT_101
     if sensor.blur > 0:
         image = cv2.GaussianBlur(image, (0, 0), sensor.blur, borderType=border)

@@ -1,4 +1,4 @@
-"""Which corners a board has, what surrounds them, and where its sheet ends: squares or triangles."""
+"""Lattice of a board of squares or triangles: its corners, their neighbours, and the extent of the sheet."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.plane import ROW
 
 STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 STEPS_DELTILLE = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
-"""from a corner to its neighbours, labels"""
+"""steps from the label of a corner to those of its neighbours"""
 
 
 def labels(spec: BoardSpec) -> Array:
@@ -27,26 +27,27 @@ def steps(spec: BoardSpec) -> Array:
     return STEPS if spec.pattern == "checker" else STEPS_DELTILLE
 
 
-def middle(spec: BoardSpec) -> Float[Array, " 2"]:
-    """(2,) the middle of the inner corners in the sheet's plane, squares or edges."""
+def middle(spec: BoardSpec) -> Real[Array, " 2"]:
+    """Middle (2,) of the inner corners in the sheet's plane, in squares or edges."""
     if spec.pattern == "checker":
         return np.array([(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect])
     return np.array([(spec.cols - 1) / 2 + 0.25 * (spec.rows > 1), (spec.rows - 1) / 2 * ROW * spec.aspect])
 
 
 def upright(spec: BoardSpec, u: Array, v: Array) -> tuple[Array, Array]:
-    """Coordinates in which the sheet's rim is upright, from labels (whole or not): (u, v), of a deltille (u + v/2, v)."""
+    """Coordinates in which the sheet's borders are parallel to the axes, from labels (may be fractional): (u, v), for a
+    deltille (u + v/2, v)."""
     return (u, v) if spec.pattern == "checker" else (u + v * np.float32(0.5), v)
 
 
 def from_upright(spec: BoardSpec, uv: Array) -> Shaped[Array, "... 2"]:
-    """Labels (..., 2), whole or not, from coordinates of `upright`."""
+    """Labels (..., 2), possibly fractional, from coordinates of `upright`."""
     if spec.pattern == "checker":
         return uv
     return np.stack([uv[..., 0] - 0.5 * uv[..., 1], uv[..., 1]], axis=-1)
 
 
 def extent(spec: BoardSpec) -> tuple[float, float]:
-    """How far squares or triangles reach in coordinates of `upright`: from (−1, −1) to this. Beyond it is margin."""
+    """End of the squares or triangles in coordinates of `upright`, from (−1, −1) on. Beyond it lies the margin."""
     half = 0.5 if spec.pattern == "deltille" and spec.rows > 1 else 0.0
     return spec.cols + half, float(spec.rows)

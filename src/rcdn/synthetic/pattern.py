@@ -1,4 +1,4 @@
-"""The printed sheet: reflectance and coverage at board coordinates, low-passed over each sample's footprint."""
+"""The printed sheet: reflectance and coverage at board coordinates, low-pass filtered over each sample's footprint."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import numpy as np
 from rcdn.synthetic.lattice import extent, upright
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
-from rcdn.types.arrays import Bool
 
 F32 = np.float32
 
@@ -34,7 +33,8 @@ def _inside(u: Array, width: Array, low: float, high: float) -> Array:
 def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array | None = None) -> tuple[Array, Array]:
     """Reflectance and coverage (0..1) of the sheet.
 
-    `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and footprints, squares; `ws`: the footprint along u + v, of a deltille.
+    `u`, `v`, `wu`, `wv`: float32 of one shape, coordinates and widths of the footprints, squares; `ws`: width of the
+    footprint along u + v, for a deltille.
     """
     if spec.pattern == "deltille":
         return _triangles(spec, u, v, wu, wv, wu if ws is None else ws)
@@ -57,8 +57,8 @@ def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array |
 
 
 def _triangles(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array) -> tuple[Array, Array]:
-    """`sheet` of a deltille: u, v and u + v are whole along its three families of edges."""
-    # the fractions of u, v and u + v sum up to 0 in one kind of triangle, to 1 in the other
+    """`sheet` for a deltille: u, v and u + v are integers along its three families of edges."""
+    # with fractional parts {·}, {u} + {v} − {u + v} is 0 in one kind of triangle, 1 in the other
     dark = np.clip(1 - (_fraction(u, wu) + _fraction(v, wv) - _fraction(u + v, ws)), 0, 1)
     if spec.bleed:
         dark = _shrunk(u, v, wu, spec.bleed)
@@ -84,15 +84,15 @@ def _fraction(u: Array, width: Array) -> Array:
 
 
 def _shrunk(u: Array, v: Array, width: Array, bleed: float) -> Array:
-    """Darkness where every dark triangle has lost a rim of `bleed` of its height (or gained one)."""
+    """Darkness if every dark triangle is eroded by `bleed` times its height (dilated if negative)."""
     fu, fv = u - np.floor(u), v - np.floor(v)
     depth = np.minimum(np.minimum(fu, fv), 1 - fu - fv)  # in a dark triangle
     beyond = np.minimum(np.minimum(1 - fu, 1 - fv), fu + fv - 1)  # in a bright one
     return np.asarray(np.clip(F32(0.5) + (np.where(fu + fv < 1, depth, -beyond) - F32(bleed)) / width, 0, 1))
 
 
-def _printed(spec: BoardSpec, u: Array, v: Array) -> Bool[Array, "u v"]:
-    """Is the triangle at (u, v) one with an inner corner?"""
+def _printed(spec: BoardSpec, u: Array, v: Array) -> Array:
+    """Whether the triangle at (u, v) has an inner corner, so that it is printed."""
     i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
 
     def held(i: Array, j: Array) -> Array:
@@ -104,7 +104,7 @@ def _printed(spec: BoardSpec, u: Array, v: Array) -> Bool[Array, "u v"]:
 
 
 def _markers(spec: BoardSpec, value: Array, u: Array, v: Array, dark: Array) -> Array:
-    """A random code inside each white square, with a black frame, as ChArUco boards have them."""
+    """Draw a marker into each white square, a random code with a black border, as on ChArUco boards."""
     n = spec.coded + 2
     fu, fv = u - np.floor(u), v - np.floor(v)
     bu, bv = np.floor((fu - 0.15) / 0.7 * n).astype(np.int64), np.floor((fv - 0.15) / 0.7 * n).astype(np.int64)

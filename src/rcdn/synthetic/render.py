@@ -1,4 +1,4 @@
-"""Scene → picture and exact truth. Analytic: every pixel asks what point of which sheet it sees."""
+"""Rendering of a scene and its exact ground truth. Analytic: each pixel's ray is intersected with the sheets."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rcdn.synthetic.pattern import F32, sheet
 from rcdn.synthetic.scene import BoardSpec, BoardTruth, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 Window = tuple[int, int, int, int]
 LEAST_PITCH = {"checker": 4.0, "deltille": 7.0}
-"""px between neighbours under which a corner is neither demanded nor forbidden; six sectors need more of them than four"""
+"""px; corners with closer neighbours are ignored in the evaluation; six sectors need a larger distance than four"""
 
 
 def render(
@@ -26,21 +26,21 @@ def render(
 ) -> Shaped[Array, "h w"]:
     """The picture of a scene, (H, W) uint8.
 
-    `window` (x, y, width, height) renders that part of the frame only; `samples`² sub-samples a pixel, each low-passed
-    over its own footprint; `images`: grey pictures for backgrounds of kind `image`. The same arguments give the same
-    bytes.
+    `window` (x, y, width, height) renders that part of the frame only; each pixel has `samples`² sub-samples, each
+    low-pass filtered over its own footprint; `images`: grey pictures for backgrounds of kind `image`. The same
+    arguments give the same bytes.
 
-    A window is not quite the crop of the whole: its noise and its background (but a plain one) are drawn for its own
-    size, blurs reflect at its rim, and within a pixel of the rim the footprints are one-sided differences. Boards,
-    covers, light and truth are the same.
+    A window differs slightly from the crop of the whole picture: its noise and its background (unless plain) are
+    generated for its own size, blurs reflect at its border, and within a pixel of the border the footprints are
+    one-sided differences. Boards, covers, light and ground truth are the same.
     """
     return expose(irradiance(scene, window, samples, images), scene.sensor, np.random.default_rng(scene.seed))
 
 
 def irradiance(
     scene: Scene, window: Window | None = None, samples: int = 4, images: Sequence[Array] = ()
-) -> Float[Array, "h w"]:
-    """What reaches the sensor before optics and noise, (H, W) float32; arguments as in `render`."""
+) -> Real[Array, "h w"]:
+    """Irradiance at the sensor before optics and noise, (H, W) float32; arguments as in `render`."""
     x0, y0, width, height = window or (0, 0, scene.width, scene.height)
     x, y = np.meshgrid(np.arange(x0, x0 + width, dtype=float), np.arange(y0, y0 + height, dtype=float))
     image = paint(scene.background, width, height, images)
@@ -56,7 +56,7 @@ def irradiance(
 
 
 def _composite(image: Array, spec: BoardSpec, rays: Array, samples: int) -> Array:
-    """The sheet over what is already there. Board coordinates are exact at pixel centres and linear inside a pixel."""
+    """Composite the sheet over `image`. Board coordinates are exact at pixel centres and linear within a pixel."""
     u, v = rays_to_board(spec, rays)
     m = spec.margin + 2
     with np.errstate(invalid="ignore"):
@@ -110,14 +110,14 @@ def _board_truth(scene: Scene, index: int) -> BoardTruth:
 
 
 def _seen_here(scene: Scene, spec: BoardSpec, ij: Array, xy: Array) -> Array:
-    """Does the picture show the corner at its pixel? Not beyond the fold of the lens, nor behind the sheet's own bend."""
+    """Whether a corner's pixel really shows it: false beyond the fold of the lens, or if the bent sheet hides it."""
     u, v = rays_to_board(spec, unproject(scene.camera, np.nan_to_num(xy, nan=-1e6)))
     with np.errstate(invalid="ignore"):
         return np.asarray(np.hypot(u - ij[:, 0], v - ij[:, 1]) < 1e-3)
 
 
 def _pitch(spec: BoardSpec, scene: Scene, ij: Array, xy: Array) -> Array:
-    """Shortest distance to the neighbours, px (squares may be larger one way than the other)."""
+    """Shortest distance to the neighbours, px (squares may be longer along one axis)."""
     near = np.stack([np.linalg.norm(board_to_pixels(spec, scene.camera, ij + s) - xy, axis=1) for s in steps(spec)])
     return np.asarray(np.nan_to_num(near, nan=0.0).min(axis=0))
 
@@ -130,7 +130,7 @@ def _painted(spec: BoardSpec, ij: Array) -> Array:
 
 
 def _hidden(scene: Scene, index: int, xy: Array) -> tuple[Array, Array]:
-    """(wholly hidden, partly hidden) by covers and by nearer boards."""
+    """Masks (fully occluded, partly occluded) by covers and by nearer boards."""
     covered, touched = np.zeros(len(xy), bool), np.zeros(len(xy), bool)
     for cover in scene.covers:
         d = signed_distance(cover, xy[:, 0], xy[:, 1])

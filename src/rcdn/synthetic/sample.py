@@ -1,4 +1,4 @@
-"""Random scenes. `Ranges` says how hard; the generator that draws a scene is seeded, so that a scene is a number."""
+"""Random scenes. `Ranges` sets their difficulty; the random generator is seeded, so that a seed determines a scene."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Ranges:
-    """How hard scenes are. Probabilities end in `_p`; lengths px; noise grey levels; tilt degrees.
+    """Difficulty of scenes. Probabilities end in `_p`; lengths are in px, noise in grey levels, tilt in degrees.
 
-    `edge_shadow_p`: of shadows whose edge crosses a corner's surroundings, beside those of `shadow_p` that fall anywhere. `deltille_p`:
-    of boards that are deltilles. `busy_p`: of training windows without a board that show where a photograph has most detail.
-    Corners whose surroundings span little of a window's grey levels (`faint`: standard deviation over 9×9 px as a share of
-    them), or that can't be placed to within `unsure` px, are neither demanded nor forbidden.
+    `edge_shadow_p`: probability of a shadow whose edge crosses the neighbourhood of a corner, in addition to those of
+    `shadow_p`, which fall anywhere. `deltille_p`: that a board is a deltille. `busy_p`: that a training window without
+    a board shows a detailed part of a photograph. Corners are ignored in training and evaluation if the contrast around
+    them is low (`faint`: smallest standard deviation over 9×9 px, as a share of the window's range of grey levels), or
+    if they can't be localised to within `unsure` px.
     """
 
     pitch: tuple[float, float] = (14.0, 60.0)
@@ -63,7 +64,7 @@ class Ranges:
 
 
 ORDINARY = Ranges()
-"""Calibration pictures as people take them, like the sets of the paper."""
+"""Typical calibration pictures, similar to the data sets of the paper."""
 
 HARD = Ranges(
     pitch=(6, 60), cells=(3, 14), tilt=75, noise=25, noise_tail_p=0.25, blur=(0.4, 2.0), wide_blur_p=0.25,
@@ -71,10 +72,10 @@ HARD = Ranges(
     glare_p=0.2, bleed_p=0.2, paint_p=0.1, coded_p=0.05, jpeg_p=0.3, process_p=0.2, light=1.5, invert_p=0.5,
     none_p=0.12, several_p=0.2, whole=False,
 )  # fmt: skip
-"""The fixed hard validation set: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75°."""
+"""The fixed hard validation set: noise up to 60, blur up to 4 px, contrast from 18 grey levels, tilt up to 75°."""
 
 TRAINING = replace(HARD, images_p=0.35, none_p=0.18, tilt=78, pitch=(5, 60), edge_shadow_p=0.3)
-"""What networks learn from: HARD, with photographs behind the boards where the caller has some, and more hard shadows."""
+"""Training data of the networks: HARD, with photographs as backgrounds if available, and more hard shadows."""
 
 PAPER = replace(
     HARD, pitch=(8, 60), tilt=60, noise=13, noise_tail_p=0, blur=(0.4, 1.2), wide_blur_p=0, motion_p=0,
@@ -82,11 +83,11 @@ PAPER = replace(
     bleed_p=0.1, paint_p=0, coded_p=0, process_p=0.1, light=0.8, none_p=0.3, several_p=0.15, images_p=0.6,
     busy_p=0.75, faint=0.15, unsure=0.25,
 )  # fmt: skip
-"""What the paper's own training set shows (section 3.2): clutter, distortion, occlusion, moderate noise and blur, half
-of it inverted; corners that anybody sees.
+"""Similar to the paper's own training set (section 3.2): clutter, distortion, occlusion, moderate noise and blur, half
+of the pictures inverted; only corners that are easy to see.
 
-The class-balanced loss of Eq. 1 answers "corner" wherever the odds are better than one to thousands, so that corners too
-faint to tell teach it to answer everywhere.
+Under the class-balanced loss of Eq. 1 a network responds wherever a corner is more probable than one in thousands, so
+that training on corners that are too faint to recognise makes it respond everywhere.
 """
 
 DELTILLE = replace(ORDINARY, cells=(5, 12), deltille_p=1)
@@ -95,7 +96,7 @@ DELTILLE = replace(ORDINARY, cells=(5, 12), deltille_p=1)
 DELTILLE_TRAINING = replace(
     TRAINING, pitch=(9, 70), tilt=70, noise_tail_p=0.15, wide_blur_p=0.2, motion_p=0.1, coded_p=0.1, deltille_p=0.75
 )
-"""What networks learn deltilles from: TRAINING, with steeper and smaller ones left out; the checkerboards in it are clutter."""
+"""Training data for deltilles: TRAINING without the steepest and smallest boards; its checkerboards are clutter."""
 
 PRESETS = {
     "ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER,
@@ -108,7 +109,8 @@ def random_scene(
 ) -> Scene:
     """A scene of `size` (width, height) with no, one or several boards.
 
-    `image_count`: pictures at hand for backgrounds. Raises ConfigError if `ranges` wants whole boards that don't fit.
+    `image_count`: number of pictures available as backgrounds. Raises ConfigError if `ranges` requires whole boards
+    that don't fit.
     """
     width, height = size
     scene = _empty(rng, ranges, width, height, image_count)
@@ -123,8 +125,8 @@ def random_scene(
 
 
 def camera_view(seed: int, number: int, size: tuple[int, int] = (640, 480)) -> Scene:
-    """Picture `number` of a calibration: one board of 9×6 corners, whole, somewhere before one camera with a barrel distortion. The camera
-    depends on `seed` and `size` (width, height) only."""
+    """Picture `number` of a calibration: one fully visible board of 9×6 corners at a random pose before a camera with
+    barrel distortion. The camera depends only on `seed` and `size` (width, height)."""
     rng, (width, height) = np.random.default_rng((seed, 0)), size
     focal = float(rng.uniform(0.75, 0.95) * max(size))
     centre = (float(width * rng.uniform(0.48, 0.52)), float(height * rng.uniform(0.48, 0.52)))
@@ -159,7 +161,7 @@ def _empty(rng: Rng, r: Ranges, width: int, height: int, image_count: int) -> Sc
         d = r.distortion
         k = rng.uniform([-d, -d / 4, -0.005, -0.005, 0], [d * 0.6, d / 4, 0.005, 0.005, 0])
         lens |= {"model": "brown", "distortion": tuple(float(v) for v in k)}
-        lens["focal"] = max(lens["focal"], 0.9 * width)  # shorter, and the polynomial folds inside the frame
+        lens["focal"] = max(lens["focal"], 0.9 * width)  # if shorter, the polynomial folds inside the frame
     kind = "image" if image_count and _chance(rng, r.images_p) else str(rng.choice(list(KINDS)))
     background = Background(kind, int(rng.integers(2**31)), int(rng.integers(max(1, image_count))))
     return Scene(
@@ -184,7 +186,7 @@ def _light(rng: Rng, r: Ranges, width: int, height: int) -> Light:
 
 
 def shade(at: tuple[float, float], angle: float, half: float, far: float, value: float, soft: float) -> Cover:
-    """A box 2 `half` px wide and 2 `far` px long, one long rim of which passes through `at`: a half plane, or a bar."""
+    """A box 2·`half` px wide and 2·`far` px long with a long side through `at`: a half plane, or a bar."""
     c, s = np.cos(angle), np.sin(angle)
     cx, cy = at[0] - s * half, at[1] + c * half
     x0, y0, x1, y1 = map(float, (cx - c * far, cy - s * far, cx + c * far, cy + s * far))
@@ -192,7 +194,7 @@ def shade(at: tuple[float, float], angle: float, half: float, far: float, value:
 
 
 def _with_edge_shadow(rng: Rng, scene: Scene) -> Scene:
-    """The scene with the edge of a shadow, mostly a sharp one, across the first board; corners lie on it or near it."""
+    """The scene with an additional shadow, usually sharp, whose edge crosses the first board on or near its corners."""
     spec, far = scene.boards[0], 2.0 * scene.width
     uv = rng.uniform([-0.5, -0.5], [spec.cols - 0.5, spec.rows - 0.5], (1, 2))
     x, y = board_to_pixels(spec, scene.camera, from_upright(spec, uv))[0]
@@ -213,7 +215,7 @@ def _sensor(rng: Rng, r: Ranges) -> Sensor:
     if _chance(rng, r.noise_tail_p):
         noise = float(rng.uniform(r.noise, 60))
     contrast = _log(rng, *r.contrast) if _chance(rng, 0.5) else float(rng.uniform(*r.contrast))
-    noise = min(noise, 110 * contrast)  # beyond it nothing is left to see
+    noise = min(noise, 110 * contrast)  # with more noise, nothing is recognisable
     process = _chance(rng, r.process_p)
     return Sensor(
         blur=blur, disk=disk, noise=noise, shot=float(rng.uniform(0, 6)) if _chance(rng, 0.3) else 0.0,
@@ -249,7 +251,8 @@ def _print(rng: Rng, r: Ranges) -> BoardSpec:
 
 
 def _deltille(spec: BoardSpec) -> BoardSpec:
-    """The board with triangles for its squares; a row of painted rhombi stays as far left as squares were."""
+    """The board with triangles instead of squares; the labels of painted rhombi are shifted so that they stay at the
+    horizontal positions of the painted squares."""
     painted = tuple((i - j // 2, j, value) for i, j, value in spec.painted)
     return replace(spec, pattern="deltille", painted=painted, coded=0)
 
@@ -264,7 +267,8 @@ def _bend(rng: Rng, size: int) -> Bend:
 
 
 def _rotation(rng: Rng, max_tilt: float) -> Triple:
-    """Roll about the normal, then a tilt about an axis in the plane; a third of the tilts come from the steep end."""
+    """Rotation vector of a roll about the normal followed by a tilt about an axis in the plane; a third of the tilts
+    are drawn from the steep end of the range."""
     tilt = rng.uniform(0, max_tilt) if _chance(rng, 0.67) else rng.uniform(0.6 * max_tilt, max_tilt)
     a, roll = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
     lean = cv2.Rodrigues(np.deg2rad(tilt) * np.array([np.cos(a), np.sin(a), 0]))[0]
@@ -274,7 +278,8 @@ def _rotation(rng: Rng, max_tilt: float) -> Triple:
 
 
 def _placed(spec: BoardSpec, scene: Scene, rvec: Triple, at: tuple[float, float], pitch: float) -> BoardSpec:
-    """The board turned by `rvec` about its middle, seen at pixel `at`; squares there are about `pitch` px face on."""
+    """The board rotated by `rvec` about its middle, which projects to the pixel `at`; a fronto-parallel square there
+    would have a side of about `pitch` px."""
     ray = unproject(scene.camera, np.array(at))
     if not np.isfinite(ray).all():
         ray = np.array([0.0, 0.0, 1.0])
@@ -288,14 +293,14 @@ def _placed(spec: BoardSpec, scene: Scene, rvec: Triple, at: tuple[float, float]
 
 
 def _facing(ray: np.ndarray) -> np.ndarray:
-    """Rotation that takes the optical axis to a ray, so that boards at a fisheye's rim still face the camera."""
+    """Rotation that takes the optical axis to a ray, so that boards far off a fisheye's axis still face the camera."""
     axis = np.cross([0, 0, 1], ray)
     s = float(np.linalg.norm(axis))
     return cv2.Rodrigues(axis / s * np.arctan2(s, ray[2]))[0] if s > 1e-9 else np.eye(3)
 
 
 def _board_in(rng: Rng, r: Ranges, scene: Scene) -> BoardSpec:
-    """A board with a random pose; with `whole`, tried again until every corner is inside the frame."""
+    """A board with a random pose; with `whole`, poses are drawn until every corner is inside the frame."""
     w, h = scene.width, scene.height
     for _ in range(200):
         spec = _print(rng, r)

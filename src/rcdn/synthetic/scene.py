@@ -1,8 +1,8 @@
-"""What a rendered picture consists of: plain values that go to JSON and back, so that it can be rendered again.
+"""Description of a rendered picture by plain values, which can be saved as JSON and rendered again.
 
 Lengths on a board are in squares: inner corner (i, j) lies at (i, j); its z axis points away from the camera.
-Lengths in the picture are in px; grey values and reflectances lie in 0..1 until the sensor, noise in grey levels
-of 255.
+Lengths in the picture are in px; grey values and reflectances lie in 0..1 up to the sensor, noise is in grey levels of
+255.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ class BoardSpec:
     """One board: `cols` × `rows` inner corners, pose (Rodrigues vector, translation in squares) and print.
 
     `margin`: quiet zone, squares, of reflectance `margin_value`; the square between corners (0, 0) and (1, 1) is dark,
-    with `swap` bright; `bleed`: how far white runs into black (negative: black into white), squares;
-    `painted`: squares (i, j, value) painted over, each named by the corner at its end; `coded`: bits per side of the
-    marker in white squares, 0 = none.
+    with `swap` bright; `bleed`: displacement of the edges into black (negative: into white), squares;
+    `painted`: squares (i, j, value) painted over, where (i, j) is the corner at the square's far end; `coded`: bits per
+    side of the marker in white squares, 0 = none.
 
-    `pattern` deltille: triangles instead of squares, `cols` × `rows` inner corners in rows that are set off by half an edge in turn; corner
-    (i, j) lies at (i + j/2, j·√3/2) edges, i from −⌊j/2⌋ on. All triangles at these corners are printed, and no others; the one
-    between (0, 0), (1, 0) and (0, 1) is dark. `painted` names rhombi; `coded` counts for squares only.
+    `pattern` deltille: triangles instead of squares, `cols` × `rows` inner corners in rows alternately offset by half
+    an edge; corner (i, j) lies at (i + j/2, j·√3/2) edges, with i from −⌊j/2⌋. All triangles at these corners are
+    printed, and no others; the one between (0, 0), (1, 0) and (0, 1) is dark. `painted` refers to rhombi; `coded`
+    applies to squares only.
     """
 
     cols: int
@@ -63,7 +64,7 @@ class BoardSpec:
 
 @dataclass(frozen=True)
 class Cover:
-    """A capsule (segment with a radius) or, with `square`, a box around it; px. Covers boards, or shades them."""
+    """A capsule (segment with a radius) or, with `square`, a box around it; px. It occludes or shades boards."""
 
     x0: float
     y0: float
@@ -90,7 +91,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Sensor:
-    """From irradiance to grey levels: defocus, motion, gain, gamma, noise, processing, JPEG.
+    """Imaging from irradiance to grey levels: defocus, motion, gain, gamma, noise, processing, JPEG.
 
     Blur in px, noise in grey levels.
     """
@@ -112,7 +113,8 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Background:
-    """`kind`: plain, noise, shapes, text, tiles, blocks, image. `seed` draws it; `image`: a picture's index."""
+    """`kind`: plain, noise, shapes, text, tiles, blocks, image; `seed` of its randomness; `image`: a picture's
+    index."""
 
     kind: str = "noise"
     seed: int = 0
@@ -121,7 +123,7 @@ class Background:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything a picture is made from; `seed` draws its noise."""
+    """Complete description of a picture; `seed` determines its noise."""
 
     width: int
     height: int
@@ -152,10 +154,11 @@ class Scene:
 class BoardTruth:
     """Exact corners of one rendered board.
 
-    `xy` (cols·rows, 2) px, NaN where the lens can't see; `ij` (cols·rows, 2) column and row (of a deltille: along its two
-    axes), row by row.
-    `visible` (N,): plainly in the picture; `ignore` (N,): in the picture, but too damaged to demand or to forbid
-    (half covered, at the frame, a painted square beside it, under 4 px of pitch, 7 px of a deltille, seen from under 10°).
+    `xy` (cols·rows, 2) px, NaN where the lens can't see them; `ij` (cols·rows, 2) column and row (for a deltille: along
+    its two axes), row by row.
+    `visible` (N,): clearly visible; `ignore` (N,): in the picture, but too damaged to count as a true or a false
+    positive (partly covered, at the frame's border, next to a painted square, a pitch under 4 px, 7 px for a deltille,
+    or seen at less than 10° to the sheet).
     `pitch` (N,): distance to the nearest of the four (six) neighbours, px.
     """
 

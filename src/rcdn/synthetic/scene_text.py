@@ -1,4 +1,4 @@
-"""Scenes from JSON, every field checked: what comes out can be rendered."""
+"""Scenes from JSON with every field validated, so that the result can be rendered."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rcdn.synthetic.scene import Background, Bend, BoardSpec, Cover, Light, Scen
 from rcdn.types.ranges import BOX
 
 MOST = 1000
-"""boards, covers, … of a scene"""
+"""largest number of boards, covers, … in a scene"""
 ANY, SEEDS, GREY, LIGHT, BLUR = (-1e6, 1e6), (0, 2**64 - 1), (-10, 10), (-20, 20), (0, 100)
 RANGES: dict[type, dict[str, tuple[float, float]]] = {
     Scene: {"width": (1, 10_000), "height": (1, 10_000), "focal": (1e-3, 1e7), "seed": SEEDS},
@@ -32,13 +32,13 @@ RANGES: dict[type, dict[str, tuple[float, float]]] = {
     },
     Background: {"seed": SEEDS, "image": (-1, 2**31)},
 }  # fmt: skip
-"""of each number; ANY of those that aren't here"""
+"""valid range of each number; ANY for fields that aren't listed"""
 LEAST_GLARE = 1e-3
-"""px, sigma of a glare"""
+"""px, smallest sigma of a glare"""
 
 
 def scene_from_json(text: str) -> Scene:
-    """The scene that `Scene.to_json` wrote. Raises ConfigError, naming the field and its range, for anything else."""
+    """The scene written by `Scene.to_json`. Raises ConfigError, naming the field and its range, for any other text."""
     try:
         values = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -69,7 +69,7 @@ def _kinds(cls: type) -> dict[str, Any]:
 
 
 def _object(cls: Any, values: Any, where: str) -> Any:
-    """A dataclass of its fields."""
+    """An instance of the dataclass `cls` from a JSON object of its fields."""
     _require(isinstance(values, dict), where, f"an object, a {cls.__name__}", values)
     kinds, fields = _kinds(cls), dataclasses.fields(cls)
     if unknown := sorted(set(values) - set(kinds)):
@@ -84,10 +84,10 @@ def _object(cls: Any, values: Any, where: str) -> Any:
 
 
 def _value(kind: Any, value: Any, where: str, limits: tuple[float, float]) -> Any:
-    """What a field of type `kind` holds, with its numbers within `limits`."""
+    """The value of a field of type `kind`, with its numbers checked against `limits`."""
     if dataclasses.is_dataclass(kind):
         return _object(kind, value, where)
-    if get_origin(kind) is UnionType:  # something, or nothing
+    if get_origin(kind) is UnionType:  # optional
         return (
             None
             if value is None
@@ -112,7 +112,7 @@ def _number(kind: Any, value: Any, where: str, limits: tuple[float, float]) -> A
 
 
 def _row(kinds: tuple[Any, ...], value: Any, where: str, limits: tuple[float, float]) -> tuple[Any, ...]:
-    """A tuple: of any length if its type ends in …, else of one type for each."""
+    """A tuple: of any length if its type ends in `...`, else with one type per element."""
     any_length = kinds[-1] is Ellipsis
     _require(isinstance(value, list), where, "a list", value)
     if any_length:

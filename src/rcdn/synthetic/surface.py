@@ -1,4 +1,4 @@
-"""From pixels to board coordinates and back: the inverse map that is rendered, the forward map that is the truth."""
+"""Maps between pixels and board coordinates: the inverse map for rendering, the forward map for the ground truth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rcdn.geometry import project, transform
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
 from rcdn.types import Array, Camera, Pose, plane_points
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.plane import ROW
 
 
@@ -22,7 +22,7 @@ def board_pose(spec: BoardSpec) -> Pose:
 
 
 def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array]:
-    """Height of the sheet and its slope along the bending direction."""
+    """Height of the sheet over its plane, and its derivative along the bending direction."""
     c, s = np.cos(bend.angle), np.sin(bend.angle)
     t = (x - centre[0]) * c + (y - centre[1]) * s
     w = 2 * np.pi / bend.period
@@ -31,7 +31,7 @@ def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array
     return height, bend.curvature * t + bend.amplitude * w * np.cos(arg)
 
 
-def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Float[Array, "n 3"]:
+def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Real[Array, "n 3"]:
     """Points (N, 3) of the sheet, in the board's frame, at board coordinates `uv` (N, 2)."""
     x, y = plane_points(uv, spec.pattern).T
     y = y * spec.aspect
@@ -39,13 +39,13 @@ def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Float[Array, "n 3
     return np.stack([x, y, z], axis=1)
 
 
-def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Float[Array, "n 2"]:
-    """Pixels (N, 2) of board coordinates (N, 2): the exact truth. NaN behind a pinhole."""
+def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Real[Array, "n 2"]:
+    """Pixels (N, 2) of board coordinates (N, 2): the exact ground truth. NaN behind a pinhole camera."""
     return project(camera, transform(board_pose(spec), board_points(spec, uv)))
 
 
-def viewing_cosine(spec: BoardSpec, uv: Array) -> Float[Array, " n"]:
-    """cos of the angle between the sheet's normal and the line of sight, (N,); negative where it shows its back."""
+def viewing_cosine(spec: BoardSpec, uv: Array) -> Real[Array, " n"]:
+    """Cosine (N,) of the angle between the sheet's normal and the line of sight; negative where the back is seen."""
     pose, points = board_pose(spec), board_points(spec, uv)
     normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))
     if spec.bend is not None:
@@ -57,7 +57,7 @@ def viewing_cosine(spec: BoardSpec, uv: Array) -> Float[Array, " n"]:
 
 
 def rays_to_board(spec: BoardSpec, rays: Array) -> tuple[Array, Array]:
-    """Where viewing rays (..., 3) meet the sheet: u, v (...), NaN where they miss it or see its back."""
+    """Intersection of viewing rays (..., 3) with the sheet: u, v (...), NaN where they miss it or see its back."""
     pose = board_pose(spec)
     origin = -pose.R.T @ pose.t
     e = rays @ pose.R
@@ -71,16 +71,16 @@ def rays_to_board(spec: BoardSpec, rays: Array) -> tuple[Array, Array]:
 
 
 def _meet_sheet(spec: BoardSpec, bend: Bend, origin: Array, e: Array, depth: Array) -> Array:
-    """Newton along each ray, from its hit on the plane."""
+    """Depth of each ray's intersection with the bent sheet, by Newton's method from its intersection with the plane."""
     centre, c, s = middle(spec), np.cos(bend.angle), np.sin(bend.angle)
     reach = float(np.hypot(spec.cols, spec.rows)) + 4
     for _ in range(8):
         x, y = origin[0] + depth * e[..., 0], origin[1] + depth * e[..., 1]
-        far = np.hypot(x - centre[0], y - centre[1]) > 3 * reach  # the sheet ends long before; parabolas don't
+        far = np.hypot(x - centre[0], y - centre[1]) > 3 * reach  # far beyond the sheet, which the parabola continues
         h, slope = _height(bend, x, y, centre)
         f = origin[2] + depth * e[..., 2] - h
         df = e[..., 2] - slope * (c * e[..., 0] + s * e[..., 1])
         depth = np.where(far | (np.abs(df) < 1e-3), np.nan, depth - f / df)
     x, y = origin[0] + depth * e[..., 0], origin[1] + depth * e[..., 1]
-    missed = np.abs(origin[2] + depth * e[..., 2] - _height(bend, x, y, centre)[0]) > 1e-6  # a ray that passes by
+    missed = np.abs(origin[2] + depth * e[..., 2] - _height(bend, x, y, centre)[0]) > 1e-6  # the ray passes the sheet
     return np.where(missed, np.nan, depth)

@@ -11,7 +11,7 @@ from rcdn.targets.marker import Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified
 from rcdn.types import AprilGrid, Array
-from rcdn.types.arrays import Bool, Float, Int
+from rcdn.types.arrays import Bool, Int, Real
 
 SAMPLES = 32
 """a square's side on the raster"""
@@ -99,7 +99,7 @@ def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Bool[Array, " 4"]:
     return np.array(out)
 
 
-def _lifted(cells: Array) -> Float[Array, "r c s s"]:
+def _lifted(cells: Array) -> Real[Array, "r c s s"]:
     """Tags (R, C, S, S) over the small dark squares around them, contrast 1 (white gaps beside them)."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = cells[:, :, part, part].mean(axis=(2, 3))

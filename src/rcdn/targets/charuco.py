@@ -18,7 +18,7 @@ from rcdn.targets.layout import index_of, odd_markers, place_of
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real, Shaped
 
 ACCEPT = 49.0
 """bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
@@ -68,9 +68,9 @@ class _Layout:
 
 
 def read_charuco(
-    squares: Float[Array, "r c s s"],
-    marked: Float[Array, "r c"],
-    inner: Float[Array, "r c"],
+    squares: Real[Array, "r c s s"],
+    marked: Bool[Array, "r c"],
+    inner: Real[Array, "r c"],
     aspect: float,
     told: Charuco | None = None,
     part: bool = False,
@@ -104,14 +104,14 @@ def read_charuco(
     return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
 
 
-def _open_sides(marked: Array) -> Float[Array, "r c 4"]:
+def _open_sides(marked: Array) -> Bool[Array, "r c 4"]:
     """(R, C, 4): whether a square is the last one on the left, right, upper, lower side."""
     rows, columns = np.indices(marked.shape)
     last = marked.shape[0] - 1, marked.shape[1] - 1
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
-def _ends(squares: Array, inner: Array) -> Float[Array, "r c"]:
+def _ends(squares: Array, inner: Array) -> Bool[Array, "r c"]:
     """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
 
     All corners were found, and the square is in the picture, where the next corners would have been seen.
@@ -235,7 +235,7 @@ class _Scores:
         return cls(gain, row, column, (height, width), look, family, turns)
 
     @cached_property
-    def most(self) -> Float[Array, " k"]:
+    def most(self) -> Real[Array, " k"]:
         """Evidence (K,) of the likeliest marker of each square."""
         return np.asarray(self.gain.max(axis=1))
 
@@ -248,7 +248,7 @@ class _Scores:
         """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as large as the squares seen."""
         yield from self.scored(self._hopeful(_unique(self._whole_boards() if any_first else self._parts_of_boards())))
 
-    def _hopeful(self, found: Array) -> Float[Array, "m 5"]:
+    def _hopeful(self, found: Array) -> Real[Array, "m 5"]:
         """Those of the layouts (M, 5) that suit the surest squares best, if they are many."""
         if len(found) <= HOPEFUL:
             return found
@@ -258,7 +258,7 @@ class _Scores:
         return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
 
     def _markers_of(
-        self, found: Float[Array, "m 5"], some: Float[Array, " s"], rows: int | None
+        self, found: Real[Array, "m 5"], some: Real[Array, " s"], rows: int | None
     ) -> tuple[Array, Array, Array]:
         """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is such a marker, and whether the
         square is on the board."""
@@ -268,7 +268,7 @@ class _Scores:
         marker = first + index_of(column, row, columns, odd.astype(bool))
         return marker, on_board & (marker >= 0) & (marker < len(self.family)), on_board
 
-    def scored(self, found: Float[Array, "m 5"], rows: int | None = None) -> Iterator[_Layout]:
+    def scored(self, found: Real[Array, "m 5"], rows: int | None = None) -> Iterator[_Layout]:
         """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: of the board, if that is known."""
         if not len(found):
             return
@@ -286,7 +286,7 @@ class _Scores:
                     bool(foot[k] > 0), int(marker[k][used].max()),
                 )  # fmt: skip
 
-    def _agree_with(self, gain: Float[Array, " k"]) -> bool:
+    def _agree_with(self, gain: Real[Array, " k"]) -> bool:
         """Do most of the squares that are certain of their marker by themselves show that of a layout, whose evidence in each is `gain` (K,)?
 
         Else a few markers that happen to follow each other would outweigh all that the others say.
@@ -301,7 +301,7 @@ class _Scores:
         markers = np.argpartition(-self.gain[surest], least, axis=1)[:, : least + 1]
         return np.repeat(surest, markers.shape[1]), markers.ravel()
 
-    def _parts_of_boards(self) -> Float[Array, "m 5"]:
+    def _parts_of_boards(self) -> Real[Array, "m 5"]:
         """Candidate layouts (M, 5): column and row of the first square, columns, parity, first marker."""
         square, marker = self._anchors()
         k, columns, odd = (
@@ -314,7 +314,7 @@ class _Scores:
         fits = (u >= -1) & (v >= -1) & (u + self.shape[1] - 1 <= columns)
         return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
 
-    def places_on(self, told: Charuco) -> Float[Array, "m 5"]:
+    def places_on(self, told: Charuco) -> Real[Array, "m 5"]:
         """All layouts (M, 5) of the board `told`."""
         height, width = self.shape
         odd = odd_markers(told)
@@ -324,7 +324,7 @@ class _Scores:
         known = (np.full(u.size, n) for n in (told.columns, odd, told.first_id))
         return np.stack([u.ravel(), v.ravel(), *known], axis=1)
 
-    def _whole_boards(self) -> Float[Array, "m 5"]:
+    def _whole_boards(self) -> Real[Array, "m 5"]:
         """Candidate layouts (M, 5) of boards that are just the squares seen; which squares have the markers tells the parity."""
         square, marker = self._anchors()
         column, row = self.column[square], self.row[square]
@@ -333,7 +333,7 @@ class _Scores:
         return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
 
 
-def _unique(layouts: Array) -> Float[Array, "m 5"]:
+def _unique(layouts: Array) -> Real[Array, "m 5"]:
     """Each of the layouts (M, 5) once."""
     if not len(layouts):
         return layouts
@@ -343,11 +343,11 @@ def _unique(layouts: Array) -> Float[Array, "m 5"]:
 
 
 def gains(
-    ratios: Float[Array, "k m m"],
-    bits: Float[Array, "n n n"],
+    ratios: Real[Array, "k m m"],
+    bits: Shaped[Array, "n n n"],
     border: int,
-    covered: Float[Array, "k 1"] | float = COVERED,
-) -> Float[Array, "k n"]:
+    covered: Real[Array, "k 1"] | float = COVERED,
+) -> Real[Array, "k n"]:
     """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m).
 
     `covered` (K, 1), or one for all: probability that a square doesn't show its marker.
@@ -363,7 +363,7 @@ def gains(
     return out
 
 
-def framed(ratios: Float[Array, "k m m"], border: int) -> float:
+def framed(ratios: Real[Array, "k m m"], border: int) -> float:
     """Evidence, bits, for black borders of markers whose modules have log-likelihood `ratios` (K, m, m), hidden ones among them."""
     frame = ratios[:, ~inner_modules(ratios.shape[-1], border)]
     black = np.minimum(_gain(-frame).sum(axis=1), 500)

@@ -16,7 +16,7 @@ from rcdn.boards.local import Grid, Predictions
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board, Charuco, Status
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 ROUNDS = 12
 """of completion, at most"""
@@ -67,7 +67,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     return _of_grid(board, grid)
 
 
-def _printed(board: Board, spots: Float[Array, "k 2"]) -> Bool[Array, " k"]:
+def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
     """(K,) bool: which places `spots` (K, 2) lie within the print; where its end isn't known, within what was seen."""
     low, high = board.ij.min(axis=0), board.ij.max(axis=0)
     if isinstance(board.target, Charuco):
@@ -111,7 +111,7 @@ def _drop_astray(grid: Grid) -> None:
         del grid.at[list(grid.at)[worst]]
 
 
-def _off_surface(ij: Array, xy: Float[Array, "n 2"]) -> Float[Array, " n"]:
+def _off_surface(ij: Array, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
     """Distances (N,), squares, of corners at `xy` (N, 2) px from a homography of their labels and a polynomial of low degree."""
     plane = homography(ij, xy)
     flat = apply_homography(plane, ij.astype(float))
@@ -125,7 +125,7 @@ def _off_surface(ij: Array, xy: Float[Array, "n 2"]) -> Float[Array, " n"]:
     return np.asarray(np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(area, 1e-9)))
 
 
-def _usual(grey: Array, at: Float[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
+def _usual(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
     """The colouring, ±1, under which edges cross at known corners `at` (K, 2), and their usual strengths (2,); 0 if they don't."""
     best, usual = 0, np.zeros(2)
     for sign in (-1, 1):
@@ -142,7 +142,7 @@ def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array,
 
 
 def _seen(
-    grey: Array, at: Float[Array, "k 2"], guess: Predictions, sign: int, usual: Array
+    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, usual: Array
 ) -> dict[tuple[int, int], Array]:
     """Positions (2,) px of those of the spots `at` (K, 2) where both edges are seen to cross."""
     offset, strength = _look(grey, at, guess, sign)

@@ -12,7 +12,7 @@ from rcdn.targets.dictionaries import dictionary_names, marker_bits, tag_bits
 from rcdn.targets.layout import markers_in, odd_markers
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Charuco, Checkerboard, Deltille, Print, Printed, PuzzlePart
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.plane import ROW
 from rcdn.types.shapes import Area, Disc, Point, Rect, Shape
 from rcdn.types.target import check_target
@@ -84,7 +84,7 @@ def _check_count(name: str, has: int, first: int, count: int, what: str) -> None
         raise ConfigError(f"{name} has {has} {what}, but the board needs {count}{begin}; {advice}")
 
 
-def _on_sheet(target: Print) -> Float[Array, "n 2"]:
+def _on_sheet(target: Print) -> Real[Array, "n 2"]:
     """Where the corners lie on the upright sheet, (N, 2), in the order of their numbers."""
     plane = target.plane(target.places())
     if isinstance(target, AprilGrid):  # labels count from the bottom right, to the left and upwards

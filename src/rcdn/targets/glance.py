@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 SAMPLES = 8
 """a square's side on the raster"""
@@ -77,7 +77,7 @@ def glance_at(grey: Shaped[Array, "h w"], board: Board) -> Glance | None:
     return Glance(squares, (row + column) % 2 == 1, _unbent(edges, row, column))
 
 
-def _unbent(values: Array, row: Array, column: Array) -> Float[Array, "j k"]:
+def _unbent(values: Array, row: Array, column: Array) -> Real[Array, "j k"]:
     """Values (J, K) at places of the grid (K,) without what fits each of the J best of a plane, which bent edges make, and a chequer, which spreading
     ink makes; NaN where they are none."""
     known = np.abs(values) < 1.5
@@ -89,7 +89,7 @@ def _unbent(values: Array, row: Array, column: Array) -> Float[Array, "j k"]:
     return out
 
 
-def _sampled(grey: Array, xy: Float[Array, "k p 2"]) -> Array | None:
+def _sampled(grey: Array, xy: Real[Array, "k p 2"]) -> Array | None:
     """Grey at `xy` (K, P, 2) px, (K, P) float32, the rim's beyond the picture; None if that takes too large a part of it."""
     limits = np.array(grey.shape[::-1]) - 1
     x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
@@ -104,7 +104,7 @@ def _sampled(grey: Array, xy: Float[Array, "k p 2"]) -> Array | None:
 
 
 @lru_cache
-def _places() -> Float[Array, "p 9"]:
+def _places() -> Real[Array, "p 9"]:
     """(P, 9) weights of the nine corners around and at a corner, row by row, that give the places of samples: those of the four squares; and for each
     of four edges nine in its middle and one on either side."""
     nodes = np.eye(9).reshape(3, 3, 9)
@@ -126,7 +126,7 @@ def _places() -> Float[Array, "p 9"]:
     return np.concatenate([*squares, np.array(edges)])
 
 
-def marked_squares(squares: Float[Array, "r c s s"], inner: Float[Array, "r c"]) -> Array | None:
+def marked_squares(squares: Real[Array, "r c s s"], inner: Bool[Array, "r c"]) -> Array | None:
     """Which of the `squares` (R, C, S, S), of one colour, hold markers, (R, C) bool; None if neither colour's are less plain than the other's.
     Those count that are `inner` (R, C)."""
     row, column = np.indices(inner.shape)

@@ -11,7 +11,7 @@ import numpy as np
 
 from rcdn.geometry.elementary import erf
 from rcdn.types import Array
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 
 RATIOS = np.arange(0.40, 0.971, 0.02)
 """sides of a marker, squares"""
@@ -58,7 +58,7 @@ class _Part(NamedTuple):
     y: Array
 
 
-def _dot(one: list[_Part], two: list[_Part]) -> Float[Array, " k"]:
+def _dot(one: list[_Part], two: list[_Part]) -> Real[Array, " k"]:
     """Products (K,) of two sums of such pictures, summed over all places."""
     products = [a.sign * b.sign * (a.x * b.x).sum(axis=1) * (a.y * b.y).sum(axis=1) for a in one for b in two]
     return np.asarray(np.sum(products, axis=0))
@@ -89,7 +89,7 @@ def _models(side: int, frame: Frame, aspect: int) -> _Models:
     return _Models(ratio, along_x, along_y, (around, inside), gram)
 
 
-def appearance(mean: Float[Array, "s s"], side: int, frame: Frame, aspect: float) -> Appearance | None:
+def appearance(mean: Real[Array, "s s"], side: int, frame: Frame, aspect: float) -> Appearance | None:
     """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
     `aspect`: width over height of the squares in the picture, where the blur is round.
 
@@ -118,12 +118,12 @@ def appearance(mean: Float[Array, "s s"], side: int, frame: Frame, aspect: float
 
 
 def modules(
-    squares: Float[Array, "k s s"],
+    squares: Real[Array, "k s s"],
     look: Appearance,
     side: int,
     frame: Frame,
-    open_sides: Float[Array, "k 4"] | None = None,
-) -> Float[Array, "k n n"]:
+    open_sides: Bool[Array, "k 4"] | None = None,
+) -> Real[Array, "k n n"]:
     """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
 
     `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
@@ -172,7 +172,7 @@ def _unblurring(samples: int, look: Appearance, side: int, frame: Frame) -> tupl
     return unblurred, np.array(beyond)
 
 
-def _unmixing(x: Float[Array, " s"], ratio: float, blur: float, count: int) -> tuple[Array, Array]:
+def _unmixing(x: Real[Array, " s"], ratio: float, blur: float, count: int) -> tuple[Array, Array]:
     """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool; and what takes
     these to modules (count, ·)."""
     edges = 0.5 + ratio * (np.arange(count + 1) / count - 0.5)
@@ -182,7 +182,7 @@ def _unmixing(x: Float[Array, " s"], ratio: float, blur: float, count: int) -> t
     return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
 
 
-def evidence(values: Array, border: int, trusted: Float[Array, " k"] | None = None) -> Float[Array, "k n n"]:
+def evidence(values: Array, border: int, trusted: Bool[Array, " k"] | None = None) -> Real[Array, "k n n"]:
     """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
 
     The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)
@@ -210,14 +210,14 @@ def _middles(samples: int) -> Array:
     return np.asarray((np.arange(samples) + 0.5) / samples)
 
 
-def _box(x: Float[Array, " s"], width: Array | float, blur: Float[Array, " k"]) -> Array:
+def _box(x: Real[Array, " s"], width: Array | float, blur: Real[Array, " k"]) -> Array:
     """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about the middle: (K, S)."""
     s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
     step = erf((x - 0.5 + half) / s)
     return np.asarray(0.5 * (step + step[:, ::-1]))
 
 
-def _around_parts(x: Array, ratio: Float[Array, " k"], along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
+def _around_parts(x: Array, ratio: Real[Array, " k"], along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
     """The white around black markers of sides `ratio` (K,) under blurs (K,), as sums of products."""
     across, down = _box(x, 1.0, along_x), _box(x, 1.0, along_y)
     if frame.filling:
@@ -226,7 +226,7 @@ def _around_parts(x: Array, ratio: Float[Array, " k"], along_x: Array, along_y: 
     return [_Part(1.0, across, down), _Part(1.0, 1 - across, 1 - down), marker]
 
 
-def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Float[Array, "k s s"]:
+def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Real[Array, "k s s"]:
     """The same as pictures (K, S, S)."""
     parts = _around_parts(x, ratio, along_x, along_y, frame)
     return np.asarray(np.sum([p.sign * p.y[:, :, None] * p.x[:, None, :] for p in parts], axis=0))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Float
+from rcdn.types.arrays import Bool, Real
 
 MOST = 0.8
 """least share of a side's squares beyond which paper is seen"""
@@ -28,7 +28,7 @@ LEAST = 8.0
 """grey levels from dark to white under which nothing is known"""
 
 
-def ended_sides(squares: Array, marked: Float[Array, "r c"]) -> Bool[Array, "3 3"]:
+def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"]:
     """(3, 3) bool: whether the board is seen to end above [0, 1], on the left [1, 0], on the right [1, 2] and below [2, 1]; else it isn't known.
 
     `squares` (R + 2, C + 2, S, S): grey of the board's squares and of one more on each side, NaN where nothing is seen; `marked` (R, C): those that
@@ -52,7 +52,7 @@ def _rim(squares: Array) -> float:
     return float(np.median(values)) if len(values) else np.nan
 
 
-def _ends_above(squares: Array, white: Float[Array, "r c"]) -> bool:
+def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
     """Whether paper is seen above the board's `squares`, with those above them; `white` (R, C): those with white at their edges."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)
@@ -71,7 +71,7 @@ def _ends_above(squares: Array, white: Float[Array, "r c"]) -> bool:
     return bool(fine.sum() >= MOST * len(seen) and dark.any() and abs(np.median(off[dark])) < OFF)
 
 
-def _levels(squares: Array) -> Float[Array, "k 2"]:
+def _levels(squares: Array) -> Real[Array, "k 2"]:
     """Dark and white (K, 2) of a row of squares (K, S, S) and of those beside each; NaN where a square isn't all seen."""
     flat = np.pad(squares.reshape(len(squares), -1), ((1, 1), (0, 0)), constant_values=np.nan)
     three = np.concatenate([flat[:-2], flat[1:-1], flat[2:]], axis=1)
@@ -93,7 +93,7 @@ def _is_paper(strips: Array) -> Bool[Array, " k"]:
     return np.asarray((np.min(blocks, axis=0) > BRIGHT[0]) & (np.max(blocks, axis=0) < BRIGHT[1]))
 
 
-def _end_of_dark(along: Array, out: Float[Array, " t"]) -> Float[Array, " k"]:
+def _end_of_dark(along: Array, out: Real[Array, " t"]) -> Real[Array, " k"]:
     """(K,): how far `out` (T,), falling, profiles (K, T) of black 0 and white 1 are last dark; infinite if they aren't, or don't end."""
     dark = along < 0.5
     last = dark.argmax(axis=1)  # the outermost

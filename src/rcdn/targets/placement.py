@@ -11,7 +11,7 @@ from rcdn.targets.dictionaries import marker_bits
 from rcdn.targets.layout import markers_in
 from rcdn.targets.rectify import aspect_of, grid_with_ring, squares_in_perspective, whole_squares
 from rcdn.types import Array, Board, Charuco
-from rcdn.types.arrays import Bool, Float, Shaped
+from rcdn.types.arrays import Bool, Real, Shaped
 
 PLACES = (np.arange(-4, 36) + 0.5) / 32
 """where a square is sampled along each axis, squares; a little of those beside it is seen"""
@@ -47,7 +47,7 @@ class Placement(NamedTuple):
     down: Array
     side: float
 
-    def shift(self, column: Array, row: Array) -> Float[Array, "... 2"]:
+    def shift(self, column: Array, row: Array) -> Real[Array, "... 2"]:
         """(..., 2) of the squares (column, row); that of the outermost that are known beyond them."""
         return np.stack(
             [line[np.clip(at, 0, len(line) - 1)] for line, at in ((self.across, column), (self.down, row))], axis=-1
@@ -93,19 +93,19 @@ def _outside_bits(modules: int, side: float) -> Bool[Array, "s s"]:
     return np.asarray((np.maximum(x[:, None], x) > side * (0.5 - 0.5 / modules)) & (np.minimum(x[:, None], x) < 0.5))
 
 
-def _shifts(squares: Array, cells: Float[Array, "k n n"], where: Array, state: Array) -> Float[Array, "k 2"]:
+def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Array) -> Real[Array, "k 2"]:
     """By how much more (K, 2) than `state` says the markers of squares (K, P) with `cells` (K, n, n) stand off their middles."""
     moved = state + STEP * np.eye(len(state))[[0, 1, 5, 6]]
     drawn = _drawn(cells, state, where)
-    slopes = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
-    rows = np.stack([np.ones_like(drawn), drawn, *slopes], axis=1)
+    jacobian = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
+    rows = np.stack([np.ones_like(drawn), drawn, *jacobian], axis=1)
     normal = rows @ rows.swapaxes(1, 2) + 1e-9 * np.eye(rows.shape[1])
     share = np.linalg.solve(normal, rows @ squares[:, :, None])[:, :, 0]
     contrast = np.where(np.abs(share[:, 1]) > 1e-9, share[:, 1], np.inf)
     return np.asarray((share[:, 2:4] - share[:, 4:6]) / contrast[:, None])
 
 
-def _with_slopes(cells: Array, where: Array, state: Array, square: Float[Array, " k"]) -> tuple[Array, Array]:
+def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array, " k"]) -> tuple[Array, Array]:
     """Levels (K,) of a square, and their derivatives (7, K) by the state, with the black and the white that are nearest to `square` (K,)."""
     values = np.array(
         [_levelled(square, _drawn(cells, one, where)) for one in (state, *(state + STEP * np.eye(len(state))))]
@@ -113,7 +113,7 @@ def _with_slopes(cells: Array, where: Array, state: Array, square: Float[Array, 
     return values[0], (values[1:] - values[0]) / STEP
 
 
-def _by_line(own: Float[Array, " k"], line: Float[Array, " k"], usual: float) -> Array:
+def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> Array:
     """Shifts by line (column or row), 0 to the last: `usual`, and the mean of what the squares in the `line` (K,) say besides, `own` (K,); each
     as far as it exceeds what the scatter of squares makes of none (James and Stein)."""
     count = np.bincount(line)
@@ -126,18 +126,18 @@ def _by_line(own: Float[Array, " k"], line: Float[Array, " k"], usual: float) ->
 
 
 def _fitted(
-    mean: Array, cells: Float[Array, "n n"], where: Array, side: float, aspect: float
-) -> Float[Array, " k"] | None:
+    mean: Array, cells: Real[Array, "n n"], where: Array, side: float, aspect: float
+) -> Real[Array, " k"] | None:
     """The state under which the mean (K,) of squares shows markers of `cells` (n, n), 1 white, whose side should be `side`: shift (2) and side of the
     marker, logs of the blurs (2), shift of the square itself (2). None where the fit fails."""
     usual = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
     state = usual.copy()
     for _ in range(STEPS):
-        values, slopes = _with_slopes(cells, where, state, mean)
+        values, jacobian = _with_jacobian(cells, where, state, mean)
         off = mean - values
         stiff = off.var() / USUAL**2
-        normal = slopes @ slopes.T + np.diag(stiff + 1e-9)
-        step = np.linalg.solve(normal, slopes @ off + stiff * (usual - state)).clip(-0.3, 0.3)
+        normal = jacobian @ jacobian.T + np.diag(stiff + 1e-9)
+        step = np.linalg.solve(normal, jacobian @ off + stiff * (usual - state)).clip(-0.3, 0.3)
         state = state + step
         state[BLURS] = np.clip(state[BLURS], np.log(SHARPEST), np.log(SOFTEST))
         if np.abs(step).max() < CLOSE:
@@ -152,7 +152,7 @@ def _levelled(mean: Array, drawn: Array) -> Array:
     return np.asarray(mean.mean() + d * ((d * m).sum() / max((d * d).sum(), 1e-12)))
 
 
-def _drawn(cells: Float[Array, "... n n"], state: Array, where: Float[Array, "s s"]) -> Float[Array, "... p"]:
+def _drawn(cells: Real[Array, "... n n"], state: Array, where: Bool[Array, "s s"]) -> Real[Array, "... p"]:
     """The levels (..., P) `where` (S, S) a square is looked at that has a marker of `cells` (..., n, n), black 0, white 1, in dark squares."""
     count = cells.shape[-1]
     values = np.zeros((*cells.shape[:-2], count + 4, count + 4))
@@ -167,7 +167,7 @@ def _drawn(cells: Float[Array, "... n n"], state: Array, where: Float[Array, "s 
     return np.asarray((down @ values @ across.T)[..., where])
 
 
-def _shares(edges: Float[Array, " n"], log_blur: float) -> Array:
+def _shares(edges: Real[Array, " n"], log_blur: float) -> Array:
     """What each cell between `edges` (n,), and beyond, gives to places in a square, (S, n + 1)."""
     steps = 0.5 * (1 + erf((PLACES[:, None] - edges) / (np.sqrt(2) * np.exp(log_blur))))
     return np.asarray(-np.diff(steps, axis=1, prepend=1.0, append=0.0))

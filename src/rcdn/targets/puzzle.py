@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.targets.glance import FAINT
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, PuzzleBoard
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Bool, Real
 from rcdn.types.target import PUZZLE
 
 ACCEPT = 43.0
@@ -63,7 +63,7 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     return Reading(PuzzleBoard(), turns, (best % PUZZLE, best // PUZZLE), bits, margin)
 
 
-def _edges(seen: Float[Array, "r c"]) -> int:
+def _edges(seen: Bool[Array, "r c"]) -> int:
     """How many edges have both their ends `seen` (R, C)."""
     return int((seen[1:] & seen[:-1]).sum() + (seen[:, 1:] & seen[:, :-1]).sum())
 
@@ -102,7 +102,7 @@ def _at(grey: Array, xy: Array) -> Array:
     return cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
 
 
-def _votes(ratio: Float[Array, "r c"], code: tuple[str, ...]) -> Float[Array, "3 167"]:
+def _votes(ratio: Real[Array, "r c"], code: tuple[str, ...]) -> Real[Array, "3 167"]:
     """Evidence (3, 167), bits, of the first of the `ratio` (R, C) of edges being at each place of the `code`, which repeats."""
     bits = np.array([[int(bit) for bit in row] for row in code])
     white, black = (_folded(1 - np.logaddexp(0, -r) / np.log(2) * (r != 0) - (r == 0)) for r in (ratio, -ratio))
@@ -110,7 +110,7 @@ def _votes(ratio: Float[Array, "r c"], code: tuple[str, ...]) -> Float[Array, "3
     return np.asarray(np.fft.ifft2(spectrum).real + black.sum())
 
 
-def _folded(values: Array) -> Float[Array, "3 167"]:
+def _folded(values: Array) -> Real[Array, "3 167"]:
     """The sums over all places (3, 167) that are one in the code."""
     out = np.zeros((3, 167))
     row, column = np.indices(values.shape)

@@ -16,7 +16,7 @@ from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares, wider
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
-from rcdn.types.arrays import Float, Int, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 SAMPLES = 32
 """a square's side on the raster"""
@@ -61,7 +61,7 @@ def check_told(target: Target) -> None:
         dictionary_of(target.family)
 
 
-def _dark(squares: Array, marked: Array, inner: Array) -> Float[Array, "r c"]:
+def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
     """Grey (R, C) of the squares without markers beside each square, mean of up to four; of the whole board where there is none."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = squares[:, :, part, part].mean(axis=(2, 3))

@@ -7,7 +7,7 @@ import numpy as np
 
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FAR = -1e6
 """px; where nothing is"""
@@ -27,7 +27,7 @@ def grid_with_ring(board: Board) -> tuple[Array, Array]:
     return grid, found
 
 
-def wider(grid: Array) -> Float[Array, "r c 2"]:
+def wider(grid: Array) -> Real[Array, "r c 2"]:
     """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted by those before; NaN where nothing predicts it."""
     out = np.pad(grid, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     for _ in range(2):  # the ones at the ends of lines by those beside them
@@ -61,8 +61,8 @@ def rectified(grey: Array, grid: Array, samples: int) -> Array:
 
 
 def squares_in_perspective(
-    grey: Array, grid: Array, row: Float[Array, " k"], column: Float[Array, " k"], places: Float[Array, " s"]
-) -> Float[Array, "k s s"]:
+    grey: Array, grid: Array, row: Real[Array, " k"], column: Real[Array, " k"], places: Real[Array, " s"]
+) -> Real[Array, "k s s"]:
     """Grey (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,) squares from their first corner each
     way; with the perspective within each, which moves its middle by some thousandths. NaN outside of the picture."""
     nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape[1::-1])), axis=2).astype(float)
@@ -102,7 +102,7 @@ def _area(grid: Array) -> float:
     return float(np.nanmedian(area)) if np.isfinite(area).any() else 1.0
 
 
-def _sampled(grey: Array, xy: Float[Array, "... 2"], step: float) -> Array:
+def _sampled(grey: Array, xy: Real[Array, "... 2"], step: float) -> Array:
     """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than that."""
     x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
     near = (x > -0.5 * grey.shape[1]) & (y > -0.5 * grey.shape[0])

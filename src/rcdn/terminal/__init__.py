@@ -1,1 +1,1 @@
-"""What all verbs say and ask in the same way: options, lines and progress on the terminal, streams that may be closed."""
+"""Common parts of the command line's verbs: options, messages and progress on the terminal, robust output streams."""

@@ -1,4 +1,4 @@
-"""What `rcdn calibrate` and `rcdn pose` print."""
+"""Text printed by `rcdn calibrate` and `rcdn pose`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def verdict_line(verdict: Verdict | None) -> list[str]:
-    """The verdict, which is said first; nothing where there is none."""
+    """The line of the verdict, which is printed first; empty if there is none."""
     from rcdn.calibration.verdict import headline
 
     return [] if verdict is None else [headline(verdict)]
 
 
 def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
-    """What else to tell: the gravest reason stands in the first line already."""
+    """Lines of advice, without the most severe reason, which is already in the first line."""
     from rcdn.calibration.verdict import sentences
 
     said = () if verdict is None else sentences(verdict)[:1]
@@ -31,7 +31,7 @@ def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
 
 
 def camera_lines(calibration: Calibration) -> list[str]:
-    """The camera with standard deviations, how well it fits, and the models it was chosen from."""
+    """The camera's parameters with standard deviations, its reprojection error, and the compared lens models."""
     c = calibration
     used, corners = c.used_views, sum(int(v.used.sum()) for v in c.used_views)
     width, height = c.camera.image_size
@@ -62,7 +62,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
 
 
 def _held_out(c: Calibration) -> str:
-    """As a multiple of the RMS: both on the corners on which models were compared, of which the chosen one may leave some out."""
+    """The held-out error as a multiple of the RMS. Both are over the corners on which models were compared, some of
+    which the final calibration may exclude."""
     if np.isnan(c.held_out):
         return "too few pictures to hold any out"
     from rcdn.calibration.facts import multiple
@@ -71,7 +72,7 @@ def _held_out(c: Calibration) -> str:
 
 
 def _model(score: ModelScore, chosen: ModelScore) -> str:
-    """`brown 1.00 (held out 1.03)`; a model that can't beat a simpler one isn't tried on pictures held out."""
+    """`brown 1.00 (held out 1.03)`; models no better than a simpler one aren't evaluated on held-out pictures."""
     from rcdn.calibration.facts import multiple
 
     held = "" if np.isnan(score.held_out) else f" (held out {multiple(score.held_out, chosen.rms):.2f})"
@@ -79,7 +80,7 @@ def _model(score: ModelScore, chosen: ModelScore) -> str:
 
 
 def _values(values: Array, std: Array) -> list[str]:
-    """`value ± deviation`, with the digits that the deviation leaves."""
+    """`value ± deviation`, with as many digits as are significant, aligned at the decimal point."""
     digits = [decimals(s) for s in std]
     texts = [f"{v:.{d}f}" for v, d in zip(values, digits, strict=True)]
     before = max(t.index(".") for t in texts)
@@ -87,12 +88,13 @@ def _values(values: Array, std: Array) -> list[str]:
 
 
 def left_out_lines(calibration: Calibration) -> list[str]:
-    """A line for each view that was left out, with the reason."""
+    """A line for each excluded view, with the reason."""
     return [f"left out: {one_line(v.name)}: {v.reason}" for v in calibration.left_out]
 
 
 def cut_lines(calibration: Calibration) -> list[str]:
-    """What the picture's border has left of boards that look complete, each with the pictures in which it did."""
+    """Lines about apparently complete boards that are cut off by the picture's border: the visible part, and the names
+    of the pictures."""
     from rcdn.calibration.cut import cut_text
 
     if calibration.size is None:
@@ -106,7 +108,7 @@ def cut_lines(calibration: Calibration) -> list[str]:
 
 
 def stereo_lines(stereo: StereoCalibration) -> list[str]:
-    """Where the right camera stands, and how well both fit."""
+    """The pose of the right camera, and the reprojection error of both."""
     std = np.sqrt(np.diag(stereo.cov))
     t = stereo.T_right_left[:3, 3]
     turn = np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1)))
@@ -125,7 +127,7 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
 
 
 def pose_line(name: str, pose: PoseEstimate) -> str:
-    """A board's place in one line: of its corner (0, 0), or of the origin of its target's own tools."""
+    """A board's pose on one line: the position of its corner (0, 0), or of the origin of its target's own tools."""
     x, y, z = pose.t if pose.T_cam_target is None else pose.T_cam_target[:3, 3]
     std = pose.std
     turn = np.degrees(np.arccos(np.clip(abs(pose.R[2, 2]), 0, 1)))

@@ -1,4 +1,4 @@
-"""How errors look: one red line on stderr and an exit code, never a traceback for what rcdn raises on purpose."""
+"""Command group and error reporting: one red line on stderr and an exit code, no traceback for rcdn's own errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def say_error(message: str) -> None:
 
 
 def say_stopped(rest: str = "") -> None:
-    """The last line after Ctrl-C, which no second Ctrl-C disturbs."""
+    """Print the last line after Ctrl-C; a second Ctrl-C doesn't interrupt it."""
     interrupts.end()
     say_error(f"stopped by Ctrl-C{rest}")
 
@@ -32,7 +32,7 @@ def say_warning(message: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """`text` without what would break a line or the terminal: a file's name may hold anything."""
+    """`text` without control characters, which could break the line or the terminal: file names may contain any."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
@@ -42,7 +42,7 @@ def many(count: int, thing: str, things: str = "") -> str:
 
 
 VERBS = "rcdn.verbs"
-"""the group of entry points by which other packages add verbs, each a Typer app"""
+"""group of entry points through which other packages add verbs, each a Typer app"""
 ELSEWHERE = {"evaluate": "rcdn-lab", "bench": "rcdn-lab"}
 """verb → the package that adds it"""
 BUILDERS = "To build and measure rcdn"
@@ -50,16 +50,16 @@ BUILDERS = "To build and measure rcdn"
 
 
 class Group(TyperGroup):
-    """The root of the verbs, those of other packages among them; errors of all, however deep, arrive here."""
+    """The root command with all verbs, including those of other packages; all their errors are handled here."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Our verbs as they were added, then those of other packages."""
+        """rcdn's verbs in the order in which they were added, then those of other packages."""
         from importlib.metadata import entry_points
 
         return [*super().list_commands(ctx), *sorted(entry_points(group=VERBS).names, reverse=True)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The verb of that name, wherever it comes from. Raises ConfigError for one whose package isn't installed."""
+        """The verb `cmd_name` of any package. Raises ConfigError for a verb whose package isn't installed."""
         from importlib.metadata import entry_points
 
         verb = super().get_command(ctx, cmd_name)
@@ -69,14 +69,14 @@ class Group(TyperGroup):
             verb = get_command(entry.load())
             verb.name = cmd_name
             if not isinstance(getattr(verb, "rich_help_panel", None), str):
-                verb.rich_help_panel = BUILDERS  # type: ignore[attr-defined]  # what Typer gives to its own
+                verb.rich_help_panel = BUILDERS  # type: ignore[attr-defined]  # as Typer sets for its own
             return verb
         if cmd_name in ELSEWHERE:
             raise ConfigError(f"rcdn {cmd_name} is in another package: pip install {ELSEWHERE[cmd_name]}")
         return None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """The verbs by their groups, in the order in which they were added; those without a group first."""
+        """Write the verbs by group, in the order in which they were added; those without a group first."""
         groups: dict[str, list[tuple[str, str]]] = {"Commands": []}
         verbs = {name: verb for name in self.list_commands(ctx) if (verb := self.get_command(ctx, name)) is not None}
         wide = max(map(len, verbs))
@@ -93,7 +93,7 @@ class Group(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            error.message = error.message.removeprefix("Value error, ")  # Pydantic's words, in Typer from 0.29
+            error.message = error.message.removeprefix("Value error, ")  # added by Pydantic, in Typer from 0.29
             raise
         except ConfigError as error:
             say_error(str(error))

@@ -1,4 +1,4 @@
-"""Option values that several verbs read."""
+"""Command-line options shared by several verbs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 
 
 class PatternName(StrEnum):
-    """What boards are made of: `rcdn.types.Pattern`."""
+    """Pattern of boards: values of `rcdn.types.Pattern`."""
 
     checker = "checker"
     deltille = "deltille"
@@ -27,7 +27,7 @@ Pattern = Annotated[
 
 
 class GridSize(NamedTuple):
-    """(columns, rows) of inner corners. Not a bare tuple: Typer would read two words for that."""
+    """(columns, rows) of inner corners. A class, because Typer would parse a plain tuple from two arguments."""
 
     cols: int
     rows: int
@@ -58,7 +58,7 @@ NoCache = Annotated[bool, typer.Option("--no-cache", help="Neither use detection
 
 
 def _allow(megapixels: float | None) -> float | None:
-    """Have this process and those it starts read pictures of that size; None: what the environment says."""
+    """Set the largest picture that this process and its child processes read; None: by the environment variable."""
     from rcdn.limits import VARIABLE, max_megapixels, set_max_megapixels
 
     if megapixels is not None or os.environ.get(VARIABLE):

@@ -1,4 +1,4 @@
-"""A progress bar for those who watch, and silence in a pipe."""
+"""A progress bar on a terminal, and no output in a pipe."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from rcdn.terminal.talk import is_quiet
 
 @dataclass(frozen=True)
 class Bar:
-    """`advance(inputs done, current name)` moves the bar; `say(message)` tells of an error without tearing it, `warn(message)` of a warning.
+    """`advance(inputs done, current name)` moves the bar; `say(message)` prints an error without corrupting the bar,
+    `warn(message)` a warning.
 
-    `tell(text)`: what goes on now.
+    `tell(text)`: displays the current activity.
     """
 
     advance: Callable[[int, str], None]
@@ -27,7 +28,7 @@ class Bar:
 
 @contextmanager
 def progress(total: int) -> Iterator[Bar]:
-    """A progress bar on stderr if that is a terminal; nothing in a pipe, or where nothing is to be said."""
+    """A progress bar on stderr if that is a terminal; none in a pipe, or with --quiet."""
     if not sys.stderr.isatty() or is_quiet():
         yield Bar(lambda done, name: None, say_error, say_warning, lambda text: None)
         return

@@ -1,4 +1,4 @@
-"""Options of `rcdn calibrate` on what is solved for: the lens model, the board's shape, pictures that are left out."""
+"""Options of `rcdn calibrate` for the solution: the lens model, the board's shape, excluded pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`--spacing`: a length with its unit, and the question back where one without makes a board of metres."""
+"""`--spacing`: a length with its unit; an error asks for the unit if a length without one implies a board of metres."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from rcdn.types import Board
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, '"': 0.0254, "": 1.0}
-"""m; a number alone is in metres"""
+"""m; a number without a unit is in metres"""
 LARGEST = 2.0
-"""m across: a larger board is believed only of a length with a unit"""
+"""m across: a larger board is accepted only if the length has a unit"""
 SMALLEST_BOARD = 3
-"""squares that any board has across"""
+"""squares: smallest size of a board"""
 LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z\"]*)\s*")
 
 
 class Length(float):
-    """Metres, with the `text` that was given and whether that had a `unit`."""
+    """A length in metres, with the `text` given by the user and whether it had a `unit`."""
 
     text: str
     unit: bool
@@ -38,14 +38,15 @@ def parse_length(text: str) -> Length:
     match = LENGTH.fullmatch(str(text))
     if match is None or match[2] not in UNITS:
         raise typer.BadParameter(f"{text!r} is not a length; give 25mm, 2.5cm, 1in, or metres: 0.025")
-    # divided where that is exact: 25 / 1000 is the same as 0.025
+    # mm are divided by 1000, which is exact: 25 / 1000 == 0.025
     length = Length(float(match[1]) / 1000 if match[2] == "mm" else float(match[1]) * UNITS[match[2]])
     length.text, length.unit = str(text).strip(), bool(match[2])
     return length
 
 
 def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
-    """Raise ConfigError unless `spacing` is positive and, if it has no unit, makes a board of `size` (inner corners) of at most 2 m across."""
+    """Raise ConfigError unless `spacing` is positive and, if it has no unit, implies a board of `size` (inner corners)
+    at most 2 m across."""
     from rcdn.types.ranges import SPACING, in_words, is_spacing
 
     if not is_spacing(spacing):
@@ -64,7 +65,7 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
 
 
 def _likely(spacing: Length) -> str:
-    """The same number with the unit that makes a square of a usual size, and what that is in metres."""
+    """The same number with the unit that gives a square of usual size, and its value in metres."""
     unit = "mm" if spacing >= 5 else "cm"
     return f"{spacing.text}{unit} ({spacing * UNITS[unit]:.6g})"
 
@@ -86,7 +87,7 @@ def parse_spacing(text: str) -> Length | Lengths:
 
 
 def side(spacing: Length | Lengths, kind: str) -> float:
-    """m: the length for boards of a `kind`. Raises ConfigError if none was given."""
+    """The length for boards of a `kind`, m. Raises ConfigError if none was given."""
     if isinstance(spacing, Lengths):
         if kind not in spacing:
             raise ConfigError(f"--spacing names no length for boards of the kind {kind}: add {kind}=30mm")
@@ -95,12 +96,12 @@ def side(spacing: Length | Lengths, kind: str) -> float:
 
 
 def metres(spacing: Length | Lengths) -> float | dict[str, float]:
-    """The same as `calibrate` takes it."""
+    """The length or lengths in the form that `calibrate` takes."""
     return {k: float(v) for k, v in spacing.items()} if isinstance(spacing, Lengths) else float(spacing)
 
 
 def check_spacing(spacing: Length | Lengths, sizes: Mapping[str, tuple[int, int] | None] | None = None) -> None:
-    """`check_length` of each length with the size (inner corners) of its kind of board, as far as `sizes` names it."""
+    """`check_length` for each length with the size (inner corners) of its kind of board, if `sizes` contains it."""
     sizes = sizes or {}
     if isinstance(spacing, Lengths):
         for kind, length in spacing.items():
@@ -110,7 +111,7 @@ def check_spacing(spacing: Length | Lengths, sizes: Mapping[str, tuple[int, int]
 
 
 def sizes_of(boards: Sequence[Board], plain: tuple[int, int] | None = None) -> dict[str, tuple[int, int] | None]:
-    """(columns, rows) by kind of board, for `check_spacing`: of boards without codes the size `plain`, or the usual one."""
+    """(columns, rows) by kind of board, for `check_spacing`; for boards without codes the size `plain`, if given."""
     from rcdn.calibration.coded import kind_of
     from rcdn.calibration.cut import whole_size
 

@@ -1,4 +1,5 @@
-"""Standard error for our own lines: the libraries under us (libpng, libjpeg, FFmpeg, …) print to its descriptor past Python."""
+"""Standard error reserved for rcdn's own messages: libraries (libpng, libjpeg, FFmpeg, …) write to its file descriptor
+directly, bypassing Python."""
 
 from __future__ import annotations
 
@@ -13,11 +14,13 @@ READERS = frozenset({"detect", "calibrate", "pose", "report", "undistort", "conv
 
 
 def for_ours_alone() -> None:
-    """`sys.stderr` goes on as it is; what is written to descriptor 2 goes nowhere, here and in the processes that are started.
+    """Discard anything written to file descriptor 2, in this process and its child processes, while `sys.stderr` keeps
+    working.
 
-    What those lines tell of a picture is in our error for it. For a command line only: descriptors belong to the whole program.
+    No information is lost, since rcdn reports its own error for each picture. Only for the command line, since file
+    descriptors belong to the whole process.
     """
-    if sys.stderr is None or sys.platform == "win32":  # a console of Windows is no descriptor
+    if sys.stderr is None or sys.platform == "win32":  # the Windows console is not a descriptor
         return
     with contextlib.suppress(OSError, ValueError, io.UnsupportedOperation):  # closed, or not on descriptor 2
         if sys.stderr.fileno() != 2:

@@ -1,4 +1,4 @@
-"""Standard output and standard error that never stop a run: a full disk or a closed pipe is told at the end, or not at all."""
+"""Standard streams that never abort a run: a full disk is reported at the end, a closed pipe not at all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rcdn.terminal.group import FAILED, say_error
 
 
 class _Quiet(io.RawIOBase):
-    """What is written to `raw`; after the first `error` all else is dropped."""
+    """Stream that writes to `raw`; after the first `error`, all further output is discarded."""
 
     def __init__(self, raw: Any) -> None:
         self._raw = raw
@@ -36,18 +36,19 @@ class _Quiet(io.RawIOBase):
 
 
 class Streams:
-    """Both streams, quiet from now on; `end` once all is said."""
+    """Replaces both standard streams by ones that don't raise errors; call `end` after all output."""
 
     def __init__(self) -> None:
-        self._below = sys.stdout, sys.stderr  # a stream that nobody holds closes what is below it
+        self._below = sys.stdout, sys.stderr  # kept, since a deleted stream closes its raw stream
         self._out = _Quiet(_raw(sys.stdout))
         sys.stdout = _text(sys.stdout, self._out)
         sys.stderr = _text(sys.stderr, _Quiet(_raw(sys.stderr)))
 
     def end(self, code: int) -> int:
-        """The exit code of a run that ended with `code`: it failed, too, if not all of its standard output could be written.
+        """The exit code of a run that ended with `code`: the run has also failed if its standard output could not be
+        written completely.
 
-        A reader that has enough (`| head -1`) is no reason for words.
+        A reader that closes the pipe early (`| head -1`) causes no message.
         """
         for stream in (sys.stdout, sys.stderr):
             if stream is not None:
@@ -62,14 +63,15 @@ class Streams:
 
 
 def _raw(stream: TextIO | None) -> Any:
-    """What is below the buffers of `stream`; None if it is closed, a console of Windows, or something else that can't be stacked anew."""
+    """The raw stream below the buffers of `stream`; None if it is closed, a Windows console, or another type that can't
+    be wrapped again."""
     buffer = getattr(stream, "buffer", None)
-    raw = getattr(buffer, "raw", buffer)  # PYTHONUNBUFFERED leaves the buffer out
+    raw = getattr(buffer, "raw", buffer)  # with PYTHONUNBUFFERED there is no buffer
     return raw if isinstance(raw, io.FileIO) and sys.platform != "win32" else None
 
 
 def _text(stream: Any, quiet: _Quiet) -> Any:
-    """`stream` anew, over `quiet`; characters that its encoding lacks are written as escapes, not refused."""
+    """`stream` wrapped again, over `quiet`; characters that its encoding lacks are written as escapes."""
     if quiet._raw is None:
         return stream
     stream.flush()

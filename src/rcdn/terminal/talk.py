@@ -1,4 +1,4 @@
-"""What a verb says: its results on standard output, or on standard error where that is for JSON, and nothing where it is to be quiet."""
+"""Output of a verb's results: on standard output, or on standard error if that is for JSON; none if quiet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 STDOUT = Path("-")
-"""as `rcdn.io.STDOUT`, which takes long to import"""
+"""equal to `rcdn.io.STDOUT`, which is slow to import"""
 
 Quiet = Annotated[
     bool,
@@ -22,7 +22,7 @@ Quiet = Annotated[
 
 @dataclass
 class _Voice:
-    """How this run speaks; a new one begins with each command."""
+    """Output settings of this run; reset at the start of each command."""
 
     quiet: bool = False
     piped: bool = False
@@ -32,33 +32,33 @@ _voice = _Voice()
 
 
 def begin(quiet: bool = False, outputs: Iterable[Path | None] = ()) -> None:
-    """Set how this run speaks, by the files that it is to write."""
+    """Set the output of this run; `outputs`: the files that it will write, STDOUT among them if JSON goes there."""
     _voice.quiet, _voice.piped = quiet, STDOUT in outputs
 
 
 def is_quiet() -> bool:
-    """Whether nothing is to be said but errors and warnings."""
+    """Whether only errors and warnings are printed."""
     return _voice.quiet
 
 
 def say(text: str) -> None:
-    """A line of the results."""
+    """Print a line of the results."""
     if not _voice.quiet:
         typer.echo(text, err=_voice.piped)
 
 
 def note(text: str) -> None:
-    """A line on stderr that is no error."""
+    """Print a line on stderr that is not an error."""
     if not _voice.quiet:
         typer.echo(text, err=True)
 
 
 def named(paths: Iterable[Path]) -> list[str]:
-    """The files among `paths` that were written, by their names: who reads standard output knows that."""
+    """Names of the files among `paths`; standard output is omitted, since its reader knows of it."""
     return [str(path) for path in paths if path != STDOUT]
 
 
 def say_written(paths: Iterable[Path]) -> None:
-    """Say which files were written."""
+    """Print the names of the written files."""
     if names := named(paths):
         note(f"written: {', '.join(names)}")

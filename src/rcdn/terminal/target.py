@@ -1,4 +1,4 @@
-"""`--target`: which boards are looked for, on every verb that finds some."""
+"""`--target`: the boards to detect, an option of every verb that detects boards."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from rcdn.types import Target as Coded
 
 MEASURED = 0.05
-"""part by which a print that was measured may differ from what its file says"""
+"""largest relative difference between a measured print and the spacing stated in its file"""
 
 
 @dataclass(frozen=True)
 class Told:
-    """What --target says: the codes that are read (`DetectorConfig.target`); of a plain board its `size` in inner corners and whether it is a
-    `deltille`; of a file the `spacing`, m. `text` is what was given."""
+    """The value of --target: the codes to read (`DetectorConfig.target`); for a plain board its `size` in inner corners
+    and whether it is a `deltille`; for a file its `spacing`, m. `text` is the user's input."""
 
     text: str
     reads: Literal["auto", "plain"] | Coded
@@ -31,10 +31,10 @@ class Told:
     spacing: float | None = None
 
     def __str__(self) -> str:
-        return self.text  # what the help names as the default
+        return self.text  # shown as the default in the help
 
     def pattern(self, given: PatternName) -> PatternName:
-        """What boards are made of by --pattern and --target. Raises ConfigError if they contradict."""
+        """The boards' pattern by --pattern and --target. Raises ConfigError if they contradict each other."""
         if given is PatternName.deltille and not self.deltille and self.text not in ("auto", "plain"):
             raise ConfigError(
                 f"--pattern deltille and --target {self.text} contradict each other; leave one of them out"
@@ -50,7 +50,8 @@ class Told:
         )
 
     def length(self, given: Length | Lengths | None) -> Length | Lengths:
-        """The spacing by --spacing, or by the target's file. Raises ConfigError if neither says it, or if they are far apart."""
+        """The spacing by --spacing, or by the target's file. Raises ConfigError if neither states it, or if they differ
+        too much."""
         if given is None and self.spacing is None:
             raise ConfigError(
                 "--spacing is missing: the side of one square or tag, such as 25mm; or a --target FILE that says it"
@@ -69,11 +70,11 @@ class Told:
 
 
 DEFAULT = Told("auto", "auto")
-"""nothing was told: what the preset says"""
+"""the option wasn't given: the preset's setting applies"""
 
 
 def parse_target(text: str | Told) -> Told:
-    """What `text` says: `auto`, `plain`, a target in one word, or the path of its YAML file. Raises typer.BadParameter."""
+    """Parse `text`: `auto`, `plain`, a target in one word, or the path of its YAML file. Raises typer.BadParameter."""
     if isinstance(text, Told):  # a default
         return text
     word = text.strip()

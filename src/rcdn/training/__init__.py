@@ -1,4 +1,4 @@
-"""Networks, losses and the loop that trains them.
+"""Networks, losses and the training loop.
 
 Needs the extra `train` (torch, Lightning Fabric, TensorBoard, onnx); without it, importing raises DependencyError.
 """

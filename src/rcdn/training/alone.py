@@ -1,4 +1,4 @@
-"""One process at a time in the folder of a run."""
+"""Lock that gives one process at a time exclusive access to the folder of a run."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 WAIT, WAITS = 0.2, 25
-"""seconds, and how often, that the folder of a run is waited for"""
+"""seconds between attempts to lock the folder of a run, and number of further attempts"""
 
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold the run's folder, which two processes must not write at once. Raises ConfigError if another one holds it.
+    """Lock the run's folder, which two processes must not write at once. Raises ConfigError if another one has locked
+    it.
 
-    What the workers of a run that was killed still hold, they let go within moments.
+    The lock is retried for a few seconds, since the workers of a killed run may still hold it for moments.
     """
     if fcntl is None:
         yield

@@ -15,22 +15,23 @@ from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
 
 LONGEST = 120
-"""characters of a run's name"""
+"""largest number of characters of a run's name"""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
     """One training run.
 
-    `name`: of the run's folder; `architecture`: a name of `net.ARCHITECTURES`; `batch_norm`: train it with one (folded away on export);
-    `loss`: a name of `loss.LOSSES`; `normalisation`: minmax | local;
-    `optimiser`: sgd (momentum 0.9, learning rate falls exponentially to 1 % over `steps`; paper section 3.2) or
+    `name`: of the run's folder; `architecture`: a name in `net.ARCHITECTURES`; `batch_norm`: train with batch
+    normalisation (folded into the convolutions on export);
+    `loss`: a name in `loss.LOSSES`; `normalisation`: minmax | local;
+    `optimiser`: sgd (momentum 0.9, the learning rate decays exponentially to 1 % over `steps`; paper section 3.2) or
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
-    `clip`: largest gradient norm, 0 = none; `side`: px of a training window, context included;
-    `ring`: the 8 neighbours of a corner carry no loss;
-    `start`: weights of another run to begin from, or '';
-    `teacher`: name of a run in the same folder that this network is grown from by one 1×1 layer (A → B, E → F; paper section 3.1),
-    or ''; its layers stand still for the first `frozen` steps.
+    `clip`: largest gradient norm, 0 = none; `side`: side of a training window, px, context included;
+    `ring`: the 8 neighbours of a corner are excluded from the loss;
+    `start`: weights of another run as initial values, or '';
+    `teacher`: name of a run in the same folder to whose network one 1×1 layer is added (A → B, E → F; paper section
+    3.1), or ''; the teacher's layers are frozen for the first `frozen` steps.
     """
 
     name: str
@@ -96,7 +97,8 @@ _RANGES = {
 def read_config(path: Path) -> TrainConfig:
     """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file.
 
-    `recipe = "FILE"`, beside it, gives what the file itself doesn't say: several networks, one recipe.
+    `recipe = "FILE"` names a file in the same folder with the settings that this file doesn't state, so that several
+    networks can share one recipe.
     """
     values = _read(path)
     if (recipe := values.pop("recipe", None)) is not None:
@@ -116,12 +118,12 @@ def _read(path: Path) -> dict[str, Any]:
         return tomllib.loads(read_text(path))
     except FormatError as error:
         raise ConfigError(f"config: {error}") from error
-    except (ValueError, RecursionError) as error:  # of TOML, and of numbers and dates in it
+    except (ValueError, RecursionError) as error:  # from TOML syntax, or from its numbers and dates
         raise ConfigError(f"config: {path} is not TOML: {shown(str(error))}") from error
 
 
 MOST = 2**63
-"""whole numbers of TOML are smaller; Python reads larger ones, too"""
+"""limit of TOML's integers; Python's parser also accepts larger ones"""
 
 
 def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:

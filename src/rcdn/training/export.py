@@ -1,6 +1,6 @@
-"""Trained weights → ONNX, with their provenance beside them.
+"""Export of trained weights to ONNX, with a file of their provenance.
 
-The graph is written node by node: what is in it can be read here.
+The graph is built node by node, so that this file documents its content.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rcdn.types import Array
 
 OPSET = 17
 PARITY = 1e-4
-"""largest difference between torch and ONNX Runtime with which weights are exported"""
+"""largest difference between torch and ONNX Runtime at which weights are exported"""
 
 
 def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
@@ -66,7 +66,8 @@ def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
 
 
 def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str, Any]:
-    """What stands beside the weights: architecture, recipe, commit, seed, metrics, sha256; what inference must know."""
+    """Content of the .json beside the weights: architecture, recipe, commit, seed, metrics, sha256, and the parameters
+    needed for inference."""
     config = report["config"]
     arch: Architecture = ARCHITECTURES[config["architecture"]]
     return {
@@ -87,9 +88,9 @@ def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str,
 
 
 def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | None = None) -> float:
-    """Largest difference of the responses of torch and of the ONNX file `data`, as inference runs it.
+    """Largest difference between the responses of torch and of the ONNX file `data`, which is run as in inference.
 
-    `net` in evaluation mode; `facts`: its provenance; `image` (H, W) grey: None = a rendered one of 317 × 203 px.
+    `net` in evaluation mode; `facts`: its provenance; `image` (H, W) grey; None = a rendered one of 317 × 203 px.
     """
     if image is None:
         image = render(random_scene(np.random.default_rng(7), HARD, (317, 203)), samples=2)
@@ -99,17 +100,17 @@ def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | No
 
 
 def response_model(net: CornerNet, data: bytes, facts: dict[str, Any]) -> ResponseModel:
-    """What runs the ONNX file `data` in ONNX Runtime."""
+    """The model that runs the ONNX file `data` in ONNX Runtime."""
     arch = net.architecture
     return ResponseModel(data, facts["training"]["normalisation"], arch.margins, arch.cell, facts)
 
 
 def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
-    """Write `target` (.onnx), its .json, and for a network that the compiled kernel knows its 8-bit weights (.npz); returns the provenance and the
-    largest difference to torch.
+    """Write `target` (.onnx), its .json, and, for a network that the compiled kernel supports, its 8-bit weights
+    (.npz); returns the provenance and the largest difference from torch.
 
-    Raises RcdnError, and writes nothing, if `run` holds no trained network, if that difference is above 1e-4, or if the 8-bit weights answer
-    otherwise than the network (`quantise.BOUNDS`).
+    Raises RcdnError, and writes nothing, if `run` holds no trained network, if that difference is above 1e-4, or if the
+    responses with the 8-bit weights differ too much from the network's (`quantise.BOUNDS`).
     """
     if target.suffix != ".onnx":
         raise ConfigError(f"export: the name of the file must end in .onnx, not {target}")
@@ -117,7 +118,7 @@ def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
     data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
     facts = provenance(report, net, data)
     if CellNetwork.fits(read_graph(data)) and not facts["training"]["pool"]["ranges"].startswith("deltille"):
-        # in 8 bits the network of deltilles answers once in 100 pictures of clutter where it didn't
+        # with 8-bit weights the deltille network has one additional false positive in 100 pictures of clutter
         layers = [(*folded(b), s) for b, (_, _, s) in zip(net.blocks, net.architecture.layers, strict=True)]
         facts["ranges"] = ranges(layers, facts["normalisation"], facts["training"]["pool"]["ranges"])
     gap = parity(net, data, facts)

@@ -1,4 +1,4 @@
-"""The training loop: one file, top to bottom. The same code on a CPU, a GPU, or many nodes (Lightning Fabric)."""
+"""The complete training loop. The same code runs on a CPU, a GPU, or many nodes (Lightning Fabric)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ DEAD_AFTER, DEAD_RESPONSE = 500, 1e-3
 
 
 class DeadNetError(RcdnError):
-    """The network answers nothing at corners any more: start again with another seed or `loss = "safe"`."""
+    """The network no longer responds at any corner: train it again with another seed or `loss = "safe"`."""
 
 
 def train(
@@ -53,15 +53,15 @@ def train(
 ) -> Path:
     """Train a network; returns the folder `runs`/`name`: `last.pt`, `metrics.csv`, `run.json`, TensorBoard events.
 
-    A run that was killed goes on from its last checkpoint with the batches it would have seen; without `resume` the
-    folder's old run is removed. `overfit`: train and validate on that many crops only, always anew, in
-    `name`-overfit (sanity check: F1 must go to 1). `workers`: processes that make batches, 0 = none.
-    Raises ConfigError if the folder holds a run of other settings, or if another process trains there; OutputError if a checkpoint can't be
-    written; DeadNetError if the positives' mean response stays under 1e-3.
+    A killed run resumes from its last checkpoint with the same batches as if it had not been killed; without `resume`
+    the folder's old run is removed. `overfit`: train and validate on that many crops only, always from the start, in
+    `name`-overfit (sanity check: F1 must approach 1). `workers`: processes that prepare batches, 0 = none.
+    Raises ConfigError if the folder holds a run with other settings, or if another process trains there; OutputError if
+    a checkpoint can't be written; DeadNetError if the positives' mean response stays below 1e-3.
     """
     fabric = fabric or Fabric(accelerator="auto", devices="auto")
     fabric.launch()
-    cv2.setNumThreads(1)  # pictures are small; and OpenCV hangs in a loader's forked worker if it has threads here
+    cv2.setNumThreads(1)  # pictures are small, and with threads here OpenCV would hang in a loader's forked worker
     if overfit:
         few = dataclasses.replace(config.pool, count=min(overfit, config.pool.count))
         config, resume = dataclasses.replace(config, name=f"{config.name}-overfit", pool=few), False
@@ -78,7 +78,7 @@ def _learn(
     config: TrainConfig, runs: Path, pool: Pool, overfit: bool, workers: int, resume: bool, fabric: Fabric
 ) -> None:
     folder = runs / config.name
-    _check_same(config, folder, resume)  # again: another process may have begun it meanwhile
+    _check_same(config, folder, resume)  # again, since another process may have started meanwhile
     fabric.seed_everything(config.seed, verbose=False)
     net = build(config.architecture, config.batch_norm).to(memory_format=torch.channels_last)
     if config.start:
@@ -104,7 +104,7 @@ def _learn(
 
 
 def _restore(fabric: Fabric, path: Path, state: dict[str, Any]) -> None:
-    """Fill `state` from a checkpoint: numbers and tensors only, since pickles may hold code that runs on being read."""
+    """Fill `state` from a checkpoint, numbers and tensors only, since unpickling could execute arbitrary code."""
     try:
         fabric.load(path, state, weights_only=True)
     except (EOFError, KeyError, TypeError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
@@ -115,7 +115,7 @@ def _restore(fabric: Fabric, path: Path, state: dict[str, Any]) -> None:
 
 
 def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
-    """Grow `net` from the averaged weights of a finished run; returns its parameters that are the teacher's."""
+    """Initialise `net` from the averaged weights of a finished run, by `grow`; returns the teacher's parameters in it."""
     teacher, report = load_run(run)
     if (done := report["metrics"]["step"]) != (wanted := report["config"]["steps"]):
         raise ConfigError(f"config: the teacher {run} has {done} of its {wanted} steps; finish it first: rcdn train")
@@ -123,11 +123,11 @@ def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
 
 
 def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
-    """Raise ConfigError rather than go on with other settings than those that a run was begun with."""
+    """Raise ConfigError if the folder's run was started with other settings, instead of resuming it."""
     if not resume or not (folder / "last.pt").exists():
         return
     before: dict[str, Any] = read_report(folder)["config"]
-    now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # changes nothing that is learnt
+    now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # doesn't affect training
     changed = [key for key in now if before.get(key, now[key]) != now[key]]
     if changed:
         raise ConfigError(
@@ -137,10 +137,10 @@ def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
 
 
 def _clear_after(step: int, folder: Path) -> None:
-    """Make room for a run that goes on from `step`: what is logged of later steps goes; of step 0, everything."""
+    """Prepare the folder for a run that resumes at `step`: remove the log of later steps, and everything for step 0."""
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "metrics.csv"
-    (folder / "new.pt").unlink(missing_ok=True)  # of a run that was killed while it wrote
+    (folder / "new.pt").unlink(missing_ok=True)  # left by a run that was killed while writing
     if step and log.exists():
         head, *rows = log.read_text().splitlines()
         write_text(log, "\n".join([head, *(row for row in rows if int(row.split(",")[0]) <= step)]) + "\n")
@@ -190,7 +190,7 @@ class _Run:
         self.config, self.folder, self.fabric, self.state, self.overfit = config, folder, fabric, state, overfit
         self.loss_sum, self.positive_sum, self.count, self.silent = 0.0, 0.0, 0, 0
         self.clock = time.perf_counter()
-        self.place = {"commit": commit(), "machine": machine()}  # the code that runs, whatever is checked out later
+        self.place = {"commit": commit(), "machine": machine()}  # of the code that runs now, not later
         self.events: Any = SummaryWriter(str(folder / "events")) if fabric.is_global_zero else None
 
     def go(self, loader: Any) -> None:
@@ -207,7 +207,7 @@ class _Run:
                     self.report()
 
     def close(self) -> None:
-        """Let go of the TensorBoard file."""
+        """Close the TensorBoard file."""
         if self.events is not None:
             self.events.close()
 
@@ -221,7 +221,7 @@ class _Run:
         self.fabric.backward(loss)
         if self.state["step"] < self.config.frozen:
             for parameter in self.kept:
-                parameter.grad = None  # the optimiser passes it over
+                parameter.grad = None  # the optimiser skips it
         if self.config.clip:
             self.fabric.clip_gradients(model, optimiser, max_norm=self.config.clip, error_if_nonfinite=False)
         optimiser.step()
@@ -263,7 +263,7 @@ class _Run:
         }
         if self.fabric.is_global_zero:
             row |= validate(self.state["ema"], self.config, self.overfit)
-            self._log(row)  # before the checkpoint: a run killed in between logs this step again
+            self._log(row)  # before the checkpoint: a run killed in between will log this step again
         self._save(self.folder / "new.pt")
         if self.fabric.is_global_zero:
             (self.folder / "new.pt").replace(self.folder / "last.pt")
@@ -273,7 +273,7 @@ class _Run:
     def _save(self, path: Path) -> None:
         try:
             self.fabric.save(path, self.state)
-        except (OSError, RuntimeError) as error:  # torch says of a full disk what it likes
+        except (OSError, RuntimeError) as error:  # torch reports a full disk by various errors
             path.unlink(missing_ok=True)
             reason = str(error).strip().splitlines()[0]
             raise OutputError(
@@ -288,7 +288,7 @@ class _Run:
         writer.writerow(row)
         write_text(
             path, (path.read_text() if path.exists() else "") + line.getvalue()
-        )  # whole: a row half written is read as a row
+        )  # atomically: a partly written row would be read as a row
         for key, value in row.items():
             self.events.add_scalar(key, value, row["step"])
         self.events.flush()

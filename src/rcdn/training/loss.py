@@ -1,6 +1,6 @@
 """The loss of Eq. 1–2 in two forms, the one-sided squared loss of MATE, and the heat-map loss of `auto`.
 
-Every loss takes the pre-activation z (B, h, w) of the last layer and `Targets`, and gives a scalar.
+Every loss takes the pre-activation z (B, h, w) of the last layer and `Targets`, and returns a scalar.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from torch import Tensor
 
 EPS = 1e-6
 KNEE = 0.05
-"""below it (above 1 − it, for negatives) the `safe` form goes on as a straight line"""
+"""response below which (for negatives: above 1 − KNEE) the form `safe` continues as a straight line"""
 DEAD = 13.8155
-"""−ln 1e-6: the value of Eq. 1 where no corner gets any response: the net is dead"""
+"""−ln 1e-6: value of Eq. 1 if no corner has any response, that is, if the network is dead"""
 
 
 class Targets(NamedTuple):
-    """Maps (B, h, w): `positive` bool, one pixel a corner; `weight` 0 where the loss must not look; `heat` in 0..1."""
+    """Maps (B, h, w): `positive` bool, one pixel per corner; `weight`, 0 excludes a pixel; `heat` in 0..1."""
 
     positive: Tensor
     weight: Tensor
@@ -37,7 +37,8 @@ def _balanced(positive_terms: Tensor, negative_terms: Tensor, targets: Targets) 
 
 
 def paper(z: Tensor, targets: Targets) -> Tensor:
-    """Eq. 1 on the clipped output of Eq. 2; its regulariser is the optimiser's weight decay. Can die: see `safe`."""
+    """Eq. 1 on the clipped output of Eq. 2; its regulariser is the optimiser's weight decay. Its gradient can vanish
+    for good (a dead network): see `safe`."""
     y = torch.relu(z)
     a_pos, a_neg = y.clamp(EPS, 1.0), y.clamp(0.0, 1.0 - EPS)
     return _balanced(-(1 - a_pos) * a_pos.log(), -a_neg * torch.log1p(-a_neg), targets)
@@ -55,7 +56,8 @@ def _hinge(a: Tensor) -> Tensor:
 def safe(z: Tensor, targets: Targets) -> Tensor:
     """Eq. 1–2 on the pre-activation, continued as a straight line below 0.05 (corners) and above 0.95 (background).
 
-    Same minimiser and same one-sidedness as `paper`; the gradient is bounded and never zero for a missed corner.
+    It has the same minimiser as `paper` and is one-sided, too; the gradient is bounded and never zero for a missed
+    corner.
     """
     return _balanced(_hinge(z), _hinge(1 - z), targets)
 
@@ -63,7 +65,7 @@ def safe(z: Tensor, targets: Targets) -> Tensor:
 def squared(z: Tensor, targets: Targets) -> Tensor:
     """MATE's one-sided squared difference, weighted by inverse class frequency (paper section 3.2).
 
-    On the pre-activation: below 0, where the response is 0, a missed corner keeps its gradient.
+    It acts on the pre-activation, so that a missed corner has a gradient even below 0, where the response is 0.
     """
     return _balanced((1 - z).clamp(min=0) ** 2, torch.relu(z) ** 2, targets)
 
@@ -82,4 +84,4 @@ LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {
     "paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap,
 }  # fmt: skip
 ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
-"""What turns z into the response once a network has been trained with a loss."""
+"""Final activation, by loss: converts z of a network trained with this loss into the response."""

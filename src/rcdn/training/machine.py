@@ -1,4 +1,4 @@
-"""Where a run was made."""
+"""Description of the machine on which a run was trained."""
 
 from __future__ import annotations
 

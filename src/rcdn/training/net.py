@@ -1,4 +1,4 @@
-"""All networks as data: Table 1 of the paper, its two variants, and the fast cell network of `auto`."""
+"""All network architectures as data: Table 1 of the paper, its two variants, and the fast cell network of `auto`."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from rcdn.errors import ConfigError, RcdnError
 
 @dataclass(frozen=True)
 class Architecture:
-    """Convolutions as (kernel, channels, stride), one after the other, ReLU between them.
+    """A sequence of convolutions (kernel, channels, stride) with ReLU between them.
 
     `cell`: side of the pixel block of one output position (1: a pixel; 4: 16 channels become 4×4 pixels).
-    `batch_norm`: after each convolution but the last; folded into it on export. `last_bias`: the last layer's, at the start.
+    `batch_norm`: batch normalisation after each convolution except the last; folded into it on export. `last_bias`:
+    initial bias of the last layer.
     """
 
     layers: tuple[tuple[int, int, int], ...]
@@ -29,7 +30,7 @@ class Architecture:
 
     @property
     def margins(self) -> tuple[int, int]:
-        """Pixels of context that the output needs before and after its own, per axis."""
+        """Pixels of context before and after the output's own pixels, per axis."""
         reach, step = 1, 1
         for kernel, _, stride in self.layers:
             reach += (kernel - 1) * step
@@ -39,7 +40,7 @@ class Architecture:
 
     @property
     def macs(self) -> float:
-        """Multiply–adds a pixel."""
+        """Multiply–adds per pixel."""
         total, channels, step = 0.0, 1, 1
         for kernel, out, stride in self.layers:
             step *= stride
@@ -65,7 +66,7 @@ ARCHITECTURES = {
     "F": _table("13-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
     "G": _table("13-32, 5-32, 3-32, 3-32, 1-32, 1-1"),
     "H": _table("13-32, 3-32, 3-32, 3-32, 3-32, 1-32, 1-1"),
-    # the last bias of Q says that corners are rare: its response is a sigmoid
+    # the last bias of Q encodes that corners are rare, since its response is a sigmoid
     "Q": Architecture(
         ((5, 16, 2), (3, 32, 2), *([(3, 32, 1)] * 5), (1, 16, 1)), cell=4, batch_norm=True, last_bias=-5.0
     ),
@@ -76,8 +77,8 @@ ARCHITECTURES = {
 class CornerNet(nn.Module):
     """(B, 1, H, W) normalised grey → (B, h, w) pre-activation of the response, h = H − sum(margins).
 
-    Convolutions take no padding of their own: the caller pads the picture (by reflection) with `architecture.margins`,
-    so that a tile and the whole give the same numbers. The paper's zero padding differs at the border only.
+    Convolutions are not padded: the caller pads the picture (by reflection) with `architecture.margins`, so that a tile
+    and the whole picture give the same results. The paper's zero padding differs at the border only.
     """
 
     def __init__(self, architecture: Architecture) -> None:
@@ -110,7 +111,7 @@ class CornerNet(nn.Module):
 
 
 def build(name: str, batch_norm: bool = False) -> CornerNet:
-    """The network called `name`, freshly initialised; with `batch_norm` trained with one, even if it has none of its own."""
+    """The network called `name`, with initial weights; `batch_norm` adds batch normalisation if it has none."""
     if name not in ARCHITECTURES:
         raise ConfigError(f"architecture must be one of {sorted(ARCHITECTURES)}, not {name!r}")
     arch = ARCHITECTURES[name]
@@ -118,11 +119,13 @@ def build(name: str, batch_norm: bool = False) -> CornerNet:
 
 
 def grow(student: CornerNet, teacher: CornerNet, noise: float = 0.01) -> list[nn.Parameter]:
-    """Give `student` the layers of `teacher`, and make its last but one of copies of the teacher's last; returns the teacher's parameters in it.
+    """Copy the layers of `teacher` into `student` and initialise its second-to-last layer by copies of the teacher's
+    last one; returns the student's parameters taken from the teacher.
 
-    Paper section 3.1: an extra 1×1 layer that fuses pretrained networks (A → B, E → F). How isn't said; here each channel of the last but one
-    layer is the teacher's answer with noise of `noise` on its weights, and the last takes their mean, so that the student starts as the
-    teacher. `teacher` without batch norms: `without_norms`. Raises ConfigError if the student isn't the teacher with a layer more.
+    Paper section 3.1: an extra 1×1 layer that fuses pretrained networks (A → B, E → F). The paper doesn't state how;
+    here each channel of the second-to-last layer is the teacher's output with noise of `noise` on its weights, and the
+    last layer computes their mean, so that the student initially equals the teacher. `teacher` must have no batch
+    normalisation (see `without_norms`). Raises ConfigError if the student isn't the teacher with one more layer.
     """
     *shared, last = teacher.architecture.layers
     kernel, _, stride = last
@@ -148,7 +151,7 @@ def grow(student: CornerNet, teacher: CornerNet, noise: float = 0.01) -> list[nn
 
 
 def folded(block: Any) -> tuple[Tensor, Tensor]:
-    """Weight and bias of a convolution with the batch norm behind it, if any, multiplied in."""
+    """Weight and bias of a convolution, with any batch normalisation that follows folded into them."""
     conv = block[0]
     weight, bias = conv.weight.detach().double(), conv.bias.detach().double()
     if len(block) > 1 and isinstance(block[1], nn.BatchNorm2d):
@@ -160,7 +163,7 @@ def folded(block: Any) -> tuple[Tensor, Tensor]:
 
 
 def without_norms(net: CornerNet) -> CornerNet:
-    """The same network in evaluation, its batch norms folded into the convolutions before them."""
+    """The same network for evaluation, its batch normalisation folded into the preceding convolutions."""
     plain = CornerNet(replace(net.architecture, batch_norm=False))
     with torch.no_grad():
         for mine, theirs in zip(plain.blocks, net.blocks, strict=True):
@@ -170,7 +173,7 @@ def without_norms(net: CornerNet) -> CornerNet:
 
 
 def load_average(net: CornerNet, path: Path) -> None:
-    """Give `net` the averaged weights of a checkpoint (last.pt). Raises RcdnError if there are none that fit it."""
+    """Load the averaged weights of a checkpoint (last.pt) into `net`. Raises RcdnError if there are none that fit."""
     try:
         net.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["ema"])
     except (OSError, EOFError, KeyError, TypeError, RuntimeError, pickle.UnpicklingError) as error:
@@ -178,12 +181,13 @@ def load_average(net: CornerNet, path: Path) -> None:
 
 
 def parameter_count(net: nn.Module) -> int:
-    """Numbers of the network as it is exported: weights and biases of its convolutions, batch norms folded into them."""
+    """Number of parameters of the exported network: weights and biases of its convolutions, with batch normalisation
+    folded in."""
     return sum(p.numel() for m in net.modules() if isinstance(m, nn.Conv2d) for p in m.parameters())
 
 
 def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
-    """The averaged weights of a training run, ready to evaluate, and what `run.json` says of it."""
+    """The network of a training run with its averaged weights, in evaluation mode, and the content of `run.json`."""
     report = read_report(folder)
     config = report["config"]
     net = build(config["architecture"], config.get("batch_norm") is True)
@@ -192,7 +196,7 @@ def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
 
 
 def read_report(folder: Path) -> dict[str, Any]:
-    """What `run.json` says of a run. Raises RcdnError if it isn't what `rcdn train` wrote."""
+    """The content of a run's `run.json`. Raises RcdnError if it wasn't written by `rcdn train`."""
     try:
         report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
         config, metrics = report["config"], report["metrics"]

@@ -1,4 +1,4 @@
-"""A cell network in whole numbers, tried against itself in floating point before it is exported. Needs no torch."""
+"""Quantisation of a cell network to 8 bits, validated against its floating-point form before export. Needs no torch."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ from rcdn.io import write_bytes, write_text
 from rcdn.validation import score_crop, summary, validation_set
 
 PICTURES = 100
-"""of the validation set"""
+"""number of pictures of the validation set"""
 PLAIN = 0.3
-"""responses above this count for the mean difference"""
+"""the mean difference is over pixels with responses above this"""
 BOUNDS = {"mean difference": 0.007, "largest difference": 0.06, "loss of F1": 0.005}
-"""with which 8-bit weights are exported; of the shipped ones .0047, .033 and .0013"""
+"""largest values at which 8-bit weights are exported; those of the shipped weights are .0047, .033 and .0013"""
 
 
 def quantised(model: ResponseModel) -> tuple[bytes, dict[str, Any]] | None:
-    """The 8-bit weights of a network as a file's content, and what its .json says of them; None if it isn't for the kernel, or without ranges.
+    """The 8-bit weights of a network as the content of a file, and their entry in its .json; None if the kernel doesn't
+    support the network, or if its ranges are unknown.
 
-    Raises RcdnError where its responses differ too much from those in floating point, by ONNX Runtime, over pictures of the validation set.
+    Raises RcdnError if its responses differ too much from those in floating point, by ONNX Runtime, over pictures of
+    the validation set.
     """
     network = CellNetwork.of(read_graph(model.onnx), model.facts.get("ranges"))
     if network is None:
@@ -48,7 +50,7 @@ def quantised(model: ResponseModel) -> tuple[bytes, dict[str, Any]] | None:
 
 
 def compare(model: ResponseModel, pictures: int = PICTURES) -> dict[str, Any]:
-    """What the compiled kernel's 8-bit weights change of the responses in floating point."""
+    """Differences between the responses of the compiled kernel with 8-bit weights and those in floating point."""
     gaps, largest, scores = [], 0.0, ([], [])  # type: ignore[var-annotated]
     for image, corners in validation_set(pictures):
         whole, known = model(image, 1), model.by_onnx_runtime(image, 1)
@@ -58,7 +60,7 @@ def compare(model: ResponseModel, pictures: int = PICTURES) -> dict[str, Any]:
         for score, response in zip(scores, (whole, known), strict=True):
             score.append(score_crop(response, corners))
     ours, theirs = (summary(score)["f1"] for score in scores)
-    mean = float(np.concatenate(gaps).mean()) if sum(map(len, gaps)) else float("nan")  # no response is no network
+    mean = float(np.concatenate(gaps).mean()) if sum(map(len, gaps)) else float("nan")  # NaN fails the bounds
     return {
         "pictures": pictures,
         "mean difference": round(mean, 5),
@@ -69,9 +71,11 @@ def compare(model: ResponseModel, pictures: int = PICTURES) -> dict[str, Any]:
 
 
 def store(path: Path) -> dict[str, Any]:
-    """Write the 8-bit weights of an exported network, an .onnx file with its .json, beside it; returns what its .json now says of them.
+    """Write the 8-bit weights of an exported network (an .onnx file with its .json) beside it; returns their new entry
+    in the .json.
 
-    Raises RcdnError, and writes nothing, if there is no such network, if the kernel doesn't know it, or if they differ too much.
+    Raises RcdnError, and writes nothing, if there is no such network, if the kernel doesn't support it, or if the
+    responses differ too much.
     """
     sidecar = path.with_suffix(".json")
     if path.suffix != ".onnx" or not sidecar.is_file():
@@ -92,6 +96,6 @@ def store(path: Path) -> dict[str, Any]:
 
 
 def sidecar_text(facts: dict[str, Any]) -> str:
-    """What a .json beside a network holds: lists of numbers take a line each."""
+    """Text of the .json beside a network, with each list of numbers on one line."""
     text = json.dumps(facts, indent=1) + "\n"
     return re.sub(r"\[\s+([-+.\deE,\s]+?)\s+\]", lambda found: f"[{' '.join(found[1].split())}]", text)

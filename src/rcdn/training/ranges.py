@@ -1,4 +1,4 @@
-"""How large the hidden layers' values become on rendered pictures: what inference in whole numbers must know."""
+"""Ranges of the hidden layers' values on rendered pictures, which quantised inference needs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from rcdn.synthetic import PRESETS, random_crop
 COUNT, SIZE, FIRST = 400, 240, 8_000_000
 """pictures, their side in px, and the first seed"""
 LEAST = 1e-3
-"""of a channel that is never used"""
+"""range of a channel that is never active"""
 
 Layer = tuple[Tensor, Tensor, int]
 """weights (outputs, inputs, k, k), biases (outputs,), stride"""
 
 
 def ranges(layers: Sequence[Layer], normalisation: str, preset: str) -> list[list[float]]:
-    """Largest value of each channel after each hidden layer (convolution and ReLU), over rendered crops with the ranges called `preset`."""
+    """Largest value of each channel after each hidden layer (convolution and ReLU), over crops rendered with the ranges
+    called `preset`."""
     top = [torch.full((len(bias),), LEAST) for _, bias, _ in layers[:-1]]
     with torch.no_grad():
         for seed in range(FIRST, FIRST + COUNT):

@@ -1,4 +1,4 @@
-"""Training data: a pool of rendered crops, kept on disk, and random batches drawn from it."""
+"""Training data: a pool of rendered crops, stored on disk, and random batches drawn from it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LIMITS = {"count": (1, 10**8), "size": (1, 10_000), "seed": (0, 10**9)}
 class PoolConfig:
     """`count` crops of `size` px with the ranges called `ranges`.
 
-    `backgrounds`: a folder of photographs without boards, or '' for drawn clutter only.
+    `backgrounds`: a folder of photographs without boards, or '' for synthetic clutter only.
     """
 
     count: int = 40_000
@@ -99,12 +99,12 @@ def _render_chunk(config: PoolConfig, numbers: range, path: Path) -> Path:
         labels[k, : len(label)] = label[:MOST_LABELS]
     data = io.BytesIO()
     np.savez(data, images=images, labels=labels)
-    write_bytes(path, data.getvalue())  # whole: two trainings may render one pool, and any may be killed
+    write_bytes(path, data.getvalue())  # atomically: two trainings may render one pool, and either may be killed
     return path
 
 
 def pool_folder(config: PoolConfig, root: Path) -> Path:
-    """Where a pool of these settings is kept."""
+    """The folder of the pool with these settings."""
     key = hashlib.sha256(json.dumps(dataclasses.asdict(config), sort_keys=True).encode()).hexdigest()[:12]
     return root / f"pool-{key}"
 
@@ -112,10 +112,10 @@ def pool_folder(config: PoolConfig, root: Path) -> Path:
 def make_pool(
     config: PoolConfig, root: Path, workers: int | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Pool:
-    """Render what is missing of the pool (a killed run goes on where it stopped) and load it.
+    """Render the missing chunks of the pool (a killed run continues where it stopped) and load it.
 
-    `workers`: processes, None = one a core; the pool doesn't depend on it. `progress` gets (chunks done, all chunks).
-    Raises ConfigError if something is to be rendered and the folder of backgrounds holds no picture.
+    `workers`: processes, None = one per core; the pool doesn't depend on it. `progress` is called with (chunks done,
+    all chunks). Raises ConfigError if chunks must be rendered and the folder of backgrounds contains no picture.
     """
     folder = pool_folder(config, root)
     folder.mkdir(parents=True, exist_ok=True)
@@ -128,7 +128,7 @@ def make_pool(
             progress(done, len(chunks))
     images = np.empty((config.count, config.size, config.size), np.uint8)
     labels = np.empty((config.count, MOST_LABELS, 3), np.float32)
-    for path, numbers in chunks.items():  # one by one: the pool is in memory once
+    for path, numbers in chunks.items():  # one by one, so that the pool is in memory only once
         with np.load(path) as part:
             images[numbers.start : numbers.stop] = part["images"]
             labels[numbers.start : numbers.stop] = part["labels"]
@@ -136,22 +136,22 @@ def make_pool(
 
 
 def _render(config: PoolConfig, todo: list[tuple[range, Path]], workers: int | None) -> Iterator[Path]:
-    """Each chunk of `todo` once it is on the disk. A single one is rendered here."""
+    """Yields the path of each chunk of `todo` once it is on the disk. A single chunk is rendered in this process."""
     if not todo:
         return
-    backgrounds = load_backgrounds(config.backgrounds)  # a wrong folder is told here, not by a dead worker
+    backgrounds = load_backgrounds(config.backgrounds)  # reports a wrong folder here, not in a worker
     if len(todo) == 1 or workers == 1:
         _backgrounds[:] = backgrounds
         yield from (_render_chunk(config, numbers, path) for numbers, path in todo)
         _backgrounds.clear()
         return
-    spawn = multiprocessing.get_context("spawn")  # a forked worker would inherit threads that are not there, and hang
+    spawn = multiprocessing.get_context("spawn")  # a forked worker would lack the parent's threads and hang
     with ProcessPoolExecutor(workers, spawn, initializer=_start_worker, initargs=(config.backgrounds,)) as executor:
         yield from executor.map(_render_chunk, repeat(config), *zip(*todo, strict=True))
 
 
 def _turned(image: Array, labels: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """One of the eight symmetries of the square, and perhaps the negative."""
+    """The sample under a random one of the eight symmetries of the square, inverted with probability ½."""
     n = image.shape[0] - 1
     xy = labels[:, :2].copy()
     if rng.random() < 0.5:
@@ -166,20 +166,20 @@ def _turned(image: Array, labels: Array, rng: np.random.Generator) -> tuple[Arra
 
 
 def draw(pool: Pool, index: int, side: int, kind: str, rng: np.random.Generator) -> tuple[Array, Array]:
-    """One sample: a random `side`² window of a crop, turned; normalised grey float32 and its labels."""
+    """One sample: a random `side`² window of a crop under a random symmetry; normalised grey float32 and its labels."""
     labels = pool.labels[index]
     labels = labels[np.isfinite(labels[:, 0])]
     image, labels = _turned(pool.images[index], labels, rng)
     x, y = rng.integers(0, image.shape[0] - side + 1, 2)
     grey = normalise(np.ascontiguousarray(image), kind)[y : y + side, x : x + side]
-    if kind == "minmax" and rng.random() < 0.7:  # a crop of a picture seldom spans the picture's whole range
+    if kind == "minmax" and rng.random() < 0.7:  # a crop seldom spans its picture's whole range
         span = rng.uniform(0.65, 1.0)
         grey = grey * np.float32(span) + np.float32(rng.uniform(0, 1 - span))
     return grey, labels - [x, y, 0]
 
 
 def targets(labels: list[Array], shape: tuple[int, int], ring: bool) -> Targets:
-    """Label maps of a batch; `labels` in output pixels. `ring`: the 8 neighbours of a corner carry no loss."""
+    """Label maps of a batch; `labels` in output pixels. `ring`: exclude the 8 neighbours of a corner from the loss."""
     h, w = shape
     positive = np.zeros((len(labels), h, w), bool)
     weight, heat = np.ones((len(labels), h, w), np.float32), np.zeros((len(labels), h, w), np.float32)
@@ -207,7 +207,7 @@ def batch(
 ) -> tuple[Tensor, Targets]:
     """Batch of `size` windows of `side` px.
 
-    A function of its arguments alone, so that a resumed run sees what the first would have.
+    It depends on its arguments only, so that a resumed run gets the same batches as an uninterrupted one.
     """
     rng = np.random.default_rng(seed)
     chosen = [draw(pool, int(i), side, kind, rng) for i in rng.integers(0, len(pool), size)]
@@ -218,7 +218,7 @@ def batch(
 
 
 class Batches(torch.utils.data.IterableDataset):
-    """Batches `start`, `start` + 1, … for a loader; worker k of n gives every n-th."""
+    """Batches `start`, `start` + 1, … for a data loader; worker k of n yields every n-th batch, from the k-th on."""
 
     def __init__(self, make: Callable[[int], tuple[Tensor, Targets]], start: int, stop: int) -> None:
         self.make, self.start, self.stop = make, start, stop

@@ -1,4 +1,4 @@
-"""How good a network is on fixed rendered crops that training never sees."""
+"""Scores of a network on fixed rendered crops that are not used in training."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rcdn.validation import score_crop, summary, validation_set
 
 
 def torch_response(net: Any, image: Array, loss: str, kind: str) -> Array:
-    """Response map (H, W) of a picture, by torch, padded by reflection as inference does it."""
+    """Response map (H, W) of a picture, by torch, with the same padding by reflection as in inference."""
     before, after = net.architecture.margins
     h, w = image.shape
     cell = net.architecture.cell
@@ -31,9 +31,10 @@ def torch_response(net: Any, image: Array, loss: str, kind: str) -> Array:
 
 
 def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict[str, float]:
-    """What `validation.summary` says of a network on the hard validation set, or on the crops of `overfit`.
+    """`validation.summary` of a network on the hard validation set, or on the crops of `overfit`.
 
-    A network that learns deltilles is judged by windows of the ranges that it learns from: X-corners are none of its.
+    A network for deltilles is evaluated on crops with the ranges of its training data, since it must not respond to
+    X-corners.
     """
     net.eval()
     samples: Any

@@ -1,4 +1,4 @@
-"""Values that pass between the stages. Frozen; arrays have the stated shapes.
+"""Data types that are passed between the stages. All are frozen; arrays have the stated shapes.
 
 Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forward; arrays end in (x, y).
 """

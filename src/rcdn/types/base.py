@@ -1,4 +1,4 @@
-"""What all values share: arrays of a stated shape that nobody can change."""
+"""Common base of the data types: read-only arrays of a stated shape."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Array = NDArray[Any]
 
 
 MOST = 100_000_000
-"""numbers in an array of a value"""
+"""largest number of elements in an array of a value"""
 
 
 class Value:
-    """Base of values that hold arrays: nobody can change those of a copy or of what was pickled, either."""
+    """Base class of values with arrays: the arrays stay read-only in copies and after unpickling."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for part in state.values():
@@ -27,9 +27,10 @@ class Value:
 
 
 def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ...], within: float = np.inf) -> None:
-    """Set `owner.name` to `value` as an array of `dtype` and shape (N, *tail) that nobody can change; NaN may be in it.
+    """Set `owner.name` to `value` as a read-only array of `dtype` and shape (N, *tail); NaN is allowed.
 
-    Raises RcdnError for another shape, for what holds no numbers of that type, and for numbers beyond ±`within`.
+    Raises RcdnError for another shape, for elements that can't be converted to `dtype`, and for numbers beyond
+    ±`within`.
     """
     called = f"{type(owner).__name__}.{name}"
     array = _numbers(value, np.dtype(dtype), called)
@@ -44,7 +45,7 @@ def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ..
 
 
 def shape_of(value: Any, called: str) -> tuple[int, ...]:
-    """The shape of what is an array or can become one. Raises RcdnError for rows of unequal length."""
+    """The shape of `value`, an array or convertible to one. Raises RcdnError for rows of unequal length."""
     try:
         return np.shape(value)
     except (ValueError, TypeError, RecursionError) as error:
@@ -52,15 +53,15 @@ def shape_of(value: Any, called: str) -> tuple[int, ...]:
 
 
 def _beyond(array: Array, within: float) -> bool:
-    """Is any number beyond ±`within`?"""
+    """Whether any element is beyond ±`within`."""
     high = array.max()
-    if np.isnan(high):  # NaN hides the largest and the smallest
+    if np.isnan(high):  # with a NaN, `max` and `min` are NaN
         return bool((np.abs(array) > within).any())
     return bool(high > within or array.min() < -within)
 
 
 def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
-    """A copy of `value` with every number unchanged, as a plain array of native byte order."""
+    """A copy of `value` as a plain array of native byte order, with every number unchanged."""
     if type(value) is np.ndarray and value.dtype == dtype and value.size <= MOST:
         return value.copy()
     if np.ma.is_masked(value):

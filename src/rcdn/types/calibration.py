@@ -1,4 +1,4 @@
-"""What a calibration gives: the camera, how far to trust it, and what became of every board."""
+"""Result of a calibration: the camera, its uncertainty, and the use of every board."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ LEVELS: tuple[Level, ...] = ("good", "fair", "unsure", "bad")
 
 @dataclass(frozen=True, eq=False)
 class BoardView(Value):
-    """One board in one picture, as a calibration saw it.
+    """One board in one picture, as used in a calibration.
 
     `name` of the picture; `board` its number there (0: the largest). `ij` (M, 2) labels, in the whole board if they are
-    `settled`, else in the part that was seen; `xy` (M, 2) px; `sigma` (M,) px of the detection, NaN where unknown.
-    `pose`: T_cam_board, metres, or None if none was found. `residuals` (M, 2) observed − projected, px (NaN without a pose);
-    `used` (M,) bool, corners that the calibration rests on; `reason`: why the whole view was left out, "" if it wasn't.
-    `target`: what the board's codes say, None of a plain one, and `ids` (M,) the corners' numbers there, −1 where unknown. Labels count on its
-    `plane` (None: unknown, as of files written before), whose sides are `spacing` m (None: the calibration's).
+    `settled`, else in the visible part; `xy` (M, 2) px; `sigma` (M,) standard deviation of the detection, px, NaN where
+    unknown.
+    `pose`: T_cam_board, metres, or None if none was found. `residuals` (M, 2) observed − projected, px (NaN without a
+    pose); `used` (M,) bool, corners used by the calibration; `reason`: why the whole view was excluded, "" if it
+    wasn't.
+    `target`: the target identified by the board's codes, None for a plain board, and `ids` (M,) the corners' numbers on
+    it, −1 where unknown. Labels refer to the board's `plane` (None: unknown, as in files of earlier versions) with
+    sides of `spacing` m (None: the calibration's).
     """
 
     name: str
@@ -72,13 +75,14 @@ class BoardView(Value):
 
     @property
     def rms(self) -> float:
-        """Reprojection error of the used corners (of all, in a view left out), px; NaN without a pose."""
+        """Reprojection error of the used corners (of all corners in an excluded view), px; NaN without a pose."""
         return _rms(self.residuals[self.used] if self.used.any() else self.residuals)
 
 
 @dataclass(frozen=True)
 class ModelScore:
-    """How one lens model did: `rms` of the calibration and `held_out`, of pictures it wasn't calibrated from, px (NaN: not tried)."""
+    """Scores of one lens model: `rms`, the calibration's reprojection error, and `held_out`, that of pictures which the
+    calibration didn't use, px (NaN: not evaluated)."""
 
     model: str
     rms: float
@@ -87,9 +91,10 @@ class ModelScore:
 
 @dataclass(frozen=True)
 class Reason:
-    """One thing that a verdict rests on: `key` names the check, `what` says what was measured, `value` in `unit` (`px`, `°`, a
-    `share` of 1, …) and the `limit` that puts it into `level`: the one that it meets if `good`, else the one that it misses. NaN: nothing to measure.
-    `sentence`: what was found, or what is wrong; `action`: what to do about it, "" if nothing need be done."""
+    """One check behind a verdict: `key` names the check, `what` the measured quantity; `value` in `unit` (`px`, `°`, a
+    `share` of 1, …) and the `limit` that determines `level`: the limit it meets if `good`, else the one it fails
+    to meet. NaN: no measurement is possible. `sentence`: the finding; `action`: the recommended action, "" if none is
+    needed."""
 
     key: str
     level: Level
@@ -103,8 +108,8 @@ class Reason:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether to use a calibration: `good`: use it; `fair`: usable with care; `unsure`: something that the numbers can't vouch for; `bad`: don't.
-    `reasons`: every check that was made, the gravest first; `level` is that of the first."""
+    """Whether to use a calibration: `good`: use it; `fair`: usable with care; `unsure`: the data can't confirm some
+    aspect of it; `bad`: don't use it. `reasons`: all checks, the most severe first; `level` is that of the first."""
 
     level: Level
     reasons: tuple[Reason, ...] = ()
@@ -115,22 +120,25 @@ class Verdict:
 
     @property
     def against(self) -> tuple[Reason, ...]:
-        """The reasons that speak against the calibration."""
+        """The checks with a level other than `good`."""
         return tuple(r for r in self.reasons if r.level != "good")
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Value):
-    """A camera with all that tells how far to trust it.
+    """A camera with its uncertainty and the data it was calibrated from.
 
-    `camera`; `spacing` m; `views`: every board, those left out too, in the order of the input. `cov` (P + 6, P + 6): covariance of the P
-    `camera.parameters` and of the boards' mean small motion (rotation vector, rad, and translation, m, in camera axes), which projection
-    uncertainty needs. `noise`: px that the corners scatter along one axis beyond their sigma. `models`: the lens models that were compared,
-    the chosen one first; its `held_out` is k-fold: calibrate from the others, then solve only poses. `shape` of the board, None if it was
-    taken as perfect. `size` (columns, rows) of the board in inner corners and its `orientation`; None if the views don't settle it.
-    `target`: what its codes say, None of a plain board. Where views show several targets, `spacing`, `size`, `orientation`, `shape` and
-    `target` are those of the one that most of them show. `advice`: sentences for the person with the camera, gravest first: what the
-    `verdict` found, and notes that are no judgement. `verdict`: None until it is judged.
+    `camera`; `spacing` m; `views`: all boards in the order of the input, including excluded ones. `cov` (P + 6, P + 6):
+    covariance of the P `camera.parameters` and of the boards' mean small motion (rotation vector, rad, and translation,
+    m, in camera axes), which projection uncertainty needs. `noise`: standard deviation of the corners along one axis in
+    excess of their sigma, px. `models`: the lens models that were compared, the chosen one first; `held_out` is by
+    k-fold cross-validation: the camera is calibrated from the other folds, then only poses are solved. `shape` of the
+    board, None if it was assumed to be perfect. `size` (columns, rows) of the board in inner corners and its
+    `orientation`; None if the views don't determine it. `target`: the target identified by the board's codes, None for
+    a plain board. If the views show several targets, `spacing`, `size`, `orientation`, `shape` and `target` are those
+    of the target that most views show. `advice`: sentences for the user, the most severe first: the findings of the
+    `verdict`, then neutral notes.
+    `verdict`: None before the checks were made.
     """
 
     camera: Camera
@@ -178,34 +186,36 @@ class Calibration(Value):
 
     @property
     def held_out(self) -> float:
-        """Reprojection error of views that the camera was not calibrated from, px; NaN where there were too few."""
+        """Reprojection error of views not used for the calibration, px; NaN if there were too few."""
         return self.models[0].held_out if self.models else float("nan")
 
     @property
     def used_views(self) -> tuple[BoardView, ...]:
-        """The views that the calibration rests on."""
+        """The views used by the calibration."""
         return tuple(v for v in self.views if not v.reason)
 
     @property
     def left_out(self) -> tuple[BoardView, ...]:
-        """The views left out, each with its `reason`."""
+        """The excluded views, each with its `reason`."""
         return tuple(v for v in self.views if v.reason)
 
     @property
     def outliers(self) -> int:
-        """Corners left out of views that were used."""
+        """Number of excluded corners in the used views."""
         return int(sum((~v.used).sum() for v in self.used_views))
 
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration(Value):
-    """Two cameras and where they stand.
+    """Two cameras and their relative pose.
 
-    `left`, `right`: their calibrations after the joint solution, with views in the same order (pair k is `left.views[k]` and
-    `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov` (6, 6) of a small motion after it
-    (rotation vector, rad; translation, m). `rms` reprojection error of both, px; `epipolar` root mean square distance of the corners from
-    their epipolar lines, px, over both pictures (NaN if none was seen by both). Rectification, as OpenCV names it: `R_left`, `R_right` (3,
-    3), `P_left`, `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as of a `Calibration`, of the pair and of each camera.
+    `left`, `right`: their calibrations after the joint solution, with views in the same order (pair k is
+    `left.views[k]` and `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov`
+    (6, 6): covariance of a small motion applied after it (rotation vector, rad; translation, m). `rms` reprojection
+    error of both, px; `epipolar` root mean square distance of the corners from their epipolar lines, px, over both
+    pictures (NaN if no corner was seen by both). Rectification, with OpenCV's names: `R_left`, `R_right` (3, 3),
+    `P_left`, `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as in `Calibration`, for the pair and for each
+    camera.
     """
 
     left: Calibration
@@ -249,7 +259,7 @@ def _level(verdict: Verdict | None) -> str:
 
 
 def _verdict_html(title: str, verdict: Verdict | None) -> str:
-    """The verdict with what speaks against the calibration."""
+    """HTML of the verdict with the checks that were not `good`."""
     against = () if verdict is None else verdict.against
     head = paragraph(f"{title}: {_level(verdict)}", None if verdict is None else verdict.level)
     return head + "".join(paragraph(f"{reason.sentence} {reason.action}".strip()) for reason in against)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from rcdn.errors import RcdnError, shown
 from rcdn.provided import camera_work
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
@@ -27,7 +27,7 @@ LENS = {
     "fisheye": ("k1", "k2", "k3", "k4"),
     "division": ("lambda",),
 }
-"""names of the distortion's numbers, in OpenCV's order"""
+"""names of the distortion coefficients, in OpenCV's order"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Camera(Value):
     `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a
     denominator for `rational`; Kannala–Brandt k1..k4 for `fisheye` (OpenCV's fisheye); one number λ for `division`:
     undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal lengths, so that λ < 0 is a barrel
-    (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers. `correction`: what the lens does beyond the model,
-    added to the distorted point, in focal lengths; not for `division`.
+    distortion (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers. `correction`: deviation of
+    the lens from the parametric model, added to the distorted point, in focal lengths; not for `division`.
     """
 
     K: Array
@@ -78,7 +78,8 @@ class Camera(Value):
 
     @property
     def parameters(self) -> Array:
-        """(`coefficients` [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control points, flat."""
+        """(`coefficients` [+ 2·rows·columns],) fx, fy, cx, cy, px, the distortion, then the correction's control
+        points, flat."""
         K = self.K
         core = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], self.distortion])
         return core if self.correction is None else np.concatenate([core, self.correction.control.ravel()])
@@ -94,53 +95,62 @@ class Camera(Value):
         core = ("fx", "fy", "cx", "cy", *LENS[self.model][: len(self.distortion)])
         return core if self.correction is None else core + self.correction.names
 
-    def project(self, points: ArrayLike, pose: Pose | None = None) -> Float[Array, "... 2"]:
-        """Pixels (..., 2) of points (..., 3) in camera coordinates, or on a board that stands at `pose`; NaN where the camera sees nothing.
+    def project(self, points: ArrayLike, pose: Pose | None = None) -> Real[Array, "... 2"]:
+        """Pixels (..., 2) of points (..., 3) in camera coordinates, or in those of a board at `pose`; NaN for points
+        that the camera can't see.
 
         Raises RcdnError for points of another shape.
         """
         return _work().project(self, _rows_of(points, 3, "points"), pose)
 
-    def unproject(self, xy: ArrayLike) -> Float[Array, "... 3"]:
-        """Viewing rays (..., 3) in camera coordinates of pixels (..., 2): of unit z, of `fisheye` and `division` cameras of unit length; NaN
-        where the lens model has none. Raises RcdnError for pixels of another shape."""
+    def unproject(self, xy: ArrayLike) -> Real[Array, "... 3"]:
+        """Viewing rays (..., 3) of pixels (..., 2), in camera coordinates, of unit z (`fisheye` and `division`: unit
+        length); NaN where the lens model can't be inverted. Raises RcdnError for pixels of another shape."""
         return _work().unproject(self, _rows_of(xy, 2, "xy"))
 
     def undistorted(self, balance: float = 0.0) -> Camera:
-        """The pinhole camera of the same size that `undistort` makes pictures of. `balance` 0: all of its pixels were seen; 1: it shows all
-        that this camera saw, up to 55° off its axis. Raises RcdnError for a `balance` outside of 0..1."""
+        """The pinhole camera, of the same size, of the pictures that `undistort` returns. `balance` 0: it has no empty
+        pixels; 1: it shows all that this camera saw, up to 55° from its optical axis. Raises RcdnError for a `balance`
+        outside of 0..1."""
         return _work().undistorted(self, balance)
 
     def undistort(self, image: Any, balance: float = 0.0) -> Array:
-        """`image`, an array (H, W) or (H, W, channels) of 8 or 16 bits or floats or a PIL image, as the camera `undistorted(balance)` would have
-        taken it; what nobody saw is 0. The maps of the last camera are kept for its next picture.
+        """`image`, an array (H, W) or (H, W, channels) of 8 or 16 bits or floats or a PIL image, resampled to the
+        camera `undistorted(balance)`; pixels that this camera didn't see are 0. The maps of the last camera are cached
+        for its next picture.
 
-        Raises ImageError for what isn't such a picture, RcdnError for another size than the camera's `image_size`.
+        Raises ImageError for anything that isn't such a picture, RcdnError for a size other than the camera's
+        `image_size`.
         """
         return _work().undistort(self, image, balance)
 
     def undistortion_maps(self, balance: float = 0.0) -> tuple[Array, Array]:
-        """Where each pixel of `undistorted(balance)` comes from: map_x, map_y (H, W) float32, px, as `cv2.remap` takes them."""
+        """Source position of each pixel of `undistorted(balance)`: map_x, map_y (H, W) float32, px, as `cv2.remap`
+        takes them."""
         return _work().undistortion_maps(self, balance)
 
     def save(self, path: str | Path, format: str | None = None) -> str | None:
-        """Write a file that other programs read: `opencv`, `ros`, `kalibr`, `colmap`, `mrcal` or `json`, else as the name ends (docs/formats.md).
+        """Write a file for other programs in the `format` `opencv`, `ros`, `kalibr`, `colmap`, `mrcal` or `json`; by
+        default the format follows from the ending of the name (docs/formats.md).
 
-        Returns what the file holds only nearly, of a camera with a `correction`, else None. Raises FormatError for a name that tells no format, and
-        where the format can't hold the lens; OutputError where the file can't be written.
+        Returns a note of what the file represents only approximately, for a camera with a `correction`, else None.
+        Raises FormatError for a name that doesn't determine a format, and if the format can't represent the lens;
+        OutputError if the file can't be written.
         """
         return _work().save(self, path, format) or None
 
     @staticmethod
     def load(path: str | Path, name: str | None = None, format: str | None = None) -> Camera:
-        """Read a camera from a file of any of the formats of `save`, which is told by what is in it, or from a calibration saved as JSON.
+        """Read a camera from a file in any format of `save`, recognised by its content, or from a calibration saved as
+        JSON.
 
-        `name`: which camera of a file with several. Raises FormatError, which names the file, the field and the fix.
+        `name`: the camera's name in a file with several. Raises FormatError, which names the file, the field and the
+        fix.
         """
         return _work().load(path, name, format)
 
     def with_parameters(self, parameters: Array) -> Camera:
-        """A camera of the same model, size, skew and grid of the correction whose `parameters` are these."""
+        """A camera with these `parameters`, and the same model, size, skew and grid of the correction."""
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
         K = np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]])
         if self.correction is None:
@@ -151,7 +161,7 @@ class Camera(Value):
 
 
 class CameraWork(Protocol):
-    """What the methods of `Camera` need of floors above this one."""
+    """Interface of the implementation of the methods of `Camera`, which lives in higher packages."""
 
     def project(self, camera: Camera, points: Array, pose: Pose | None) -> Array: ...
     def unproject(self, camera: Camera, xy: Array) -> Array: ...
@@ -199,24 +209,25 @@ class Pose(Value):
         return f"t ({x:.5g}, {y:.5g}, {z:.5g}), turned by {np.degrees(np.arccos(cosine)):.1f}°"
 
     @property
-    def R(self) -> Float[Array, "3 3"]:
+    def R(self) -> Real[Array, "3 3"]:
         """(3, 3) rotation."""
         return self.T_cam_board[:3, :3]
 
     @property
-    def t(self) -> Float[Array, " 3"]:
+    def t(self) -> Real[Array, " 3"]:
         """(3,) translation, in the board's unit."""
         return self.T_cam_board[:3, 3]
 
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate(Pose):
-    """A pose with how far to trust it.
+    """A pose with its uncertainty.
 
-    `cov` (6, 6) of a small motion after the pose, (rotation vector, rad, in camera axes; translation, board's unit);
-    `rms` reprojection error, px; `residuals` (M, 2) observed − projected, px, NaN where the camera can't see. `other`: the second
-    pose that a flat board allows, or None; `ambiguous`: the picture doesn't tell which of the two is right. `T_cam_target` (4, 4): of a board
-    whose codes were read the same pose in the coordinates of its target's own tools (docs/conventions.md); None of a plain one.
+    `cov` (6, 6): covariance of a small motion applied after the pose (rotation vector, rad, in camera axes;
+    translation, board's unit); `rms` reprojection error, px; `residuals` (M, 2) observed − projected, px, NaN where the
+    camera can't see the point. `other`: the second solution for the pose of a planar board, or None; `ambiguous`: the
+    picture doesn't determine which of the two is right. `T_cam_target` (4, 4): for a board whose codes were read, the
+    same pose in the coordinates of its target's own tools (docs/conventions.md); None for a plain board.
     """
 
     cov: Array

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from rcdn.errors import RcdnError, shown
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.plane import Pattern, Plane
 from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
@@ -23,20 +23,20 @@ Orientation = Literal["unique", "ambiguous_180", "ambiguous_90", "ambiguous_120"
 
 
 class Status(IntEnum):
-    """What is known of a corner's position."""
+    """Status of a corner's position."""
 
     REFINED = 0
     """The refinement converged; xy is sub-pixel."""
     SEED = 1
-    """The refinement failed; xy is its seed, unchanged."""
+    """The refinement failed; xy is its initial guess, unchanged."""
     LOW_CONFIDENCE = 2
     """Refined, but the response was below the usual threshold."""
     COMPLETED = 3
-    """Refined, and found because its board predicted it."""
+    """Refined, and detected at a position that its board predicted."""
 
 
 LAST = int(max(Status))
-"""the largest of them"""
+"""largest value of `Status`"""
 
 
 def _freeze_status(owner: Any) -> None:
@@ -50,7 +50,7 @@ class Corners(Value):
     """X-corners of one image, sorted by response (falling), then x, then y.
 
     `xy` (N, 2) px; `response` (N,); `axes` (N, 2) the two edge directions, radians in [0, π), or None;
-    `status` (N,) values of `Status`; `sigma` (N,) standard deviation, px, or None where nothing estimates it.
+    `status` (N,) values of `Status`; `sigma` (N,) standard deviation, px, or None if not estimated.
     """
 
     xy: Array
@@ -92,15 +92,15 @@ class Corners(Value):
 
 @dataclass(frozen=True, eq=False)
 class Board(Value):
-    """One recovered grid in one image. Labels are relative to the part that was seen.
+    """One recovered grid in one image. Labels are relative to the visible part.
 
     `xy` (M, 2) px; `ij` (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image
-    (columns × rows like x × y). `image_size` (width, height) px. `complete`: every label of the bounding grid is there.
-    `orientation`: whether colours settle which corner is (0, 0); see docs/conventions.md.
-    `response` (M,), `status` (M,) as in `Corners`. `pattern`: of a `deltille`, i and j run along two edges of a triangle, 60° apart, and
-    nothing says where the board ends: it is never `complete`; of an `aprilgrid` they
-    count the tags' corners, two a tag. `target`, `ids` (M,): the coded target that was read, and the corners' numbers as
-    that target's own tools count them; `ij` is then the place on the target. Both None of a plain board.
+    (columns × rows like x × y). `image_size` (width, height) px. `complete`: no label of the bounding grid is missing.
+    `orientation`: whether the colours determine which corner is (0, 0); see docs/conventions.md.
+    `response` (M,), `status` (M,) as in `Corners`. `pattern`: for a `deltille`, i and j run along two edges of a
+    triangle, 60° apart, and the extent of the board is unknown, so that it is never `complete`; for an `aprilgrid` they
+    count the tags' corners, two per tag. `target`, `ids` (M,): the coded target that was read, and the corners' numbers
+    as counted by that target's own tools; `ij` is then the position on the target. Both are None for a plain board.
     """
 
     xy: Array
@@ -162,17 +162,18 @@ class Board(Value):
 
     @property
     def complete(self) -> bool:
-        """True if no label of the bounding grid is missing; False of a deltille."""
+        """True if no label of the bounding grid is missing; False for a deltille."""
         return self.pattern != "deltille" and len(self) == self.size[0] * self.size[1]
 
     @property
     def plane(self) -> Plane:
-        """The printed plane that the labels count on; without a gap if the board is one of tags that were not read."""
+        """The printed plane of the labels; without a gap for a board of tags that were not read."""
         return Plane(self.pattern, self.target.gap if isinstance(self.target, AprilGrid) else None)
 
     @property
-    def points(self) -> Float[Array, "m 2"]:
-        """(M, 2) where the corners lie on the board, in squares (edges of a deltille's triangles, sides of tags); see `plane_points`."""
+    def points(self) -> Real[Array, "m 2"]:
+        """(M, 2) positions of the corners on the board, in squares (edges of a deltille's triangles, sides of tags);
+        see `plane_points`."""
         return self.plane.points(self.ij)
 
     def grid(self) -> Array:
@@ -184,10 +185,11 @@ class Board(Value):
         return out
 
     def grid_of(self, size: tuple[int, int]) -> Array | None:
-        """`grid()` as a board of `size` (columns, rows), turned a quarter if that makes it fit; None if the board has another size.
+        """`grid()` as a board of `size` (columns, rows), rotated by 90° if needed to fit; None if the board has another
+        size.
 
-        Never mirrored; a deltille isn't turned. Of the two quarter turns it takes the one that leaves the square inside (0, 0) its colour, so that an
-        unambiguous board stays so.
+        It is never mirrored, and a deltille isn't rotated. Of the two rotations by 90°, the one that preserves the
+        colour of the square inside (0, 0) is used, so that an unambiguous board remains unambiguous.
         """
         grid = self.grid()
         if self.size == tuple(size):
@@ -200,7 +202,8 @@ class Board(Value):
 
 
 def usual_size(boards: Iterable[Board]) -> tuple[int, int] | None:
-    """The most frequent size of complete boards, upright and turned counted together (given as most lie); of equals the larger.
+    """The most frequent size of complete boards; a size and its transpose are counted together, and the more frequent
+    of the two is returned. Among equally frequent sizes, the largest.
 
     None if no board is complete.
     """

@@ -1,4 +1,4 @@
-"""What a lens does beyond its parametric model."""
+"""Smooth deviation of a lens from its parametric model."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array, Value, freeze, shape_of
 
 DEGREE = 3
-"""of the splines"""
+"""degree of the splines"""
 
 
 @dataclass(frozen=True, eq=False)
 class LensCorrection(Value):
     """A smooth displacement that is added to the distorted point of a parametric lens model, before K.
 
-    `control` (rows, columns, 2): control points of a uniform bicubic B-spline, in focal lengths, over the stereographic plane
-    u = 2·(x, y) ÷ (|p| + z) of a camera point p, as in mrcal's splined stereographic models. `extent` (2,): the spline's domain is
-    [−extent[0], extent[0]] × [−extent[1], extent[1]] in u; control point (row, column) has its peak at
-    u = ((column − (columns − 1) / 2)·h₀, (row − (rows − 1) / 2)·h₁) with the sides h = 2·extent ÷ (columns − 3, rows − 3) of a cell, so
-    that one row and column of control points lie outside of each border. Beyond the domain the displacement is that of the point at
-    which the line from the centre leaves it: a map with a lens model that grows outward and is not folded at the border isn't beyond it.
+    `control` (rows, columns, 2): control points of a uniform bicubic B-spline, in focal lengths, over the stereographic
+    plane u = 2·(x, y) ÷ (|p| + z) of a camera point p, as in mrcal's splined stereographic models. `extent` (2,): the
+    spline's domain is [−extent[0], extent[0]] × [−extent[1], extent[1]] in u; the basis function of control point
+    (row, column) has its peak at u = ((column − (columns − 1) / 2)·h₀, (row − (rows − 1) / 2)·h₁) with the sides
+    h = 2·extent ÷ (columns − 3, rows − 3) of a cell, so that one row and column of control points lie outside of each
+    border. Beyond the domain the displacement is that of the point where the line from the centre leaves the domain: if
+    the lens model increases outward and the map is not folded at the border, it isn't folded beyond it either.
     """
 
     control: Array
@@ -45,13 +46,14 @@ class LensCorrection(Value):
         return np.array([columns - DEGREE, rows - DEGREE])
 
     @property
-    def sides(self) -> Float[Array, " 2"]:
+    def sides(self) -> Real[Array, " 2"]:
         """(2,) sides of a cell in u along x and y."""
         return np.asarray(2 * self.extent / self.cells)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the control points, row by row, x before y: `s03x`, of grids wider or higher than ten `s12_3x`."""
+        """Names of the control points, row by row, x before y: `s03x`; if the grid has more than ten rows or columns,
+        `s12_3x`."""
         rows, columns, _ = self.control.shape
         gap = "_" if max(rows, columns) > 10 else ""
         return tuple(f"s{r}{gap}{c}{axis}" for r in range(rows) for c in range(columns) for axis in "xy")

@@ -1,27 +1,27 @@
-"""Limits that keep the time for a picture in proportion to its size, and the warnings where they leave something out."""
+"""Limits that keep the time for a picture proportional to its size, and the warnings when they drop something."""
 
 from __future__ import annotations
 
 READ_IN_A_MIRROR = "mirrored: "
-"""how the warning of codes begins that can be read in a mirror only"""
+"""beginning of the warning that codes were readable only in the mirrored picture"""
 
 
 def allowed(pixels: int, least: int, each: int) -> int:
-    """`each` a megapixel, but at least `least`."""
+    """The limit for a picture of `pixels` pixels: `each` per megapixel, but at least `least`."""
     return max(least, each * pixels // 1_000_000)
 
 
 class Warnings:
-    """What was left out of one picture, each kind told once: by the first view that met it."""
+    """Warnings about data dropped from one picture; of each kind only the first is kept, whichever view adds it."""
 
     def __init__(self) -> None:
         self._told: dict[str, str] = {}
 
     def add(self, kind: str, text: str) -> None:
-        """Tell `text`, unless something of that kind was told."""
+        """Add the warning `text`, unless there is already one of the same `kind`."""
         self._told.setdefault(kind, text)
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """One line each."""
+        """The warnings, one line each."""
         return tuple(self._told.values())

@@ -1,4 +1,4 @@
-"""Numbers that have names: an array that also answers by them."""
+"""An array whose elements can also be accessed by name."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rcdn.types.base import Array
 
 
 class Named(np.ndarray[Any, np.dtype[np.float64]]):
-    """A (N,) float64 array whose numbers also have names: `std["fx"]` is `std[0]`.
+    """A (N,) float64 array whose elements also have names: `std["fx"]` is `std[0]`.
 
-    It computes as any array does; what is computed from it, and every part of it, is without names, which need not fit it any more.
-    `dict(std.items())` is a plain mapping. Raises KeyError, which lists the names, for a name that isn't there.
+    It behaves like any array in computations; results and slices have no names, since the names need not apply to them.
+    `dict(std.items())` is a plain mapping. Raises KeyError, which lists the names, for an unknown name.
     """
 
     names: tuple[str, ...]
@@ -30,7 +30,7 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
         self.names = ()
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        return np.asarray(array)[()]  # a number, not an array without dimensions, whatever NumPy's version says
+        return np.asarray(array)[()]  # a scalar, not a 0-dimensional array, in all versions of NumPy
 
     @overload
     def __getitem__(self, key: str) -> float: ...
@@ -71,4 +71,4 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
 
 
 MANY = 12
-"""numbers that a `repr` shows"""
+"""largest number of elements in a `repr`"""

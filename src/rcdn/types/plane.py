@@ -1,4 +1,4 @@
-"""Where the labels of a board's corners lie on its printed plane."""
+"""Positions of the labels of a board's corners on its printed plane."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from rcdn.types.arrays import Int, Shaped
 from rcdn.types.base import Array
 
 Pattern = Literal["checker", "deltille", "aprilgrid"]
-"""What a board is made of: squares of two colours, equilateral triangles of two colours (a deltille), or tags with small squares between them."""
+"""Pattern of a board: squares of two colours, equilateral triangles of two colours (a deltille), or tags with small
+squares between them."""
 ROW = 0.5 * 3**0.5
-"""height of a triangle of a deltille, the distance of its rows, edges"""
+"""height of a deltille's triangle, the distance between its rows, in edges"""
 
 
 def plane_points(ij: Shaped[Array, "... 2"], pattern: Pattern = "checker", gap: float | None = None) -> Array:
-    """Where labels `ij` (..., 2) lie on their board, (..., 2), in squares; of a deltille in edges of its triangles, of tags in sides of a tag.
+    """Positions (..., 2) of labels `ij` (..., 2) on their board, in squares; for a deltille in edges of its triangles,
+    for tags in sides of a tag.
 
-    A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2): its axes are 60° apart. Tags begin at even labels and are
-    `gap` apart, so that i is at ⌊i / 2⌋ (1 + gap) + (i mod 2). Labels need not be whole: they count evenly from one corner to the next.
-    Raises RcdnError for tags without a gap.
+    A checkerboard's corner (i, j) lies at (i, j), a deltille's at (i + j/2, j·√3/2), since its axes are 60° apart. Tags
+    begin at even labels and are `gap` apart, so that i is at ⌊i / 2⌋ (1 + gap) + (i mod 2). Fractional labels are
+    interpolated linearly between corners. Raises RcdnError for tags without a gap.
     """
     ij = np.asarray(ij, np.float64)
     if pattern == "aprilgrid":
@@ -40,7 +42,8 @@ def plane_points(ij: Shaped[Array, "... 2"], pattern: Pattern = "checker", gap: 
 
 @dataclass(frozen=True)
 class Plane:
-    """The printed plane of a board: what it is made of, and of tags their `gap`, in sides of a tag (None: unknown, and of other patterns)."""
+    """The printed plane of a board: its pattern, and the `gap` between tags, in sides of a tag (None: unknown, or
+    another pattern)."""
 
     pattern: Pattern = "checker"
     gap: float | None = None
@@ -50,7 +53,8 @@ class Plane:
             raise RcdnError(f"Plane.gap must be a positive number of tags' sides, not {shown(self.gap)}")
 
     def points(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where labels `ij` (..., 2) lie, (..., 2), in squares, edges of triangles, or sides of tags; see `plane_points`."""
+        """Positions (..., 2) of labels `ij` (..., 2), in squares, edges of triangles, or sides of tags; see
+        `plane_points`."""
         return plane_points(ij, self.pattern, self.gap)
 
 

@@ -1,4 +1,4 @@
-"""What can be printed, with its scale: every target as data, and where each of its corners lies in metres."""
+"""Printable targets with their scale: every target as data, and the positions of its corners in metres."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
 from rcdn.types.target import PUZZLE, AprilGrid, Charuco, PuzzleBoard, check_target, grid_of, numbers
 
 LEAST = 2
-"""corners of a side that any board has"""
+"""smallest number of corners along a side of a board"""
 
 
 @dataclass(frozen=True)
 class Checkerboard:
-    """A plain board of squares with `columns` × `rows` inner corners, numbered row by row; the square above and left of the first is black."""
+    """A plain board of squares with `columns` × `rows` inner corners, numbered row by row; the square above and to the
+    left of the first corner is black."""
 
     columns: int
     rows: int
@@ -37,25 +38,25 @@ class Checkerboard:
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0])
 
     def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
-        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
+        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for unknown numbers."""
         ids = numbers(ids, self.columns * self.rows, self)
         return np.stack([ids % self.columns, ids // self.columns], axis=1)
 
     def places(self) -> Int[Array, "n 2"]:
-        """The labels (N, 2) of all its corners, rising by their numbers."""
+        """The labels (N, 2) of all its corners, in ascending order of their numbers."""
         return grid_of(self.columns, self.rows)
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where labels `ij` (..., 2) lie on the board, (..., 2), in squares."""
+        """Positions (..., 2) of labels `ij` (..., 2) on the board, in squares."""
         return plane_points(ij)
 
 
 @dataclass(frozen=True)
 class Deltille:
-    """A plain board of triangles: `rows` rows of `columns` inner corners each, every other row set off by half a side.
+    """A plain board of triangles: `rows` rows of `columns` inner corners each, every other row offset by half a side.
 
-    Corners are numbered row by row. Labels count along two sides of a triangle, so that row j begins at i = −⌊j / 2⌋; the triangle between
-    (0, 0), (1, 0) and (0, 1) is black.
+    Corners are numbered row by row. Labels count along two sides of a triangle, so that row j begins at i = −⌊j / 2⌋;
+    the triangle between (0, 0), (1, 0) and (0, 1) is black.
     """
 
     columns: int
@@ -73,25 +74,27 @@ class Deltille:
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0] + ij[:, 1] // 2)
 
     def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
-        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
+        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for unknown numbers."""
         ids = numbers(ids, self.columns * self.rows, self)
         row = ids // self.columns
         return np.stack([ids % self.columns - row // 2, row], axis=1)
 
     def places(self) -> Int[Array, "n 2"]:
-        """The labels (N, 2) of all its corners, rising by their numbers."""
+        """The labels (N, 2) of all its corners, in ascending order of their numbers."""
         return self.ij_of(np.arange(self.columns * self.rows))
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where labels `ij` (..., 2) lie on the board, (..., 2), in sides of a triangle."""
+        """Positions (..., 2) of labels `ij` (..., 2) on the board, in sides of a triangle."""
         return plane_points(ij, "deltille")
 
 
 @dataclass(frozen=True)
 class PuzzlePart:
-    """A rectangle of the PuzzleBoard's code of 501 × 501: `columns` × `rows` corners, the first of which is at (`column`, `row`) of the code.
+    """A rectangle of the PuzzleBoard's code of 501 × 501: `columns` × `rows` corners, the first of which is at
+    (`column`, `row`) of the code.
 
-    Numbers and places are those of the whole code, 501 · row + column; a part does not go on beyond its end.
+    Numbers and positions are those of the whole code, 501 · row + column; a part does not extend beyond the end of the
+    code.
     """
 
     columns: int
@@ -116,15 +119,16 @@ class PuzzlePart:
 
     @property
     def whole(self) -> PuzzleBoard:
-        """What a picture of it is read as."""
+        """The target as which a picture of this part is read."""
         return PuzzleBoard()
 
     def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
-        """The numbers (N,) of the corners at places `ij` (N, 2) of the code."""
+        """The numbers (N,) of the corners at positions `ij` (N, 2) of the code."""
         return self.whole.ids(ij)
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
-        """The places (N, 2) on the code of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that the part hasn't."""
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+        """The positions (N, 2) in the code of the corners with the numbers `ids` (N,). Raises RcdnError for numbers
+        that are not on this part."""
         ij = self.whole.ij_of(ids)
         inside = ((ij >= (self.column, self.row)) & (ij < (self.column + self.columns, self.row + self.rows))).all(
             axis=1
@@ -133,12 +137,12 @@ class PuzzlePart:
             raise RcdnError(f"ids holds {np.asarray(ids)[~inside][0]}, which is no corner of the {self}")
         return ij
 
-    def places(self) -> Float[Array, "n 2"]:
-        """The places (N, 2) on the code of all its corners, rising by their numbers."""
+    def places(self) -> Real[Array, "n 2"]:
+        """The positions (N, 2) in the code of all its corners, in ascending order of their numbers."""
         return grid_of(self.columns, self.rows) + np.array([self.column, self.row])
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where places `ij` (..., 2) of the code lie, (..., 2), in squares from the first corner of the code."""
+        """Points (..., 2) at positions `ij` (..., 2) of the code, in squares from the first corner of the code."""
         return plane_points(ij)
 
 
@@ -150,9 +154,10 @@ Print = Checkerboard | Deltille | Charuco | AprilGrid | PuzzlePart
 class Printed:
     """A `target` at its scale: `spacing`, m, is the side of a square, of a triangle, or of a tag.
 
-    Its frame is that of `Board.points` × spacing, in which poses are given: origin at the corner with label (0, 0), x along i, y along j, z away
-    from who sees the front. OpenCV's frame of a ChArUco board begins one square before, on both axes. Kalibr's frame of an AprilGrid begins at the
-    bottom left, its x runs to the right, y upwards and z towards who sees the front. Raises ConfigError for a target or a spacing that can't be.
+    Its frame is that of `Board.points` × spacing, in which poses are given: origin at the corner with label (0, 0), x
+    along i, y along j, z away from a viewer of the front. The origin of OpenCV's frame of a ChArUco board is one square
+    before, on both axes. Kalibr's frame of an AprilGrid has its origin at the bottom left, x to the right, y upwards
+    and z towards a viewer of the front. Raises ConfigError for an invalid target or spacing.
     """
 
     target: Print
@@ -168,17 +173,19 @@ class Printed:
 
     @property
     def ids(self) -> Int[Array, " n"]:
-        """The numbers (N,) of all corners, as the target's own tools count them, rising."""
+        """The numbers (N,) of all corners, as counted by the target's own tools, in ascending order."""
         return self.target.ids(self.target.places())
 
     def points(self, ids: Any = None) -> Array:
-        """Where the corners with the numbers `ids` (N,) lie, (N, 2) m; without `ids` all of them, in the order of `self.ids`.
+        """Positions (N, 2), m, of the corners with the numbers `ids` (N,); by default of all corners, in the order of
+        `self.ids`.
 
-        Raises RcdnError for numbers that the target hasn't.
+        Raises RcdnError for numbers that don't exist on the target.
         """
         ij = self.target.places() if ids is None else self.ij_of(ids)
         return self.target.plane(ij) * self.spacing
 
     def ij_of(self, ids: Any) -> Int[Array, "n 2"]:
-        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that the target hasn't."""
+        """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that don't exist
+        on the target."""
         return self.target.ij_of(np.asarray(ids))

@@ -1,4 +1,4 @@
-"""How large numbers may be: stated once, for files and for arguments. What is beyond is a mistake, and no result could be right."""
+"""Valid ranges of numbers in files and arguments. Values outside are mistakes that can't give a meaningful result."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ SIDE = 1_000_000
 LABEL = 100_000
 """labels of corners lie within ±LABEL"""
 BOX = 4_000_000
-"""labels that the box around a board may hold, there or not: an array over them must fit into memory"""
+"""largest number of labels in a board's bounding box, present or not: an array over them must fit into memory"""
 SPACING = (1e-6, 1e3)
-"""m: sides of a square"""
+"""m: side of a square"""
 FOCAL = (1e-9, 1e9)
 """px: focal lengths"""
 COEFFICIENT = 1e12
-"""numbers of a lens model lie within ±COEFFICIENT: those of long focal lengths are large"""
+"""coefficients of a lens model lie within ±COEFFICIENT; they are large for long focal lengths"""
 LARGEST = 1e100
-"""any other number lies within ±LARGEST, so that its square is a number"""
+"""any other number lies within ±LARGEST, so that its square is finite"""
 
 
 def whole_size(value: Any, what: str) -> tuple[int, int]:
-    """(width, height) of a picture as two integers. Raises RcdnError, which opens with `what`, unless each is a whole number from 1 to SIDE."""
+    """(width, height) of a picture as two integers. Raises RcdnError, whose message starts with `what`, unless each is
+    an integer from 1 to SIDE."""
     size = _two(value)
     if size is None or min(size) < 1 or max(size) > SIDE:
         raise RcdnError(f"{what} must be (width, height), whole numbers from 1 to {SIDE} px, not {shown(value)}")
@@ -35,8 +36,8 @@ def whole_size(value: Any, what: str) -> tuple[int, int]:
 
 
 def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
-    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, which opens with `what`, unless each is at least
-    `least`, and both together make a box of at most BOX."""
+    """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, whose message starts with `what`,
+    unless each is at least `least` and their product at most BOX."""
     size = _two(value)
     if size is None or min(size) < least or size[0] * size[1] > BOX:
         raise ConfigError(
@@ -46,7 +47,7 @@ def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
 
 
 def _two(value: Any) -> tuple[int, int] | None:
-    """Two whole numbers, or None."""
+    """`value` as two integers, or None if it isn't a pair of integers."""
     try:
         a, b = value
         pair = int(a), int(b)
@@ -56,7 +57,7 @@ def _two(value: Any) -> tuple[int, int] | None:
 
 
 def is_spacing(value: Any) -> bool:
-    """Can `value` be the side of a square, m?"""
+    """Whether `value` is a valid side of a square, m."""
     try:
         return isinstance(value, Real) and SPACING[0] <= float(value) <= SPACING[1]
     except OverflowError:
@@ -64,7 +65,7 @@ def is_spacing(value: Any) -> bool:
 
 
 def in_words(low: float, high: float) -> str:
-    """A range as messages say it."""
+    """Text of a range for messages; either end may be infinite."""
     if math.isfinite(low) and math.isfinite(high):
         return f"in [{low:g}, {high:g}]"
     return f"at least {low:g}" if math.isfinite(low) else f"at most {high:g}"

@@ -1,4 +1,4 @@
-"""Cameras fixed to each other: where each stands, and how well that is known."""
+"""Rigidly connected cameras: their poses and the uncertainty of these."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
 
 
 @dataclass(frozen=True, eq=False)
 class Rig(Value):
-    """`names` of the n cameras, `cameras` and `poses`: T_cam_rig of each, which takes the rig's frame, that of the first camera, to the camera, m.
+    """`names` of the n cameras, `cameras` and `poses`: T_cam_rig of each, which takes the rig's frame, that of the
+    first camera, to the camera's frame, m.
 
-    `covariance` (6n, 6n) of small motions after the poses (left increments: rotation vector, rad, then translation, m, in each
-    camera's axes); zero rows for the first camera; None if it isn't known. Raises RcdnError if the numbers of entries differ.
+    `covariance` (6n, 6n) of small motions applied after the poses (left increments: rotation vector, rad, then
+    translation, m, in each camera's axes); zero rows for the first camera; None if unknown. Raises RcdnError if the
+    numbers of entries differ.
     """
 
     names: tuple[str, ...]
@@ -42,13 +44,14 @@ class Rig(Value):
         return f"<Rig: {len(self)} cameras, {', '.join(self.names)}>"
 
     def index(self, name: str) -> int:
-        """The number of the camera called `name`. Raises RcdnError if there is none."""
+        """The index of the camera called `name`. Raises RcdnError if there is none."""
         if name not in self.names:
             raise RcdnError(f"the rig has no camera {name!r}; it has {', '.join(self.names)}")
         return self.names.index(name)
 
     def relative(self, a: str, b: str) -> tuple[Array, Array | None]:
-        """T_b_a (4, 4), which takes the frame of camera `a` to that of camera `b`, and its covariance (6, 6) as a left increment; None if unknown."""
+        """T_b_a (4, 4), which takes the frame of camera `a` to that of camera `b`, and the covariance (6, 6) of its
+        left increment, None if unknown."""
         k, m = self.index(a), self.index(b)
         T = self.poses[m].T_cam_board @ np.linalg.inv(self.poses[k].T_cam_board)
         if self.covariance is None:
@@ -58,18 +61,20 @@ class Rig(Value):
         J[:, 6 * k : 6 * k + 6] -= _adjoint(T)
         return T, np.asarray(J @ self.covariance @ J.T)
 
-    def motion_to(self, k: int) -> Float[Array, "6 6"]:
-        """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
+    def motion_to(self, k: int) -> Real[Array, "6 6"]:
+        """The matrix (6, 6) that takes a small motion in the rig's frame to the frame of camera `k`."""
         return _adjoint(self.poses[k].T_cam_board)
 
 
 @dataclass(frozen=True, eq=False)
 class RigPoseEstimate(Value):
-    """Where a board stands in a rig's frame, `T_rig_board` (4, 4), with how far to trust it.
+    """The pose of a board in a rig's frame, `T_rig_board` (4, 4), with its uncertainty.
 
-    `cov` (6, 6) of a small motion after it, (rotation vector, rad, in the rig's axes; translation, m); `rms` reprojection error over the cameras
-    that took part, px; `residuals` by those cameras' names, (M, 2) observed − projected, px; `left_out`: why other cameras that saw a board took
-    none. `T_rig_target` (4, 4): of a board whose codes were read the same in the coordinates of its target's own tools; None of a plain one.
+    `cov` (6, 6): covariance of a small motion applied after it (rotation vector, rad, in the rig's axes; translation,
+    m); `rms` reprojection error over the cameras that were used, px; `residuals` by those cameras' names, (M, 2)
+    observed − projected, px; `left_out`: by name, why other cameras that saw a board were not used. `T_rig_target` (4,
+    4): for a board whose codes were read, the same pose in the coordinates of its target's own tools; None for a plain
+    board.
     """
 
     T_rig_board: Array
@@ -86,8 +91,8 @@ class RigPoseEstimate(Value):
             freeze(self, "T_rig_target", self.T_rig_target, np.float64, (4,))
 
     @property
-    def std(self) -> Float[Array, " 6"]:
-        """(6,) standard deviations: of the rotation vector, rad, and the place, m."""
+    def std(self) -> Real[Array, " 6"]:
+        """(6,) standard deviations of the rotation vector, rad, and the translation, m."""
         return np.sqrt(np.diag(self.cov))
 
     def __repr__(self) -> str:
@@ -95,8 +100,8 @@ class RigPoseEstimate(Value):
         return f"<RigPose: ({x:.4g}, {y:.4g}, {z:.4g}), {', '.join(self.residuals)}, rms {self.rms:.3g} px>"
 
 
-def _adjoint(T: Array) -> Float[Array, "6 6"]:
-    """(6, 6) takes a small motion (rotation vector, translation) before T to the one after it."""
+def _adjoint(T: Array) -> Real[Array, "6 6"]:
+    """Adjoint (6, 6) of T: takes a small motion (rotation vector, translation) before T to the same one after it."""
     R, (x, y, z) = T[:3, :3], T[:3, 3]
     out = np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = R

@@ -1,4 +1,4 @@
-"""What a calibration of many cameras gives: the rig, how well it explains the corners, and what is not connected."""
+"""Result of a calibration of several cameras: the rig, its reprojection errors, and missing connections."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from rcdn.types.rig import Rig
 
 @dataclass(frozen=True)
 class RigPair:
-    """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
-    square `rms` of their corners' residuals in both pictures, px (NaN if none was used)."""
+    """Two cameras of a rig, by name: the number of boards that both saw whole at the same moment (`shared`), how many
+    of these were `used`, and the root mean square `rms` of their corners' residuals in both pictures, px (NaN if none
+    was used)."""
 
     first: str
     second: str
@@ -24,8 +25,9 @@ class RigPair:
 
 @dataclass(frozen=True)
 class MissingLink:
-    """What would join two parts of a rig: cameras `first` and `second` by name, and the pictures of theirs that come nearest to a shared
-    board, "" where a camera saw none. `same_moment`: both pictures were taken at one moment, but don't show one whole board."""
+    """A connection that is missing between two parts of a rig: cameras `first` and `second` by name, and their pictures
+    that come closest to a shared board, "" for a camera that saw none. `same_moment`: both pictures were taken at the
+    same moment, but don't show the same whole board."""
 
     first: str
     second: str
@@ -36,27 +38,29 @@ class MissingLink:
 
 @dataclass(frozen=True)
 class TimeShift:
-    """How much later than its stamp a camera's pictures were taken, against the others': `moments` (1: the time from one moment to the next),
-    with its standard deviation `std`."""
+    """Delay of a camera's pictures behind their time stamps, relative to the other cameras: `moments` (1: the interval
+    between two moments), with its standard deviation `std`."""
 
     moments: float
     std: float
 
     @property
     def clear(self) -> bool:
-        """Whether the shift is larger than a twentieth of a moment, and than four standard deviations."""
+        """Whether the shift is significant: larger than 0.05 moments and than four standard deviations."""
         return bool(abs(self.moments) > max(0.05, 4 * self.std))
 
 
 @dataclass(frozen=True, eq=False)
 class RigCalibration(Value):
-    """Cameras of a rig with all that tells how far to trust it.
+    """Cameras of a rig with the data that show the quality of their calibration.
 
-    `rig`: the cameras that are connected and where they stand; its frame is that of its first camera. `cameras`: by name each camera's own
-    calibration after the joint solution, those that aren't connected as they are alone. `boards`: by (moment, number of the board's
-    target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
-    `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
-    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board.
+    `rig`: the connected cameras and their poses; its frame is that of its first camera. `cameras`: by name, each
+    camera's own calibration after the joint solution; unconnected cameras keep their separate calibration. `boards`:
+    T_rig_board (4, 4), m, by (moment, number of the board's target). `rms` reprojection error over all used corners,
+    px. `pairs` of cameras that saw boards together. `components`: names of the cameras in each connected component of
+    the graph of shared boards, the largest first; `links`: the missing connection of each other component to the first.
+    `thin`: cameras connected by a single shared board. `shifts`: time shifts by name, for cameras that saw a moving
+    board.
     """
 
     rig: Rig

@@ -1,4 +1,4 @@
-"""Shapes that a sheet is printed with. x right, y down, in whatever unit the sheet has; later shapes lie over earlier ones."""
+"""Shapes on a printed sheet. x right, y down, in the sheet's unit; later shapes are drawn over earlier ones."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ class Rect:
     height: float
 
     def placed(self, scale: float, left: float, top: float) -> Rect:
-        """`scale` times as large, then moved by (left, top)."""
+        """The shape scaled by `scale`, then translated by (left, top)."""
         return Rect(left + self.x * scale, top + self.y * scale, self.width * scale, self.height * scale)
 
 
 @dataclass(frozen=True)
 class Area:
-    """What lies within an odd number of closed `loops` of points, filled black."""
+    """The area inside an odd number of the closed `loops` of points, filled black (even–odd rule)."""
 
     loops: tuple[tuple[Point, ...], ...]
 
     def placed(self, scale: float, left: float, top: float) -> Area:
-        """`scale` times as large, then moved by (left, top)."""
+        """The shape scaled by `scale`, then translated by (left, top)."""
         return Area(tuple(tuple((left + x * scale, top + y * scale) for x, y in loop) for loop in self.loops))
 
 
@@ -42,7 +42,7 @@ class Disc:
     white: bool
 
     def placed(self, scale: float, left: float, top: float) -> Disc:
-        """`scale` times as large, then moved by (left, top)."""
+        """The shape scaled by `scale`, then translated by (left, top)."""
         return Disc(left + self.x * scale, top + self.y * scale, self.radius * scale, self.white)
 
 

@@ -1,4 +1,5 @@
-"""How values look in a notebook: boards as a drawing, cameras and calibrations as tables. Plain HTML and SVG, without scripts."""
+"""HTML representation of values in notebooks: boards as drawings, cameras and calibrations as tables. Plain HTML and
+SVG, without scripts."""
 
 from __future__ import annotations
 
@@ -7,20 +8,20 @@ from html import escape
 
 import numpy as np
 
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.base import Array
 
 WIDTH = 360
-"""px of a drawing"""
+"""width of a drawing, px"""
 MOST = 4000
-"""corners that a drawing shows"""
+"""largest number of corners in a drawing"""
 COLOURS = ("#d1495b", "#00798c", "#edae49", "#30638e", "#6a994e", "#8f5fb5")
-"""of the boards in a drawing, in turn"""
+"""colours of the boards in a drawing, in turn"""
 LEVEL_COLOURS = {"good": "#2e7d32", "fair": "#9e7700", "unsure": "#b35900", "bad": "#b00020"}
 
 
 def decimals(deviation: float) -> int:
-    """Decimals of a value with this standard deviation: two digits of the deviation are left."""
+    """Number of decimals for a value with this standard deviation, so that two digits of the deviation are shown."""
     return int(np.clip(1 - np.floor(np.log10(max(deviation, 1e-9))), 1, 8)) if np.isfinite(deviation) else 4
 
 
@@ -40,16 +41,16 @@ def deviations(names: Sequence[str], values: Array, std: Array | None = None) ->
 
 
 def paragraph(text: str, level: str | None = None) -> str:
-    """A line of text; `level`: of a verdict, whose colour it gets."""
+    """A line of text, in the colour of the verdict `level` if one is given."""
     style = f' style="color:{LEVEL_COLOURS[level]};font-weight:bold"' if level else ""
     return f"<p{style}>{escape(text)}</p>"
 
 
 def drawing(
-    size: tuple[int, int], boards: Sequence[tuple[Array, Array]], others: Float[Array, "n 2"] | None = None
+    size: tuple[int, int], boards: Sequence[tuple[Array, Array]], others: Real[Array, "n 2"] | None = None
 ) -> str:
-    """An SVG of a picture's frame with its boards, each (positions (M, 2), labels (M, 2)): rows as lines, the corner (0, 0) as a ring;
-    and `others` (N, 2), corners without a board."""
+    """An SVG of a picture's frame with its boards, each (positions (M, 2), labels (M, 2)): rows as lines, the corner
+    (0, 0) as a ring; and `others` (N, 2), corners without a board."""
     width, height = size
     unit = width / WIDTH
     parts = [f'<rect x="-.5" y="-.5" width="{width}" height="{height}" fill="#8881" stroke="#888" {_stroke(unit)}/>']

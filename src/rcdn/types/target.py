@@ -1,4 +1,4 @@
-"""What is printed on boards that carry codes."""
+"""Targets with codes: ChArUco boards, PuzzleBoards and AprilGrids."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Float, Int
+from rcdn.types.arrays import Int, Real
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
 MOST = 1000
-"""squares or tags of a side, and first numbers, at most"""
+"""largest number of squares or tags along a side, and largest first number of a marker or tag"""
 PUZZLE = 501
 """columns and rows of the PuzzleBoard's master code"""
 
 
 @dataclass(frozen=True)
 class Charuco:
-    """A ChArUco board. `columns` × `rows` squares (rows None: its foot was not seen); `dictionary` as OpenCV calls it; `marker`: side of a marker
-    over side of a square; `first_id` of the markers; `legacy`: rows are even and the square at the top left is white (OpenCV before 4.6);
-    `inverted`: white markers in black squares.
+    """A ChArUco board. `columns` × `rows` squares (rows None: its lower end was not seen); `dictionary`: OpenCV's name;
+    `marker`: side of a marker ÷ side of a square; `first_id` of the markers; `legacy`: rows are even and the square at
+    the top left is white (OpenCV before 4.6); `inverted`: white markers in black squares.
 
-    Corners are numbered as OpenCV numbers them: row by row from the top left, columns − 1 a row. A corner's `ij` begins at (0, 0) there.
+    Corners are numbered as in OpenCV: row by row from the top left, columns − 1 per row. `ij` starts there at (0, 0).
     """
 
     columns: int
@@ -45,30 +45,33 @@ class Charuco:
         return " ".join((f"ChArUco {self.columns}x{self.rows or '?'} {self.dictionary}", *extra))
 
     def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
-        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return (self.columns - 1) * ij[:, 1] + ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
-        """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+        """The positions (N, 2) of the corners with the numbers `ids` (N,), the inverse of the method `ids`. Raises
+        RcdnError for numbers that don't exist on it."""
         wide = self.columns - 1
         ids = numbers(ids, None if self.rows is None else wide * (self.rows - 1), self)
         return np.stack([ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
-        """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
+    def places(self) -> Real[Array, "n 2"]:
+        """The positions (N, 2) of all its corners, in ascending order of their numbers. Raises RcdnError if `rows` is
+        None."""
         return grid_of(self.columns - 1, _rows_of(self) - 1)
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from its first corner."""
+        """Points (..., 2) of the corners `ij` (..., 2) on the board, in squares from its first corner."""
         return plane_points(ij)
 
 
 @dataclass(frozen=True)
 class PuzzleBoard:
-    """A part of the PuzzleBoard (Stelldinger, Schönherr, Biermann 2024), whose code of 501 × 501 has a place for every corner.
+    """A part of the PuzzleBoard (Stelldinger, Schönherr, Biermann 2024), whose code of 501 × 501 determines the
+    position of every corner.
 
-    Corners are numbered 501 · row + column of that code, as its authors do; their `ij` is (column, row), and may go on beyond 500, where the code
-    begins again.
+    Corners are numbered 501 · row + column of that code, as by its authors; their `ij` is (column, row), and may exceed
+    500, where the code repeats.
     """
 
     kind: ClassVar[str] = "puzzleboard"
@@ -77,30 +80,33 @@ class PuzzleBoard:
         return "PuzzleBoard"
 
     def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
-        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return PUZZLE * (ij[:, 1] % PUZZLE) + ij[:, 0] % PUZZLE
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
-        """The places (N, 2), both below 501, of the corners with the numbers `ids` (N,). Raises RcdnError for numbers that it hasn't."""
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+        """The positions (N, 2), both coordinates below 501, of the corners with the numbers `ids` (N,). Raises
+        RcdnError for numbers that don't exist on it."""
         ids = numbers(ids, PUZZLE**2, self)
         return np.stack([ids % PUZZLE, ids // PUZZLE], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
-        """The places (N, 2) of all its corners, rising by their numbers."""
+    def places(self) -> Real[Array, "n 2"]:
+        """The positions (N, 2) of all its corners, in ascending order of their numbers."""
         return grid_of(PUZZLE, PUZZLE)
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in squares from the first corner of the code."""
+        """Points (..., 2) of the corners `ij` (..., 2) on the board, in squares from the first corner of the code."""
         return plane_points(ij)
 
 
 @dataclass(frozen=True)
 class AprilGrid:
-    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its top was not seen); `family` as AprilTag calls it; `gap`: distance of tags
-    over their side; `border`: width of a tag's black border, bits; `first_id`: the tag at the bottom left.
+    """Kalibr's AprilGrid. `columns` × `rows` tags (rows None: its upper end was not seen); `family`: AprilTag's name;
+    `gap`: distance between tags ÷ their side; `border`: width of a tag's black border, bits; `first_id`: the tag at the
+    bottom left.
 
-    Corners are numbered as Kalibr numbers them: row by row upwards from the bottom left, 2 · columns a row. A corner's `ij` counts from the bottom
-    right, i to the left and j upwards, so that it is right-handed like every label; it lies at `plane(ij)`.
+    Corners are numbered as in Kalibr: row by row upwards from the bottom left, 2 · columns per row. A corner's `ij`
+    counts from the bottom right, i to the left and j upwards, so that it is right-handed like all labels; the corner
+    lies at `plane(ij)`.
     """
 
     columns: int
@@ -116,21 +122,23 @@ class AprilGrid:
         return f"AprilGrid {self.columns}x{self.rows or '?'} {self.family}{extra}"
 
     def ids(self, ij: Int[Array, "n 2"]) -> Int[Array, " n"]:
-        """The numbers (N,) of the corners at places `ij` (N, 2)."""
+        """The numbers (N,) of the corners at positions `ij` (N, 2)."""
         return 2 * self.columns * ij[:, 1] + 2 * self.columns - 1 - ij[:, 0]
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Float[Array, "n 2"]:
-        """The places (N, 2) of the corners with the numbers `ids` (N,); the inverse of `ids`. Raises RcdnError for numbers that it hasn't."""
+    def ij_of(self, ids: Int[Array, " n"]) -> Real[Array, "n 2"]:
+        """The positions (N, 2) of the corners with the numbers `ids` (N,), the inverse of the method `ids`. Raises
+        RcdnError for numbers that don't exist on it."""
         wide = 2 * self.columns
         ids = numbers(ids, None if self.rows is None else 2 * wide * self.rows, self)
         return np.stack([wide - 1 - ids % wide, ids // wide], axis=1)
 
-    def places(self) -> Float[Array, "n 2"]:
-        """The places (N, 2) of all its corners, rising by their numbers. Raises RcdnError if `rows` is None."""
+    def places(self) -> Real[Array, "n 2"]:
+        """The positions (N, 2) of all its corners, in ascending order of their numbers. Raises RcdnError if `rows` is
+        None."""
         return self.ij_of(np.arange(4 * self.columns * _rows_of(self)))
 
     def plane(self, ij: Int[Array, "... 2"]) -> Array:
-        """Where the corners `ij` (..., 2) lie on the board, (..., 2), in sides of a tag."""
+        """Points (..., 2) of the corners `ij` (..., 2) on the board, in sides of a tag."""
         return plane_points(ij, "aprilgrid", self.gap)
 
 
@@ -143,7 +151,8 @@ def grid_of(columns: int, rows: int) -> Array:
 
 
 def numbers(ids: Int[Array, " n"], count: int | None, target: object) -> Array:
-    """`ids` (N,) as whole numbers. Raises RcdnError if a corner of the `target` has another number than 0 to `count` − 1 (None: any)."""
+    """`ids` (N,) as int64. Raises RcdnError for a number outside of 0 to `count` − 1 (None: no upper limit), the range
+    of the corners of `target`."""
     ids = np.asarray(ids)
     if ids.ndim != 1 or (ids.size and ids.dtype.kind not in "iu"):
         raise RcdnError(f"ids must be whole numbers, (N,), not an array {ids.shape} of {ids.dtype}")
@@ -169,7 +178,7 @@ def target_record(target: Target) -> dict[str, Any]:
 
 
 def target_of(record: Any) -> Target:
-    """The target of a `target_record`. Raises RcdnError if it is none."""
+    """The target of a `target_record`. Raises RcdnError if the record is invalid."""
     kind = _KINDS.get(str(record.get("kind"))) if isinstance(record, dict) else None
     if kind is None:
         raise RcdnError(f"a target has a kind, one of {', '.join(_KINDS)}, not {shown(record)}")
@@ -183,7 +192,7 @@ def target_of(record: Any) -> Target:
 
 
 def check_target(target: Target) -> None:
-    """Raise ConfigError unless the fields of a target can be those of a print."""
+    """Raise ConfigError unless the fields of the target are valid."""
     for name, value in asdict(target).items():
         if name in ("columns", "rows", "first_id", "border"):
             least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)

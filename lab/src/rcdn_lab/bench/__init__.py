@@ -1,4 +1,4 @@
-"""What detection costs, in time and memory, beside other detectors on the same pictures: `rcdn bench`.
+"""Time and memory of detection, compared with other detectors on the same pictures: `rcdn bench`.
 
-Nothing is imported here: whoever asks for memory (`resident`) must not take any.
+Nothing is imported here, so that importing `resident` to measure memory takes none.
 """

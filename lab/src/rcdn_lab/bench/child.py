@@ -1,4 +1,5 @@
-"""Each detector in a process of its own: what one does to threads, memory or itself doesn't touch the others' figures."""
+"""Runs each detector in a process of its own, so that its threads, memory and crashes do not affect the figures of the
+others."""
 
 from __future__ import annotations
 
@@ -19,18 +20,18 @@ from rcdn_lab.peers import Find, Grid, quiet
 Size = tuple[int, int]
 LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")
 START = 120.0
-"""s that a detector has to be made"""
+"""s, time limit for constructing a detector"""
 PATIENCE = 180.0
-"""s that a detector has for one picture before it is ended"""
+"""s, time limit for one picture, after which the process is ended"""
 
 
 class Broken(RcdnError):
-    """A detector that failed on a picture, died of it, or took too long."""
+    """A detector that failed or crashed on a picture, or exceeded the time limit."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """One picture: `seconds` of the clock and `cpu` of all processors, `corners` found, in `grids`."""
+    """One picture: wall-clock `seconds`, `cpu` seconds of all processors, number of `corners` found, in `grids`."""
 
     seconds: float
     cpu: float
@@ -40,7 +41,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Memory:
-    """MB: resident with all loaded (`before`), and the most until now (`peak`)."""
+    """MB: resident memory after loading (`before`), and its maximum so far (`peak`)."""
 
     before: float
     peak: float
@@ -48,7 +49,7 @@ class Memory:
 
 @contextmanager
 def limited(threads: int) -> Iterator[None]:
-    """Processes started meanwhile are told to use that many threads."""
+    """Set the number of threads in the environment of processes started in this context."""
     kept = {name: os.environ.get(name) for name in LIMITS}
     os.environ.update(dict.fromkeys(LIMITS, str(threads)))
     try:
@@ -64,8 +65,8 @@ def limited(threads: int) -> Iterator[None]:
 class Child:
     """A detector in its own process, on `threads` cores at most.
 
-    `load` makes the detector there: a function that can be found by its name, or a partial of one. Started at the first
-    use, and again after it died. Use it as a context, or `close` it.
+    `load` makes the detector there: a function that can be imported by its name, or a partial of one. The process is
+    started at the first use, and again after a crash. Use it as a context manager, or call `close`.
     """
 
     def __init__(self, load: Callable[[], Find], threads: int) -> None:
@@ -88,12 +89,12 @@ class Child:
         return answer
 
     def memory(self) -> Memory | None:
-        """What it takes now and has taken at most; None where the system doesn't tell. Raises Broken."""
+        """Present and maximum memory; None if the operating system does not report them. Raises Broken."""
         answer: Memory | None = self._ask(None, PATIENCE)
         return answer
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, if it runs."""
         if self._process is None:
             return
         self._pipe.close()
@@ -120,7 +121,7 @@ class Child:
     def _ask(self, question: Any, patience: float) -> Any:
         if self._process is None:
             self._start()
-        with contextlib.suppress(OSError):  # it died: the answer says so
+        with contextlib.suppress(OSError):  # the process has ended: reading the answer reports it
             self._pipe.send(question)
         return self._hear(patience)
 
@@ -145,7 +146,8 @@ class Child:
 
 
 def _serve(pipe: Any, load: Callable[[], Find], threads: int) -> None:
-    """Say None when ready, or why not; then answer a picture with a Timing and None with the memory."""
+    """Send None when ready, or a Broken with the reason; then answer a picture with a Timing and None with the
+    memory."""
     import cv2
 
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
@@ -156,7 +158,7 @@ def _serve(pipe: Any, load: Callable[[], Find], threads: int) -> None:
         except Exception as error:
             pipe.send(Broken(f"can't be made: {type(error).__name__}: {error}"))
             return
-        cv2.setNumThreads(threads)  # after the load: adapters set it for themselves
+        cv2.setNumThreads(threads)  # after loading, because adapters set it, too
         pipe.send(None)
         before = resident("VmRSS")
         while True:
@@ -180,13 +182,14 @@ def _timed(find: Find, image: Array, size: Size) -> Timing | Broken:
 
 
 def _cpu() -> float:
-    """Processor time of this process and of the programs that it ran, s."""
+    """Processor time of this process and of the programs that it has run, s."""
     times = os.times()
     return time.process_time() + times.children_user + times.children_system
 
 
 def _only_cores(count: int) -> None:
-    """Whatever a detector believes, it gets that many cores: the last ones, since interrupts love the first."""
+    """Restrict the process to `count` cores whatever the detector's settings: the last ones, because the first ones
+    serve most interrupts."""
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, cores[-count:])

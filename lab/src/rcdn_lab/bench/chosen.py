@@ -1,4 +1,4 @@
-"""Which photographs of a folder are timed: a fixed choice, the same wherever the folder is."""
+"""Selection of the photographs of a folder that are timed: a fixed choice, independent of where the folder is."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from rcdn_lab.detections import judged
 from rcdn_lab.peers import Grid
 
 EACH, EMPTY = 2, 20
-"""pictures of a set, and of one without boards"""
+"""pictures of each set with boards, and of each set without boards"""
 Size = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """One picture (H, W) uint8 of a set. `board`: the size (columns, rows) that those who must know it are told.
+    """One picture (H, W) uint8 of a set. `board`: the size (columns, rows) given to detectors that need it.
 
-    `corners` (N, 2) px: those of its one board of that size, row by row if `ordered`; (0, 2): it shows no board; None: not known,
-    or not of one size.
+    `corners` (N, 2) px: those of its one board of that size, row by row if `ordered`; (0, 2): it shows no board; None:
+    unknown, or boards of several sizes.
     """
 
     set: str
@@ -43,11 +43,12 @@ class Photograph:
 
     @property
     def is_empty(self) -> bool:
-        """Does it show no board, for certain?"""
+        """Whether it is known to show no board."""
         return self.corners is not None and not len(self.corners)
 
     def is_whole(self, grids: Sequence[Grid]) -> bool | None:
-        """Is its board, with all corners, no other and right labels, among the `grids`? None if it has none, or it isn't known."""
+        """Whether its board is among the `grids` with all corners, no others and correct labels; None if it has no
+        board or the truth is unknown."""
         if self.corners is None or self.is_empty:
             return None
         columns = self.board[0] if self.ordered else 0
@@ -55,10 +56,12 @@ class Photograph:
 
 
 def chosen(folder: Path, asked: Size) -> list[Photograph]:
-    """Of each set that `truth.json` (docs/formats.md) in `folder` lists the first and the middle one of the pictures whose truth is known, by
-    name; of a set without boards 20, evenly apart. Without that file all pictures of the folder, as one set of which nothing is known.
+    """Of each set listed in `truth.json` (docs/formats.md) in `folder`, the first and the middle one of the pictures
+    with known truth, by name; of a set without boards 20, evenly spaced. Without that file, all pictures of the folder,
+    as one set without known truth.
 
-    `asked`: the size told where there is no board, or not one size. Raises ConfigError if no picture is left, FormatError for another `truth.json`.
+    `asked`: the board size given to detectors where there is no board, or no single size. Raises ConfigError if no
+    picture remains, FormatError for an invalid `truth.json`.
     """
     if not folder.is_dir():
         raise ConfigError(f"--photographs {folder}: no folder")
@@ -87,7 +90,7 @@ def _listed(folder: Path, truth: Path, asked: Size) -> list[Photograph]:
 
 
 def _files(record: dict[str, Any]) -> list[str]:
-    """The chosen files of a set."""
+    """The selected files of a set."""
     known = sorted(file for file, image in record["images"].items() if image["xy"] is not None)
     empty = not any(record["images"][file]["xy"] for file in known)
     count = min(len(known), EMPTY if empty else EACH)

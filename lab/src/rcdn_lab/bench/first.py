@@ -1,4 +1,4 @@
-"""What comes before the first picture is done, and the memory that one takes: always in fresh processes."""
+"""Start-up times until the first picture is processed, and the memory for one picture, always in fresh processes."""
 
 from __future__ import annotations
 
@@ -54,10 +54,11 @@ STEPS = ("import ms", "make ms", "first ms", "second ms")
 
 
 def first_calls(board: Size, count: int, size: Size = (640, 480)) -> list[Row]:
-    """A row for us and for the yardstick: medians of `count` fresh interpreters in turn, as they are by default.
+    """A row for rcdn and for the yardstick: medians over `count` fresh interpreters, alternating, with default
+    settings.
 
-    `import ms`: of the package; `make ms`: of the detector, with all that it loads; then the first detection and the second,
-    of a board in a picture of `size`.
+    `import ms`: of the package; `make ms`: of the detector, with all that it loads; then the first detection and the
+    second, of a board in a picture of `size`.
     """
     found: dict[str, list[list[float]]] = {name: [] for name in SCRIPTS}
     with tempfile.TemporaryDirectory() as folder:
@@ -92,8 +93,8 @@ def memory(
 ) -> list[Row]:
     """A row for each detector and size: one detection of a board in a fresh process.
 
-    MB: `loaded`, resident before the picture comes; `peak`, the most until it is done; `more`, what lies between. None where the
-    system doesn't tell, or a peer is a program of its own.
+    MB: `loaded`, resident memory before the picture; `peak`, its maximum until the picture is done; `more`, their
+    difference. None if the operating system does not report it, or if a peer is an external program.
     """
     rows: list[Row] = []
     for size in sizes:

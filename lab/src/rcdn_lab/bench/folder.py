@@ -1,4 +1,4 @@
-"""Pictures a second, and memory along the way, over a folder: `rcdn detect` itself in a fresh process, watched."""
+"""Throughput and memory of `rcdn detect` over a folder of pictures, run in a fresh process."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Row = dict[str, Any]
 SEED = 9_200_000
 SIZE = (640, 480)
 DISTINCT = 50
-"""pictures rendered, at most; after these come copies of them: no detector remembers any"""
+"""most pictures rendered; the others are copies of them, because no detector caches results"""
 KEPT = 500
-"""samples of a run that are kept, at most"""
+"""most samples of a run that are kept"""
 
 
 def fill(folder: Path, count: int) -> None:
-    """`count` rendered pictures of boards, as people take them, 640×480."""
+    """Write `count` rendered pictures of boards under ordinary conditions, 640×480, to `folder`."""
     rendered: list[Path] = []
     for k in range(count):
         path = folder / f"picture_{k:06d}.png"
@@ -40,17 +40,17 @@ def fill(folder: Path, count: int) -> None:
 
 
 def _again(source: Path, path: Path) -> None:
-    """The same picture under another name, without its bytes where the disk can do that."""
+    """The same picture under another name, as a hard link where the file system supports it."""
     try:
         os.link(source, path)
-    except OSError:  # no such links here, or too many of them
+    except OSError:  # hard links are not supported, or there are too many
         shutil.copyfile(source, path)
 
 
 def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callable[[str], None] | None = None) -> Row:
     """Run `command` FOLDER JOBS SAMPLES over `count` pictures with each number of `jobs`.
 
-    It writes a line `seconds,pictures,now MB,peak MB` to the file SAMPLES as each picture is done. Gives `rows`, one for
+    It writes a line `seconds,pictures,now MB,peak MB` to the file SAMPLES after each picture. Returns `rows`, one for
     each number of jobs, and their `samples`. Raises RcdnError if it fails.
     """
     rows, samples = [], []
@@ -78,7 +78,7 @@ def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callabl
 
 
 def read_samples(path: Path) -> list[Row]:
-    """The lines that the command wrote."""
+    """The lines written by the command."""
     with path.open(newline="") as handle:
         return [
             {
@@ -90,24 +90,26 @@ def read_samples(path: Path) -> list[Row]:
 
 
 def _end(seen: Path) -> float | None:
-    """What the command wrote at its very end: the most that its first process had, with the files written."""
+    """The value that the command wrote when it ended: the maximum memory of its first process, including the writing of
+    files."""
     path = seen.with_suffix(".end")
     text = path.read_text() if path.exists() else ""
     return round(float(text), 1) if text else None
 
 
 def thinned(lines: Sequence[Row], most: int = KEPT) -> list[Row]:
-    """At most that many of the lines, evenly over the run; the first and the last stay."""
+    """At most `most` of the lines, evenly spaced over the run; the first and the last are kept."""
     if len(lines) <= most:
         return list(lines)
     return [lines[k] for k in np.linspace(0, len(lines) - 1, most).round().astype(int).tolist()]
 
 
 def folder_row(lines: Sequence[Row], jobs: int, count: int, seconds: float) -> Row:
-    """`a second`: over the whole run with its start; `steady a second`: from a tenth of the pictures on.
+    """`a second`: over the whole run including its start; `steady a second`: from a tenth of the pictures on.
 
-    `ms, first half` and `second half`: a picture's from a tenth of them to the middle, and from there on: equal if time is linear.
-    MB, all processes together: `peak`; `at 10 %` and `at the end` of the pictures: what grows between them would grow on.
+    `ms, first half` and `second half`: time per picture from a tenth of them to the middle, and from there on: equal if
+    time is linear. MB, all processes together: `peak`; `at 10 %` and `at the end` of the pictures: memory that grows
+    between them would continue to grow.
     """
     if len(lines) != count:
         raise RcdnError(f"--folder: {len(lines)} of {count} pictures were seen")
@@ -125,6 +127,6 @@ def folder_row(lines: Sequence[Row], jobs: int, count: int, seconds: float) -> R
 
 
 def _each(start: Row, end: Row) -> float | None:
-    """ms a picture between two lines."""
+    """ms per picture between two lines."""
     pictures = end["pictures"] - start["pictures"]
     return round(1e3 * (end["seconds"] - start["seconds"]) / pictures, 2) if pictures else None

@@ -1,4 +1,4 @@
-"""Detectors in turn on photographs, on several numbers of threads at once → figures of each picture."""
+"""Times detectors alternately on photographs, with several numbers of threads → figures for each picture."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from rcdn_lab.peers import PEERS
 Key = tuple[str, int]
 """a detector's name and its number of threads"""
 PATIENCE = 0.8
-"""s that a detector may take for one photograph; then it repeats it less"""
+"""s, time budget of a detector for one photograph, which limits its repetitions"""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What a detector took for one picture, on `threads` threads.
+    """Time of a detector for one picture, on `threads` threads.
 
-    `cpu`, `wall`: ms a megapixel, medians of its `rounds`; `cpu_ratio`, `wall_ratio`: ours ÷ its own, medians over the rounds that both did, None if
-    there are none; `whole`: whether the picture's board was found whole, None if it has none that is known, or the detector gives
-    no boards; `alarm`: whether a picture of no board gave one, None for others.
+    `cpu`, `wall`: ms per megapixel, medians over its `rounds`; `cpu_ratio`, `wall_ratio`: ours ÷ its own, medians over
+    the rounds that both completed, None if there are none; `whole`: whether the picture's board was found whole, None
+    if it has no known board, or the detector returns no boards; `alarm`: whether a board was found in a picture without
+    one, None for other pictures.
     """
 
     set: str
@@ -49,10 +50,11 @@ def figures(
     budget: float,
     tell: Callable[[str], None] | None = None,
 ) -> tuple[list[Figure], dict[str, str]]:
-    """All detectors on each picture, in a new order each round, all numbers of threads among each other; each detector warmed up once.
+    """All detectors on each picture, in a new random order in each round, with all numbers of threads mixed; each
+    detector is warmed up once.
 
-    `budget`: s that a detector may take for one picture, then it repeats it less. A detector that only knows another size of board
-    isn't asked. Gives, too, how detectors failed, by name: on these pictures they have no figure.
+    `budget`: s that a detector may take for one picture; it limits the repetitions. A detector restricted to another
+    board size is left out. Also returns how detectors failed, by name: on these pictures they have no figure.
     """
     out: list[Figure] = []
     failures: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""What is rendered to be timed: a board that fills half of the picture, clutter and texture without one."""
+"""Rendered pictures for timing: a board that fills half of the picture, and clutter and texture without one."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ Size = tuple[int, int]
 FIRST = 9_100_000
 """seed of the backgrounds"""
 FILLED = 0.5
-"""share of the picture that the board with its quiet zone takes, where it fits"""
+"""share of the picture that the board with its quiet zone takes, if it fits"""
 NOISE, BLUR = 3.0, 0.7
-"""grey levels; px"""
+"""standard deviations: noise, grey levels; blur, px"""
 TILT, AXIS, ROLL = np.deg2rad([15.0, 35.0, 5.0])
 PANEL = (320, 240)
-"""px; clutter comes in panels, so that a large picture has as much of it a pixel as a small one"""
+"""px; clutter is rendered in panels, so that its density per pixel is the same in large and small pictures"""
 CLUTTER = ("tiles", "text", "shapes", "blocks")
 
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """What all detectors are timed on in turn: `pictures` (H, W) uint8 of one `size` (width, height), one after the other.
+    """What all detectors are timed on alternately: `pictures` (H, W) uint8 of one `size` (width, height), one after the
+    other.
 
-    `board`: the size (columns, rows) that those who must know it are told; `only`: the detectors asked, none: all that
-    look for that size.
+    `board`: the size (columns, rows) given to detectors that need it; `only`: the detectors timed, empty: all that
+    search for that size.
     """
 
     kind: str
@@ -51,7 +52,7 @@ def rendered(kind: str, size: Size, board: Size) -> Array:
 
 
 def board_picture(size: Size, board: Size) -> Array:
-    """One board, a little tilted and turned, on a soft background, with mild blur and noise."""
+    """One board, slightly tilted and rotated, on a smooth background, with mild blur and noise."""
     scene = _scene(size, "noise", FIRST)
     blank = BoardSpec(*board, (0, 0, 0), (0, 0, 1))
     pitch = float(np.sqrt(FILLED * size[0] * size[1] / ((board[0] + 2) * (board[1] + 2))))
@@ -61,13 +62,13 @@ def board_picture(size: Size, board: Size) -> Array:
         if spec is not None:
             xy = board_to_pixels(spec, scene.camera, np.array(rim))
             if ((xy >= 0) & (xy <= np.array(size) - 1)).all():
-                return render(replace(scene, boards=(spec,)), samples=1)  # at 12 megapixels more take a minute
+                return render(replace(scene, boards=(spec,)), samples=1)  # more samples take a minute at 12 megapixels
         pitch *= 0.97
     raise ConfigError(f"--board {board[0]}x{board[1]} doesn't fit a picture of {size[0]}x{size[1]} px")
 
 
 def panels(size: Size, kind: str) -> Array:
-    """Panels without a board, each row shifted: where panels meet there are Ts, no Xs.
+    """Panels without a board, each row shifted: where panels meet there are T-junctions, no X-junctions.
 
     `clutter`: tiles, text, shapes and blocks; `texture`: leaves of filtered noise.
     """

@@ -1,4 +1,5 @@
-"""How near the dense network of the preset `paper` comes to what this processor multiplies at best: that, by products of matrices."""
+"""Arithmetic throughput of the dense network of the preset `paper`, relative to the processor's peak, measured by
+matrix products."""
 
 from __future__ import annotations
 
@@ -16,19 +17,20 @@ from rcdn_lab.bench.pictures import rendered
 
 Row = dict[str, Any]
 Task = tuple[float, Callable[[], Any]]
-"""operations, and what does them"""
+"""number of operations, and the function that performs them"""
 NETWORK = "network, preset paper"
 SIZE = (640, 480)
 SIDES = (1024, 2048)
-"""of the square matrices; the faster product is the peak"""
+"""sides of the square matrices; the faster product defines the peak"""
 ROUNDS = 20
-"""at least"""
+"""least number of rounds"""
 
 
 def rate(count: int) -> list[Row]:
-    """The rows of `rates`, of one thread in a process of its own: the network on a board of `SIZE`, and products of float32 matrices of `SIDES`.
+    """The rows of `rates`, on one thread in a separate process: the network on a board of `SIZE`, and products of
+    float32 matrices of `SIDES`.
 
-    `count`: rounds; there are at least `ROUNDS`.
+    `count`: number of rounds, at least `ROUNDS`.
     """
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         return pool.submit(_measured, max(count, ROUNDS)).result()
@@ -41,8 +43,9 @@ def _measured(count: int) -> list[Row]:
 def tasks(size: tuple[int, int], sides: tuple[int, ...]) -> dict[str, Task]:
     """The network first, then the products, by name.
 
-    Of the network only the multiplications and additions for pixels of the picture count, not those for the context of its tiles, nor what
-    else it does; its time is that of the whole response map: with normalisation, padding and tiles.
+    Only the network's multiplications and additions for pixels of the picture count, not those for the context of its
+    tiles, nor other operations; its time is that of the whole response map, including normalisation, padding and
+    tiling.
     """
     from rcdn.corners.response import load_model
 
@@ -57,11 +60,11 @@ def tasks(size: tuple[int, int], sides: tuple[int, ...]) -> dict[str, Task]:
 
 
 def rates(todo: Mapping[str, Task], count: int, clock: Callable[[], float] = time.perf_counter) -> list[Row]:
-    """A row for each task; the first is held against the fastest of the others.
+    """A row for each task; the first is compared with the fastest of the others.
 
-    Each is done once to warm up, then `count` rounds, all of them once a round in a new order. `GFLOP`: 1e9 operations; `ms` and `GFLOP/s`:
-    medians; `at best`: the highest GFLOP/s; `of peak`: median of the rounds' own ratios of GFLOP/s to the peak's, `from` and `to` their
-    quartiles. The peak is the product whose median is the highest.
+    Each is run once to warm up, then `count` rounds, all of them once in each round in a new order. `GFLOP`: 1e9
+    operations; `ms` and `GFLOP/s`: medians; `at best`: the highest GFLOP/s; `of peak`: median over the rounds of the
+    ratio of GFLOP/s to the peak's, `from` and `to` its quartiles. The peak is the product with the highest median.
     """
     names = list(todo)
     for _, work in todo.values():

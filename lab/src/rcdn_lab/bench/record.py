@@ -1,4 +1,4 @@
-"""What stands beside the figures, and their tables for the docs."""
+"""Conditions recorded with the figures, and the tables for the documentation."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from rcdn_lab.bench import yardstick
 
 Row = dict[str, Any]
 BUSY = 0.3
-"""load a core from which on figures are in doubt"""
+"""load per core above which timings are unreliable"""
 
 
 def machine() -> dict[str, Any]:
-    """The processor, the cores that may be used, and how busy they are now (`load`, runnable processes)."""
+    """The processor, the number of usable cores, and the present `load` (runnable processes)."""
     return {"processor": _processor(), "cores": _cores(), "memory GB": _memory(), "load": load()}
 
 
 def load() -> float | None:
-    """Runnable processes, mean of the last minute; None where the system doesn't tell."""
+    """Runnable processes, mean of the last minute; None if the operating system does not report it."""
     return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 
 def busy(value: float | None) -> bool:
-    """Is that load too much to time anything?"""
+    """Whether the load is too high for timing."""
     return value is not None and value > BUSY * _cores()
 
 
@@ -56,7 +56,7 @@ def _memory() -> float | None:
 def quality(paths: Sequence[Path]) -> dict[str, float]:
     """Detector → mean success over all levels of the sweeps in these files (`rcdn evaluate sweep --json`).
 
-    Our detector is `rcdn` under the preset `auto` and `rcdn-paper` under `paper`. Raises ConfigError for other files.
+    Our detector is `rcdn` with the preset `auto` and `rcdn-paper` with `paper`. Raises ConfigError for other files.
     """
     found: dict[str, list[float]] = {}
     for path in paths:
@@ -73,7 +73,7 @@ def quality(paths: Sequence[Path]) -> dict[str, float]:
 
 
 def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
-    """The tables by name, as `rcdn bench` makes them, for docs/speed.md."""
+    """The tables by name, as made by `rcdn bench`, for docs/speed.md."""
     out = yardstick.text(tables)
     speed = tables.get("speed", ())
     for kind, threads in dict.fromkeys((r["picture"], r["threads"]) for r in speed):
@@ -101,7 +101,7 @@ def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
 
 
 def _pivot(title: str, cells: Sequence[tuple[str, str, str]]) -> str:
-    """A table of (line, column, text), lines and columns in the order in which they come."""
+    """A table from (row, column, text), rows and columns in order of appearance."""
     columns = list(dict.fromkeys(column for _, column, _ in cells))
     lines = [[title, *columns], ["---"] * (1 + len(columns))]
     for line in dict.fromkeys(name for name, _, _ in cells):

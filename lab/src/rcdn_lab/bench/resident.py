@@ -1,4 +1,4 @@
-"""Memory of a process, from Linux' /proc. Imports nothing but the standard library."""
+"""Memory of a process, from Linux' /proc. Imports only the standard library."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from pathlib import Path
 
 
 def resident(field: str, process: int | str = "self") -> float | None:
-    """`VmRSS` (now) or `VmHWM` (at most, since the program began) of a process, MB; None where the system doesn't tell.
+    """`VmRSS` (present) or `VmHWM` (maximum since the program began) of a process, MB; None if the operating system
+    does not report it.
 
-    Not `getrusage`: its ru_maxrss begins with what the parent had.
+    `getrusage` is not used: its ru_maxrss starts with the value of the parent process.
     """
     if not sys.platform.startswith("linux"):
         return None

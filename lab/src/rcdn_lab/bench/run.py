@@ -1,4 +1,4 @@
-"""Detectors in turn on the same pictures → times and ratios."""
+"""Times detectors alternately on the same pictures → times and ratios."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from rcdn_lab.bench.pictures import Cell, rendered
 from rcdn_lab.peers import PEERS, Find, Grid
 
 SB = "opencv-sb"
-"""the yardstick: findChessboardCornersSB, told the board's size"""
+"""the yardstick: findChessboardCornersSB, given the board's size"""
 PRESETS = {"auto": "rcdn", "paper": "rcdn-paper"}
 TOLD = {"opencv-sb", "opencv", *PRESETS.values()}
-"""detectors that are told the number of threads; the others have the cores only"""
+"""detectors whose number of threads is set; the others are limited by the number of cores only"""
 PROGRAMS = {"mrgingham"}
-"""peers that run as a program: its start and a picture file are in the time, and its memory isn't ours to see"""
+"""peers that run as external programs: their start and a picture file are included in the time, and their memory is not
+measured"""
 Size = tuple[int, int]
 Row = dict[str, Any]
 
 
 class Runner(Protocol):
-    """Times a detector on a picture; a `Child`, or what stands in for one."""
+    """Times a detector on a picture; a `Child`, or a substitute for one."""
 
     def time(self, image: Array, size: Size) -> Timing: ...
 
@@ -39,7 +40,7 @@ class Runner(Protocol):
 
 @dataclass(frozen=True)
 class Contestant:
-    """A detector by name; `start(threads)` gives its runner; `board`: the only size that it is asked for."""
+    """A detector by name; `start(threads)` returns its runner; `board`: the only board size it supports, None: any."""
 
     name: str
     start: Callable[[int], Runner]
@@ -47,9 +48,9 @@ class Contestant:
 
 
 def contestants(presets: Sequence[str], peers: Sequence[str]) -> tuple[list[Contestant], dict[str, str]]:
-    """Who is timed, ourselves first, and why each of the other peers isn't.
+    """The detectors that are timed, ours first, and for each of the other peers the reason why it is not.
 
-    `presets`: of `auto`, `paper`; `peers`: names, `auto` for all, `none` for none. The yardstick comes with any peer.
+    `presets`: of `auto`, `paper`; `peers`: names, `auto` for all, `none` for none. The yardstick is added to any peer.
     Raises ConfigError for unknown names.
     """
     unknown = sorted(set(presets) - set(PRESETS))
@@ -82,7 +83,7 @@ def _ours(preset: str, threads: int) -> Find:
 
 
 def cells_of(sizes: Sequence[Size], board: Size, who: Sequence[Contestant]) -> Iterator[Cell]:
-    """The pictures, size by size. A peer that wants boards of its own gets them, and the yardstick with it."""
+    """The pictures, size by size. A peer that needs boards of another size gets them, together with the yardstick."""
     rest = tuple(c.name for c in who if c.board in (None, board))
     others = {c.board for c in who if c.board not in (None, board)}
     for size in sizes:
@@ -104,8 +105,8 @@ def table(
 ) -> list[Row]:
     """One row for each cell, thread count and detector.
 
-    `count`: repeats, or all pictures of a cell where those are more; `budget`: s that a detector may take in a cell, then
-    it repeats less; `tell`: what goes on.
+    `count`: repetitions, or the number of pictures of a cell if larger; `budget`: s that a detector may take in a cell,
+    which limits its repetitions; `tell`: called with a description of the present step.
     """
     rows = []
     with ExitStack() as stack:
@@ -128,9 +129,10 @@ def _board_of(who: Sequence[Contestant]) -> dict[str, Size]:
 
 @dataclass(eq=False)
 class Times:
-    """What one detector took in a cell: `timings` by round; `failure`: why it broke down; `cold`: no warm-up came before.
+    """Times of one detector in a cell: `timings` by round; `failure`: the reason of a failure; `cold`: timed without a
+    warm-up.
 
-    `spent`: s, with the warm-up; `skipped`: rounds for which the budget was too small.
+    `spent`: s, including the warm-up; `skipped`: rounds that did not fit the budget.
     """
 
     timings: dict[int, Timing] = field(default_factory=dict)
@@ -143,10 +145,11 @@ class Times:
 def in_turn(
     cell: Cell, runners: dict[str, Runner], count: int, budget: float, boards: dict[str, Size] | None = None
 ) -> dict[str, Times]:
-    """Warm everybody up, then round by round all on one picture, in a new order each round.
+    """Warm up all detectors, then run each round on one picture, in a new order.
 
-    Who has spent the `budget`, s, stays away from the rounds that are left; a detector whose warm-up took all of it is
-    not asked again, and that is its time. `boards`: sizes that detectors are told instead of the cell's.
+    A detector that has used up the `budget`, s, skips the remaining rounds; if the warm-up alone used it up, the
+    detector is not run again, and the warm-up's time counts. `boards`: board sizes given to detectors instead of the
+    cell's.
     """
     out = {name: Times() for name in runners}
     sizes = {name: (boards or {}).get(name, cell.board) for name in runners}
@@ -176,7 +179,7 @@ def usual(mine: Times) -> float:
 
 
 def ask(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
-    """Time one picture, and note in `mine` what it took; None, and why in `mine`, if it broke down."""
+    """Time one picture, and record the result in `mine`; None, with the reason in `mine`, if the detector failed."""
     try:
         timing = runner.time(image, size)
     except Broken as error:
@@ -187,7 +190,8 @@ def ask(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
 
 
 def _row(cell: Cell, threads: int, name: str, found: dict[str, Times]) -> Row:
-    """The figures of one detector. `ratio`: median over the rounds that it and the yardstick both ran of time ÷ time."""
+    """The figures of one detector. `ratio`: median over the rounds that it and the yardstick both ran of its time ÷ the
+    yardstick's."""
     mine, base = found[name], found.get(SB)
     pairs = [] if base is None else sorted(set(mine.timings) & set(base.timings))
     ratio = None

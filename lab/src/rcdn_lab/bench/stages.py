@@ -1,4 +1,5 @@
-"""What one picture costs by stage: the stages' functions are wrapped from outside, where they are looked up."""
+"""Time of each stage for one picture: the stages' functions are wrapped from outside, at the places where they are
+looked up."""
 
 from __future__ import annotations
 
@@ -60,14 +61,14 @@ STAGES = (
     ("sharpen, smooth", "rcdn.precision:smooth"),
     ("sharpen, rest", "rcdn.detector:sharpen"),
 )
-"""(stage, module:name); time in a stage that another one calls counts for the inner one only"""
+"""(stage, module:name); time in a stage called by another counts for the inner one only"""
 REST = "rest"
 SECONDS = 5.0
-"""that one photograph may take"""
+"""time limit for one photograph"""
 
 
 class Clock:
-    """Exclusive seconds of processor time by stage, of a process with one thread."""
+    """Exclusive processor time of each stage, s, in a process with one thread."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -75,7 +76,7 @@ class Clock:
         self._inner = [0.0]
 
     def wrapped(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """`function`, its time noted for `stage`."""
+        """`function`, with its time added to `stage`."""
 
         @functools.wraps(function)
         def timed(*arguments: Any, **named: Any) -> Any:
@@ -95,7 +96,7 @@ class Clock:
 
 @contextmanager
 def watched(clock: Clock, stages: Sequence[tuple[str, str]] = STAGES) -> Iterator[list[str]]:
-    """Have the `clock` run for every stage meanwhile. Gives the functions that aren't there (any more)."""
+    """Wrap all stages for the `clock` in this context. Returns the functions that were not found."""
     absent = []
     with ExitStack() as stack:
         for stage, place in stages:
@@ -106,7 +107,7 @@ def watched(clock: Clock, stages: Sequence[tuple[str, str]] = STAGES) -> Iterato
                 function = getattr(owner, last)
             except (ImportError, AttributeError):
                 function = None
-            if not callable(function):  # gone, or a module has its name now
+            if not callable(function):  # removed, or replaced by a module of that name
                 absent.append(place)
                 continue
             stack.callback(setattr, owner, last, vars(owner)[last])
@@ -124,7 +125,7 @@ def stages(
 ) -> list[Row]:
     """One row for each picture and stage: our detector in one thread, medians of up to `count` runs within `budget` s.
 
-    Runs of several threads have no stages: theirs overlap.
+    Multi-threaded runs are not split into stages, because their stages overlap.
     """
     rows = []
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
@@ -139,15 +140,17 @@ def stages(
 
 
 CLASSES = (0.1, 0.5, 2.0)
-"""megapixels between classes of photographs"""
+"""megapixels that separate classes of photographs"""
 
 
 def photograph_stages(
     pictures: Sequence[Photograph], preset: str, count: int, tell: Callable[[str], None] | None = None
 ) -> list[Row]:
-    """One row for each class of photographs and stage: our detector in one thread; `ms/MP` of all its `count` pictures together.
+    """One row for each class of photographs and stage: our detector in one thread; `ms/MP` over all of its `count`
+    pictures together.
 
-    Classes are by size, with a board and without; within one each picture weighs by its pixels. `calls`: a picture.
+    Classes are defined by size and by whether there is a board; within one, each picture is weighted by its pixels.
+    `calls`: per picture.
     """
     found: dict[str, list[tuple[float, list[Row]]]] = {}
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
@@ -184,10 +187,11 @@ def class_rows(name: str, mine: Sequence[tuple[float, list[Row]]]) -> list[Row]:
 
 
 def stages_of(image: Array, preset: str, count: int, budget: float) -> list[Row]:
-    """Rows of one picture (H, W): `ms` of the processor and `share` of the whole, `calls`; the last is the whole itself.
+    """Rows of one picture (H, W): processor time `ms`, `share` of the total, and `calls`; the last row is the total
+    itself.
 
-    The stages and the rest add up to the whole in every run; medians of several runs do so about. `note` of the last row
-    names functions that were not found.
+    The stages and the rest add up to the total in every run; medians over several runs do so approximately. `note` of
+    the last row lists functions that were not found.
     """
     import cv2
 

@@ -1,7 +1,7 @@
-"""Textured clutter without a board: leaves of all sizes that cover each other, each with a texture of filtered noise.
+"""Textured clutter without a board: overlapping leaves of all sizes, each with a texture of filtered noise.
 
-The dead leaves model (Lee, Mumford and Huang 2001, "Occlusion models for natural images"): radii that fall with the third power give
-pictures the same statistics at all scales, as in photographs. Nothing is taken from one.
+The dead leaves model (Lee, Mumford and Huang 2001, "Occlusion models for natural images"): a density of radii that
+falls with the third power gives pictures the same statistics at all scales, as in photographs. No photograph is used.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ F32 = np.float32
 RADII = (3.0, 90.0)
 """px"""
 LEAVES = 900
-"""a panel; what they leave is ground, with a texture of its own"""
+"""leaves of a panel; uncovered pixels are ground, with a texture of its own"""
 GREY, DEEP = (25.0, 230.0), (8.0, 45.0)
-"""grey levels of a leaf, and the standard deviation of its texture"""
+"""ranges: grey level of a leaf, and standard deviation of its texture"""
 
 
 def panel(size: tuple[int, int], seed: int, blur: float, noise: float) -> Array:
-    """(H, W) uint8 of `size` (width, height): leaves seen with `blur` px and `noise` grey levels."""
+    """(H, W) uint8 of `size` (width, height): leaves with `blur` px and noise of `noise` grey levels."""
     rng = np.random.default_rng([4711, seed])
     number = _leaves(size, rng)
     grey, deep = rng.uniform(*GREY, LEAVES + 1), rng.uniform(*DEEP, LEAVES + 1)
@@ -49,10 +49,10 @@ KINDS = ("pink", "grain", "threads", "stains")
 
 
 def texture(size: tuple[int, int], kind: str, rng: np.random.Generator) -> Array:
-    """(H, W) of mean 0 and standard deviation 1: white noise through a filter.
+    """(H, W) with mean 0 and standard deviation 1: white noise through a filter.
 
-    `pink`: amplitude as 1 / frequency; `grain`: one octave around a period of 3–8 px; `threads`: one period and one direction, as in
-    cloth, grass or fur; `stains`: one octave, cut to two levels.
+    `pink`: amplitude proportional to 1 / frequency; `grain`: one octave around a period of 3–8 px; `threads`: one
+    period and one direction, as in cloth, grass or fur; `stains`: one octave, thresholded to two levels.
     """
     fy, fx = np.fft.fftfreq(size[1])[:, None], np.fft.rfftfreq(size[0])[None, :]
     frequency = np.hypot(fx, fy)

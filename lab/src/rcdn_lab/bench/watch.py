@@ -1,4 +1,4 @@
-"""`python -m rcdn_lab.bench.watch FOLDER JOBS SAMPLES`: `rcdn detect` with a note of the memory after each picture."""
+"""`python -m rcdn_lab.bench.watch FOLDER JOBS SAMPLES`: `rcdn detect`, recording the memory after each picture."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ Compute = Callable[..., Generator[Any, None, None]]
 
 
 OFTEN = 0.05
-"""Seconds between two looks at the memory: with many processes a look takes as long as a picture."""
+"""Seconds between two measurements of the memory: with many processes a measurement takes as long as a picture."""
 
 
 def watched(compute: Compute, samples: Path) -> Compute:
-    """`compute`, writing a line `seconds,pictures,now MB,peak MB` to `samples` as each picture is done.
+    """`compute`, extended to write a line `seconds,pictures,now MB,peak MB` to `samples` after each picture.
 
-    MB: this process and those that it started, together; what they share counts for each. `peak`: the sum of each one's most.
+    MB: this process and its children, together; shared memory counts for each. `peak`: the sum of the processes'
+    maxima.
     """
     start = time.perf_counter()
 
@@ -40,14 +41,15 @@ def watched(compute: Compute, samples: Path) -> Compute:
 
 
 def _together(field: str) -> str:
-    """MB of all processes, or nothing where the system doesn't tell."""
+    """MB of all processes, "" if the operating system does not report it."""
     mine = resident(field)
     others = [resident(field, child.pid) for child in active_children() if child.pid is not None]
     return "" if mine is None else f"{mine + sum(value for value in others if value is not None):.1f}"
 
 
 def main(folder: str, jobs: str, samples: str) -> None:
-    """Detect in all pictures of `folder`; the detections go beside `samples`, as does the most that this process had."""
+    """Detect in all pictures of `folder`; the detections and the maximum memory of this process are written next to
+    `samples`."""
     from rcdn.batch import pool
     from rcdn.cli import app
 

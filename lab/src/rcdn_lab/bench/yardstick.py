@@ -1,4 +1,5 @@
-"""Figures of many photographs → one row a detector, and one a set. Means are geometric: over the pictures of a set, then over the sets."""
+"""Figures of many photographs → one row for each detector, and one for each set. Means are geometric: over the pictures
+of a set, then over the sets."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from rcdn_lab.bench.photographs import Figure
 from rcdn_lab.bench.run import SB
 
 SMALL = 0.1
-"""megapixels under which a picture is small"""
+"""megapixels below which a picture is small"""
 GROUPS: dict[str, Callable[[Figure], bool]] = {
     "boards": lambda f: not f.empty,
     "boards, under 0.1 MP": lambda f: not f.empty and f.megapixels < SMALL,
@@ -24,13 +25,13 @@ Row = dict[str, Any]
 
 
 def geometric(values: Iterable[float]) -> float | None:
-    """The geometric mean of positive values; None of none."""
+    """The geometric mean of positive values; None if there are none."""
     logs = [log(value) for value in values]
     return exp(fmean(logs)) if logs else None
 
 
 def by_set(figures: Sequence[Figure], value: Callable[[Figure], float | None]) -> dict[str, float]:
-    """Set → geometric mean of `value` over its pictures, without those that have none."""
+    """Set → geometric mean of `value` over its pictures, without those whose value is None."""
     found: dict[str, list[float]] = {}
     for figure in figures:
         if (number := value(figure)) is not None:
@@ -41,9 +42,9 @@ def by_set(figures: Sequence[Figure], value: Callable[[Figure], float | None]) -
 def summary(figures: Sequence[Figure]) -> list[Row]:
     """A row for each group of pictures, number of threads and detector.
 
-    `cpu ms/MP`, `ms/MP`, and ours ÷ its own of both: geometric means over the `sets`; `where found`: the ratio of processor time over
-    those pictures alone whose boards it found whole; `worst`: the set in which we compare worst; `whole`, `false`: boards found
-    whole, and pictures of no board in which it found one.
+    `cpu ms/MP`, `ms/MP`, and ours ÷ its own of both: geometric means over the `sets`; `where found`: the ratio of
+    processor time over the pictures whose boards it found whole; `worst`: the set with the largest ratio; `whole`,
+    `false`: boards found whole, and pictures without a board in which it found one.
     """
     rows = []
     for group, belongs in GROUPS.items():
@@ -67,13 +68,14 @@ def _row(mine: Sequence[Figure]) -> Row:
 
 
 def share(answers: Sequence[bool | None]) -> str:
-    """`yes/asked` of those that are known; `-` if none is."""
+    """`yes/known` of the answers that are not None; `-` if there are none."""
     known = [answer for answer in answers if answer is not None]
     return f"{sum(known)}/{len(known)}" if known else "-"
 
 
 def sets(figures: Sequence[Figure]) -> list[Row]:
-    """A row for each set, number of threads and kind of time: ms a megapixel by detector (None: not asked, or failed), and ours ÷ the yardstick's."""
+    """A row for each set, number of threads and kind of time: ms per megapixel by detector (None: not run, or failed),
+    and ours ÷ the yardstick's."""
     rows = []
     names = list(dict.fromkeys(f.detector for f in figures))
     for name, threads in dict.fromkeys((f.set, f.threads) for f in figures):
@@ -90,7 +92,8 @@ def sets(figures: Sequence[Figure]) -> list[Row]:
 
 
 def found(figures: Sequence[Figure]) -> list[Row]:
-    """A row for each set: boards found whole by detector, or, where there is no board, pictures in which it found one (`false`)."""
+    """A row for each set: boards found whole by each detector or, for pictures without a board, those in which it found
+    one (`false`)."""
     rows = []
     least = min((f.threads for f in figures), default=1)
     names = list(dict.fromkeys(f.detector for f in figures))
@@ -117,11 +120,11 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-# ---- for the docs
+# ---- for the documentation
 
 
 def text(tables: Mapping[str, Sequence[Row]]) -> list[str]:
-    """The tables of docs/speed.md, each as one text; none if no photographs were timed."""
+    """The tables of docs/speed.md, each as one string; none if no photographs were timed."""
     rows = tables.get("photographs", ())
     out = [_summary_text(rows, threads) for threads in dict.fromkeys(r["threads"] for r in rows)]
     if tables.get("sets") and tables.get("found"):

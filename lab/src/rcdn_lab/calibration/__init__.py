@@ -1,4 +1,5 @@
-"""How well cameras can be calibrated from the corners of several detectors: one solver, the same pictures, photographs of public sets."""
+"""Calibration accuracy with the corners of several detectors: one solver, the same pictures, public sets of
+photographs."""
 
 from rcdn_lab.calibration.detectors import DETECTORS, Contestant, Store, contestants
 from rcdn_lab.calibration.run import markdown, settings_of, table

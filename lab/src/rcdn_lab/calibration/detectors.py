@@ -1,4 +1,5 @@
-"""Who takes part: our presets, and variants of them, beside the peers; each with an identity that names all that its answers depend on."""
+"""The detectors compared: our presets and variants of them, and the peers; each has an identity that covers everything
+its results depend on."""
 
 from __future__ import annotations
 
@@ -27,26 +28,27 @@ OURS = {
     "auto-fit": DetectorConfig.auto(threads=1, sharpen=Sharpen(geometry=False)),
     "auto-first": DetectorConfig.auto(threads=1, sharpen=None),
 }
-"""`auto-fit`: the corners don't learn from the smoothness of their board; `auto-first`: as the first refinement leaves them"""
+"""`auto-fit`: without the refinement by the smoothness of the board; `auto-first`: with the first refinement only"""
 DETECTORS = ("auto", "paper", "opencv", "opencv-sb", "boofcv-size")
 
 
 class Store(Protocol):
-    """Answers kept from one run to the next, of one detector."""
+    """Results of one detector, kept between runs."""
 
     def key(self, content: str, *more: object) -> str:
         """The name of an entry."""
 
     def get(self, key: str) -> Any:
-        """What was put there, or None."""
+        """The value stored under `key`, or None."""
 
     def put(self, key: str, value: Any) -> None:
-        """Keep plain `value`."""
+        """Store `value`, made of plain types."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a detector made of one picture of `image_size` (width, height): its `grids`; `error`: what it broke down of, or ""."""
+    """Result of a detector for one picture of `image_size` (width, height): its `grids`; `error`: the message of an
+    exception, or ""."""
 
     image_size: tuple[int, int]
     grids: tuple[Grid, ...]
@@ -55,8 +57,8 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Contestant:
-    """A detector by `name`, made by `load` when it is first needed; `store` keeps its answers; `version`;
-    `sized`: it is told the board's size."""
+    """A detector by `name`, made by `load` when first needed; `store` keeps its results; `version`; `sized`: it is
+    given the board's size."""
 
     name: str
     load: Callable[[], Find]
@@ -70,7 +72,7 @@ class Contestant:
             return self.load()
 
     def look(self, path: Path, content: str, size: tuple[int, int]) -> Answer:
-        """The answer for the picture at `path`, whose checksum is `content`, from the store if it is there."""
+        """The result for the picture at `path` with checksum `content`, from the store if it is there."""
         key = self.store.key(content, "grids", *(size if self.sized else ()))
         if (kept := _unpack(self.store.get(key))) is not None:
             return kept
@@ -85,21 +87,21 @@ class Contestant:
         try:
             with quiet():
                 return Answer(shape, tuple(find(image, size)))
-        except Exception as error:  # whatever a detector breaks down of is told in its row, and the others go on
+        except Exception as error:  # any exception is reported in the detector's row, and the others continue
             return Answer(shape, (), f"{type(error).__name__}: {error}")
 
 
 PARTS = ("peers", "boards", "corners")
-"""folders that hold the code of the peers that are written here"""
+"""folders with the code of the peers implemented here"""
 
 
 def contestants(
     names: Sequence[str], identify: Callable[[DetectorConfig], str], open_store: Callable[[str], Store]
 ) -> tuple[list[Contestant], dict[str, str]]:
-    """Those of `names` that can run here, and why each of the others can't.
+    """Those of `names` that can run here, and for each of the others the reason why it cannot.
 
-    `identify`: a checksum of all but the picture that determines what our detector finds; `open_store`: a store whose entries are told
-    apart by the checksum that it is given. Raises ConfigError for an unknown name.
+    `identify`: a checksum of everything except the picture that determines our detector's result; `open_store`: a store
+    whose entries are separated by the checksum that it is given. Raises ConfigError for an unknown name.
     """
     known = [*OURS, *(p.name for p in PEERS.values() if not p.raw and p.board is None)]
     unknown = sorted(set(names) - set(known))
@@ -130,21 +132,22 @@ def _ours(config: DetectorConfig) -> Callable[[], Find]:
 def _theirs(peer: Peer) -> Callable[[], Find]:
     def load() -> Find:
         find = peer.load()
-        return lambda image, size: find(np.clip(np.rint(image), 0, 255).astype(np.uint8), size)  # they read 8 bits
+        return lambda image, size: find(np.clip(np.rint(image), 0, 255).astype(np.uint8), size)  # peers read 8 bits
 
     return load
 
 
 def _identity(peer: Peer) -> str:
-    """Checksum of a peer's name and version, of the code that calls it, or is it, and of what reads pictures."""
+    """Checksum of a peer's name and version, of its code or of the code that calls it, and of the code that reads
+    pictures."""
     code = [inspect.getsource(m) for m in (sys.modules[peer.load.__module__], base, sys.modules[read_image.__module__])]
-    if peer.version() == __version__:  # written here, on what is here
+    if peer.version() == __version__:  # implemented in this package
         folders = [Path(sys.modules["rcdn"].__path__[0]) / part for part in PARTS]
         code += [path.read_text() for folder in folders for path in sorted(folder.glob("*.py"))]
     return hashlib.sha256("\n".join([peer.name, peer.version(), *code]).encode()).hexdigest()
 
 
-# ---- answers → plain values → answers
+# ---- conversion of answers to plain values and back
 
 
 def _pack(answer: Answer) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""Everybody's answers for the pictures of one camera, and the whole boards among them in one order of corners."""
+"""Results of all detectors for the pictures of one camera, and the whole boards among them with corners in the same
+order."""
 
 from __future__ import annotations
 
@@ -16,13 +17,14 @@ from rcdn_lab.calibration.sets import CameraSet
 from rcdn_lab.peers import Grid
 
 APART = 0.3
-"""squares: a board whose typical corner lies that far from where most detectors have it isn't the same corners"""
+"""squares: a board whose median distance from the median over all detectors is larger does not consist of the same
+corners"""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """`names` of the V pictures of `image_size` (width, height); `grids`: by detector and picture; `notes`: what else to tell, by
-    detector ("" is the set)."""
+    """`names` of the V pictures of `image_size` (width, height); `grids`: by detector and picture; `notes`: further
+    remarks, by detector ("" for the set)."""
 
     names: list[str]
     image_size: tuple[int, int]
@@ -30,16 +32,17 @@ class Found:
     notes: dict[str, str]
 
     def of(self, names: Sequence[str]) -> Found:
-        """The same of some detectors only."""
+        """The same for some detectors only."""
         return replace(self, grids={n: self.grids[n] for n in names})
 
 
 def look(
     cameras: CameraSet, data: Path, detectors: Sequence[Contestant], step: Callable[[], None] | None = None
 ) -> Found:
-    """All detectors on all pictures of a set; pictures of an unusual size are left out, for everybody. `step` is called after each picture.
+    """Run all detectors on all pictures of a set; pictures of an unusual size are left out for all of them. `step` is
+    called after each picture.
 
-    Raises ConfigError if there are no pictures, ImageError if one can't be read.
+    Raises ConfigError if there are no pictures, ImageError if one cannot be read.
     """
     files = cameras.files(data)
     answers: list[dict[str, Answer]] = []
@@ -64,9 +67,10 @@ def _failures(answers: Sequence[Answer]) -> str:
 
 
 def whole(grids: Sequence[Grid], size: tuple[int, int]) -> Array | None:
-    """The first whole board of `size` (columns, rows) among `grids`: (rows, columns, 2) px, columns × rows like x × y; None if there is none.
+    """The first whole board of `size` (columns, rows) among `grids`: (rows, columns, 2) px, columns × rows with the
+    handedness of x × y; None if there is none.
 
-    A board that lies the other way is turned, one whose labels are mirrored is turned over.
+    A board with transposed size is rotated, one with mirrored labels is reflected.
     """
     for grid in grids:
         if grid.ij is None or len(grid.ij) != size[0] * size[1] or len(np.unique(grid.ij, axis=0)) != len(grid.ij):
@@ -88,13 +92,14 @@ def _upright(grid: Array, size: tuple[int, int]) -> Array:
 
 
 def handedness(grid: Array) -> float:
-    """Positive if columns × rows of `grid` (rows, columns, 2) turn like x × y: the sum over its cells without NaN."""
+    """Positive if columns × rows of `grid` (rows, columns, 2) have the handedness of x × y: the sum over its cells
+    without NaN."""
     across, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
     return float(np.nansum(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]))
 
 
 def like(grid: Array, other: Array) -> Array:
-    """`grid` (rows, columns, 2) in whichever of its turns lies nearest to `other`: the same corner gets the same label."""
+    """`grid` (rows, columns, 2) in the rotation closest to `other`, so that the same corner gets the same label."""
     turns = [np.rot90(grid, k) for k in range(4)]
     same = [t for t in turns if t.shape == other.shape]
     return min(same, key=lambda t: float(np.linalg.norm(t - other, axis=2).mean()))
@@ -102,8 +107,9 @@ def like(grid: Array, other: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Common:
-    """The C pictures `index` in which everybody found the whole board, the same corners; `xy`: by detector (C, M, 2) px, row by row;
-    `sigma`: of those that tell it (C, M); `ij` (M, 2); `disputed`: pictures in which they disagree which corners these are."""
+    """The C pictures `index` in which all detectors found the whole board with the same corners; `xy`: by detector (C,
+    M, 2) px, row by row; `sigma`: for detectors that return it (C, M); `ij` (M, 2); `disputed`: number of pictures in
+    which they disagree about the corners."""
 
     index: list[int]
     xy: dict[str, Array]
@@ -113,7 +119,7 @@ class Common:
 
 
 def common(found: Found, size: tuple[int, int]) -> Common:
-    """The like-for-like corners of all detectors of `found`."""
+    """The corresponding corners of all detectors of `found`."""
     names = list(found.grids)
     index, disputed, boards, spreads = [], 0, [], []
     for k in range(len(found.names)):
@@ -136,7 +142,7 @@ def common(found: Found, size: tuple[int, int]) -> Common:
 
 
 def _same_corners(boards: Array) -> bool:
-    """Whether `boards` (D, rows, columns, 2) show one set of corners."""
+    """Whether `boards` (D, rows, columns, 2) consist of the same corners."""
     middle = np.median(boards, axis=0)
     step = min(float(np.median(np.linalg.norm(np.diff(middle, axis=a), axis=2))) for a in (0, 1))
     far = np.median(np.linalg.norm(boards - middle, axis=3), axis=(1, 2))
@@ -144,7 +150,8 @@ def _same_corners(boards: Array) -> bool:
 
 
 def _sigma(grids: Sequence[Grid], turned: Array) -> Array | None:
-    """The deviations (M,) of a whole board's corners in the order of `turned` (rows, columns, 2), by their positions."""
+    """The standard deviations (M,) of a whole board's corners in the order of `turned` (rows, columns, 2), matched by
+    their positions."""
     for grid in grids:
         if grid.sigma is not None and len(grid.xy) == turned.shape[0] * turned.shape[1]:
             known = {spot: s for spot, s in zip(map(tuple, grid.xy.tolist()), grid.sigma.tolist(), strict=True)}

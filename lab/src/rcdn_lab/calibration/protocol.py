@@ -1,7 +1,9 @@
-"""The paper's comparison (section 4.4): calibrate on half of the pictures, then solve only poses on the other half.
+"""The paper's comparison (section 4.4): calibrate from half of the pictures, then solve only the poses in the other
+half.
 
-Reprojection error: root of the mean squared length of observed − projected, px. Every fit starts from the same rough camera of its own
-corners and runs until it converges; held-out pictures have no say in their calibration beyond that start.
+Reprojection error: root of the mean squared length of observed − projected, px. Every fit starts from the same initial
+camera, estimated from the detector's own corners, and runs until it converges; held-out pictures influence the
+calibration only through that initial guess.
 """
 
 from __future__ import annotations
@@ -23,17 +25,18 @@ from rcdn.types import LENS, Array, Camera, CameraModel
 SPLITS, FOLDS = 5, 5
 SEED = 7
 FEWEST = 6
-"""pictures, below which there are no halves to calibrate from"""
+"""least number of pictures for splitting into halves"""
 WEAK = 1e-6
 """× the precision of a lens's prior"""
 WIDE = 10.0
-"""squares; prior standard deviation of a shape of the first degree: corners alone tell the shape"""
+"""squares; prior standard deviation of a shape of the first degree: the corners alone determine the shape"""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Corners of one detector: `corners` of V views (one a picture), `weight` (N,) 1 / px, `used` (N,) bool, those that count; what is
-    fitted: the lens `model` and, if `shaped`, the shape of the board; `start`: a rough camera and `T` (V, 4, 4) poses under it."""
+    """Corners of one detector: `corners` of V views (one per picture), `weight` (N,) 1 / px, `used` (N,) bool, the
+    inliers; what is fitted: the lens `model` and, if `shaped`, the shape of the board; `start`: an initial camera and
+    `T` (V, 4, 4) poses under it."""
 
     corners: Corners3
     weight: Array
@@ -59,7 +62,8 @@ def task_of(
     model: CameraModel,
     shaped: bool = False,
 ) -> Task:
-    """Equal weights for all corners of `boards`: labels (M, 2) and pixels (M, 2) of each. Raises CalibrationError if one has no pose."""
+    """A task with equal weights for all corners of `boards`: labels (M, 2) and pixels (M, 2) of each. Raises
+    CalibrationError if one has no pose."""
     seen = [Seen(ij.astype(float), xy) for ij, xy in boards]
     start = first_camera(seen, image_size)
     T = poses(start, seen)
@@ -80,7 +84,8 @@ def camera_of(task: Task, views: Sequence[int] | Array) -> State:
 
 
 def _start(task: Task, camera: Camera) -> State:
-    """Where a fit begins: labels count squares, and priors only hold what no corner tells."""
+    """The initial state: positions on the board are in squares, and weak priors act only on what the corners do not
+    determine."""
     state = State.mono(camera, task.T, np.zeros((len(FUNCTIONS), 3)) if task.shaped else None)
     prior = lens_prior(state)
     state = replace(state, prior=Prior(prior.mean, WEAK * prior.precision))
@@ -88,7 +93,7 @@ def _start(task: Task, camera: Camera) -> State:
 
 
 def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
-    """The camera of `state` with poses of `views` that fit their used corners; the other poses mean nothing."""
+    """The camera of `state` with poses of `views` fitted to their used corners; the other poses are meaningless."""
     mine = task.of(views)
     corners = task.corners.take(mine)
     seen = [Seen(corners.board[corners.frame == v], corners.xy[corners.frame == v]) for v in views]
@@ -101,23 +106,24 @@ def posed(state: State, task: Task, views: Sequence[int] | Array) -> State:
 
 
 def pose_gaps(state: State, task: Task, views: Sequence[int] | Array) -> Array:
-    """Residuals (n, 2) of the used corners of `views` where only their poses fit the camera of `state`; NaN where it can't see."""
+    """Residuals (n, 2) of the used corners of `views` with the camera of `state` and only their poses fitted; NaN where
+    it has no projection."""
     return residuals(posed(state, task, views), task.corners.take(task.of(views)))
 
 
 def without_outliers(task: Task) -> Task:
-    """The task with the corners and views left out that disagree with the others, as `rcdn.calibrate` leaves them out."""
+    """The task without the corners and views that are outliers by the criteria of `rcdn.calibrate`."""
     none = np.zeros(len(task.corners))
     state = _start(task, Camera(task.start.K, np.zeros(len(LENS[task.model])), task.start.image_size, task.model))
     free = default_free(state, shape=True)
-    fit = robust.fit(*robust.rough_fit(state, task.corners, none, free), task.corners, none, free)
+    fit = robust.fit(*robust.initial_fit(state, task.corners, none, free), task.corners, none, free)
     return replace(task, used=fit.used)
 
 
 def weighted(task: Task, sigma: Array) -> Task:
-    """The task with each corner weighted by its `sigma` (N,) px and the noise beyond it that all show."""
+    """The task with each corner weighted by its `sigma` (N,) px and the additional noise of all."""
     state = camera_of(task, range(task.views))
-    _, noise = robust.rough_fit(state, task.corners, sigma, default_free(state, shape=True))
+    _, noise = robust.initial_fit(state, task.corners, sigma, default_free(state, shape=True))
     return replace(task, weight=1 / np.sqrt(noise**2 + sigma**2))
 
 
@@ -125,7 +131,8 @@ def weighted(task: Task, sigma: Array) -> Task:
 
 
 def halves(count: int) -> list[tuple[Array, Array]]:
-    """`SPLITS` splits of `count` pictures into two halves: every other one, then by chance (the same for everybody)."""
+    """`SPLITS` splits of `count` pictures into two halves: every other one, then random ones (the same for all
+    detectors)."""
     orders = [np.r_[0:count:2, 1:count:2]]
     orders += [np.random.default_rng([SEED, k]).permutation(count) for k in range(SPLITS - 1)]
     return [(np.sort(o[: (count + 1) // 2]), np.sort(o[(count + 1) // 2 :])) for o in orders]
@@ -138,9 +145,10 @@ def folds(count: int) -> list[Array]:
 
 @dataclass(frozen=True)
 class Errors:
-    """Reprojection errors, px. `fit`: of all, calibrated from all. `cal`: of the pictures calibrated from, in halves; `pose`: of the other
-    half; each over both directions, the median of the splits; `unsteady`: the largest of a split's `pose` ÷ their median. `folds`: of
-    pictures held out in fives. `camera`: the same with the cameras of these folds and the poses of reference corners."""
+    """Reprojection errors, px. `fit`: of all pictures, calibrated from all. `cal`: of the pictures calibrated from, in
+    halves; `pose`: of the other half; each over both directions, the median over the splits; `unsteady`: the largest
+    `pose` of a split ÷ their median. `folds`: of pictures held out in five parts. `camera`: the same with the cameras
+    of these folds and the poses of reference corners."""
 
     fit: float = float("nan")
     cal: float = float("nan")
@@ -152,7 +160,8 @@ class Errors:
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """Calibrated from `mine`, only poses solved on `others` (view numbers): residuals `cal` and `pose` (n, 2) px, and the state of `others`."""
+    """Calibrated from `mine`, only poses solved on `others` (view numbers): residuals `cal` and `pose` (n, 2) px, and
+    the state of `others`."""
 
     mine: Array
     others: Array
@@ -170,7 +179,8 @@ def half(task: Task, mine: Array, others: Array) -> Half:
 
 
 def errors(task: Task, references: Sequence[Task] = ()) -> Errors:
-    """All figures of a task; `references`: the same views by other detectors, whose corners judge this one's cameras."""
+    """All figures of a task; `references`: the same views by other detectors, whose corners evaluate this task's
+    cameras."""
     views = np.unique(task.corners.frame[task.used])
     if len(views) < FEWEST:
         return Errors()
@@ -200,6 +210,6 @@ def _by_fold(task: Task, references: Sequence[Task], views: Array) -> tuple[floa
 
 
 def root_mean_square(parts: Sequence[Array]) -> float:
-    """Of the lengths of all residuals, parts of (n, 2) px; infinite if a camera can't see a corner."""
+    """Root mean square length of all residuals, parts of (n, 2) px; infinite if a corner has no projection."""
     gaps = np.concatenate(parts)
     return rms(np.nan_to_num(gaps, nan=np.inf), np.ones(len(gaps)))

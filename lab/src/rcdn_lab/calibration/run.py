@@ -1,4 +1,4 @@
-"""Sets × detectors → rows."""
+"""Combines sets and detectors into rows."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ from rcdn_lab.peers import Grid
 from rcdn_lab.weights import weights_of
 
 ALL, COMMON, AGREED = "all", "common", "agreed"
-"""all that a detector finds; pictures in which everybody finds the whole board; these without the outliers of anybody"""
+"""all that a detector finds; the pictures in which all detectors find the whole board; the same without the outliers of
+any detector"""
 MANY = 0.6
-"""share of the best detector's whole boards that one must find to have a say in which pictures are common"""
+"""share of the best detector's whole boards that a detector must find to determine the common pictures"""
 FIGURES = ("fit", "cal", "pose", "unsteady", "folds", "camera")
 Row = dict[str, Any]
 
@@ -46,14 +47,14 @@ def table(
     shaped: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Row]:
-    """Three rows for each set and detector, more where its sigma weighs, and rows `ALL` over the sets.
+    """Three rows for each set and detector, further ones weighted by sigma, and rows `ALL` over the sets.
 
-    `on` all: all boards that the detector found, outliers left out and counted. `on` common: the pictures in which everybody
-    found the whole board, everybody's same corners with equal weights, none left out. `on` agreed: these without the corners
-    that are outliers of any detector, the same ones for everybody. `on` with NAME: pictures in common with one that finds too
-    few whole boards. `missing`: detectors that can't run, and why: a row each. `shaped`: on common pictures the
-    shape of the board is solved for, too. `progress` is called with the pictures done and those to do. Raises ConfigError where a set has no
-    pictures or nobody takes part.
+    `on` all: all boards that the detector found, outliers left out and counted. `on` common: the pictures in which all
+    detectors found the whole board, with the same corners and equal weights, none left out. `on` agreed: these without
+    the corners that are outliers of any detector, the same ones for all. `on` with NAME: pictures in common with a
+    detector that finds too few whole boards. `missing`: detectors that cannot run, and the reason: a row each.
+    `shaped`: on common pictures the shape of the board is estimated, too. `progress` is called with the number of
+    pictures done and in total. Raises ConfigError if a set has no pictures or there is no detector.
     """
     if not detectors:
         raise ConfigError("--detectors: none of them can run here; name one that is installed")
@@ -74,7 +75,7 @@ def table(
 
 
 def settings_of(sets: Sequence[CameraSet], detectors: Sequence[Contestant], shaped: bool) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {
         "sets": {s.name: f"{s.pattern}, {s.size[0]}x{s.size[1]}, {s.model}" for s in sets},
         "detectors": {d.name: d.version for d in detectors}, "weights": weights_of(d.name for d in detectors),
@@ -87,7 +88,7 @@ def _row(
     name: str, model: str, on: str, detector: str, counts: dict[str, int] | None = None,
     figures: Errors | None = None, note: str = "",
 ) -> Row:  # fmt: skip
-    """A row of the table; figures that nobody has are None."""
+    """A row of the table; unknown figures are None."""
     columns = dict.fromkeys(("pictures", "whole", "views", "corners", "left out")) | (counts or {})
     numbers = asdict(figures or Errors())
     plain = {k: v if np.isfinite(v) else None for k, v in numbers.items()}
@@ -96,7 +97,7 @@ def _row(
     return {"set": name, "model": model, "on": on, "detector": detector, **columns, **plain, "note": note}
 
 
-# ---- all that a detector finds
+# ---- all boards that a detector finds
 
 
 def _rows_on_all(cameras: CameraSet, found: Found) -> list[Row]:
@@ -138,11 +139,12 @@ def largest(grids: Sequence[Grid]) -> tuple[Array, Array] | None:
     return (ij if handedness(full) > 0 else ij[:, ::-1]), grid.xy
 
 
-# ---- like for like
+# ---- comparisons on the same corners
 
 
 def _rows_alike(cameras: CameraSet, found: Found, shaped: bool) -> list[Row]:
-    """Rows on common and agreed; who finds too few whole boards for that is compared with the first of the others alone."""
+    """Rows on common and agreed; a detector that finds too few whole boards for that is compared with the first of the
+    others only."""
     many = core({n: {k for k, g in enumerate(p) if whole(g, cameras.size) is not None} for n, p in found.grids.items()})
     rows = _rows_on_common(cameras, found.of(many), shaped, COMMON, AGREED)
     for name in found.grids:
@@ -152,8 +154,8 @@ def _rows_alike(cameras: CameraSet, found: Found, shaped: bool) -> list[Row]:
 
 
 def core(wholes: Mapping[str, set[Any]]) -> list[str]:
-    """Who has a say in which pictures are common, by the pictures of whole boards: those that find many. Of our own
-    settings `auto` alone does; the others join if they leave nothing out."""
+    """The detectors that determine the common pictures, given each one's pictures with whole boards: those that find
+    many. Of our own variants only `auto` does; the others are added if this excludes no picture."""
     judged = [n for n in wholes if n == "auto" or n not in OURS] or list(wholes)
     most = max(len(wholes[n]) for n in judged)
     judged = [n for n in judged if len(wholes[n]) >= MANY * most]
@@ -181,7 +183,7 @@ def _rows_on_common(cameras: CameraSet, found: Found, shaped: bool, on: str, agr
 
 
 def _judged(cameras: CameraSet, tasks: dict[str, Task], on: str, counts: dict[str, int], note: str) -> list[Row]:
-    """A row a task; the corners of the peers among them judge all cameras."""
+    """A row for each task; the corners of the peers among them evaluate all cameras."""
     judges = [t for n, t in tasks.items() if n not in OURS and n != WEIGHTED]
     return [
         _row(cameras.name, cameras.model, on, n, counts | _used(t), errors(t, judges), note) for n, t in tasks.items()
@@ -189,7 +191,7 @@ def _judged(cameras: CameraSet, tasks: dict[str, Task], on: str, counts: dict[st
 
 
 def _tasks(cameras: CameraSet, image_size: tuple[int, int], same: Common, shaped: bool) -> dict[str, Task]:
-    """By detector, everybody's corners with equal weights; ours also weighted by sigma."""
+    """By detector, the common corners with equal weights; ours also weighted by sigma."""
     tasks = {}
     for name, xy in same.xy.items():
         boards = [(same.ij, spots) for spots in xy]
@@ -203,9 +205,9 @@ WEIGHTED = "auto, by sigma"
 
 
 def _summary(rows: Sequence[Row]) -> list[Row]:
-    """Over the sets in which all have figures: how many boards were found, and the geometric mean of each error.
+    """Over the sets in which all have figures: number of boards found, and the geometric mean of each error.
 
-    All: who is compared on common pictures in more than half of the sets.
+    All: the detectors compared on common pictures in more than half of the sets.
     """
     alike = [r for r in rows if r["on"] == COMMON and r["pose"] is not None]
     done: dict[str, set[str]] = {}
@@ -237,7 +239,8 @@ def _geometric(values: Sequence[float | None]) -> float:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """The rows as tables for people: what is found, then the held-out error on common pictures, the lowest of a set in bold."""
+    """The rows as Markdown tables: boards found, then the held-out error on common pictures, the lowest of each set in
+    bold."""
     errors_of = [(COMMON, "pose"), (AGREED, "pose"), (AGREED, "camera")]
     return "\n\n".join([_counts_table(rows), *(_errors_table(rows, on, figure) for on, figure in errors_of)]) + "\n"
 

@@ -1,4 +1,4 @@
-"""Which pictures are of one camera, and what they show."""
+"""Sets of pictures from one camera, and the board that they show."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm"})
 
 @dataclass(frozen=True)
 class CameraSet:
-    """Pictures of one camera at one zoom: `pattern` in the data folder; `size` (columns, rows) of their board in inner corners;
-    the lens `model` that everybody's corners are fitted with."""
+    """Pictures of one camera at one zoom: `pattern` in the data folder; `size` (columns, rows) of their board in inner
+    corners; the lens `model` fitted to the corners of all detectors."""
 
     name: str
     pattern: str
@@ -61,11 +61,11 @@ SETS = (
     CameraSet("sourishg-left", "sourishg-fisheye/*left*", (9, 6), "fisheye"),
     CameraSet("sourishg-right", "sourishg-fisheye/*right*", (9, 6), "fisheye"),
 )
-"""Public sets of photographs of one board each (docs/calibration-results.md tells where they are from)."""
+"""Public sets of photographs of one board each (docs/calibration-results.md gives their sources)."""
 
 
 def parse(text: str) -> CameraSet:
-    """A set from `NAME:PATTERN:COLUMNSxROWS[:MODEL]`. Raises ConfigError, saying what is wrong."""
+    """A set from `NAME:PATTERN:COLUMNSxROWS[:MODEL]`. Raises ConfigError with the reason."""
     name, _, rest = text.partition(":")
     pattern, _, rest = rest.partition(":")
     size, _, model = rest.partition(":")
@@ -82,7 +82,7 @@ def parse(text: str) -> CameraSet:
 
 
 def chosen(texts: Sequence[str]) -> list[CameraSet]:
-    """The sets that `texts` name or describe; none: all that are known. Raises ConfigError for an unknown name."""
+    """The sets that `texts` name or describe; if empty, all known sets. Raises ConfigError for an unknown name."""
     known = {s.name: s for s in SETS}
     unknown = [t for t in texts if ":" not in t and t not in known]
     if unknown:

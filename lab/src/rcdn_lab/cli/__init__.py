@@ -1,1 +1,1 @@
-"""The verbs of the laboratory: `evaluate` and `bench`."""
+"""The commands of the laboratory: `evaluate` and `bench`."""

@@ -1,4 +1,4 @@
-"""`rcdn bench`: what detection costs, beside other detectors."""
+"""`rcdn bench`: time and memory of detection, compared with other detectors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rcdn_lab.cli.bench_words import PARTS, counts_of, parts_of, sizes_of, words
 from rcdn_lab.cli.columns import columns
 
 FRESH = 5
-"""fresh interpreters for the first call"""
+"""fresh interpreters for the first calls"""
 SWEEP = Path("benchmarks/results/sweep_peers.json")
 
 
@@ -149,7 +149,7 @@ def bench(
 def _check(
     json: Path | None, csv: Path | None, markdown: Path | None, plot: Path | None, folder: int, along: Path | None
 ) -> None:
-    """Raise before the work what would spoil it afterwards."""
+    """Raise before the work if its results could not be written."""
     from rcdn.io import check_writable
 
     if csv is not None and not folder:
@@ -164,7 +164,7 @@ def _check(
 
 
 def _prepared(plot: Path, sweep: list[Path] | None) -> dict[str, float]:
-    """Detector → quality, for the plot. Raises if it can't be drawn."""
+    """Detector → quality, for the plot. Raises if it cannot be drawn."""
     from rcdn_lab.bench.record import quality
 
     _check_plot("--plot", plot)
@@ -260,7 +260,7 @@ def _folder(results: _Results, count: int, jobs: list[int], plot: Path | None) -
 
 
 def _telling() -> Any:
-    """What to call with what goes on now: shown on a terminal, and nowhere else."""
+    """A context with a function to call with the present step: shown on a terminal only."""
     from contextlib import contextmanager
 
     from rcdn.terminal.progress import progress
@@ -273,7 +273,7 @@ def _telling() -> Any:
     return open_bar()
 
 
-# ---- telling
+# ---- output
 
 
 def _versions(who: Sequence[Any]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Options of `rcdn bench` that are lists in one word."""
+"""Options of `rcdn bench` that are comma-separated lists."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PARTS = ("speed", "first", "memory", "rate")
 
 
 def parts_of(text: str) -> list[str]:
-    """What `--parts` names. Raises ConfigError."""
+    """The parts named by `--parts`. Raises ConfigError."""
     names = [] if text.strip() == "none" else words_of(text)
     unknown = sorted(set(names) - set(PARTS))
     if unknown:
@@ -40,5 +40,5 @@ def counts_of(text: str, option: str = "--threads") -> list[int]:
 
 
 def words_of(text: str) -> list[str]:
-    """What stands between commas."""
+    """The words between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]

@@ -1,4 +1,4 @@
-"""Numbers on boards that carry codes: photographs, degraded ones, videos, rendered boards, and pictures without codes."""
+"""Corner ids on boards with codes: photographs, degraded ones, videos, rendered boards, and pictures without codes."""
 
 from rcdn_lab.coded.goals import goals, record
 from rcdn_lab.coded.readers import contestants

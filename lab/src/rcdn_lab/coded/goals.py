@@ -1,4 +1,4 @@
-"""What reading codes must reach, and whether it does."""
+"""Goals for reading codes, and whether they are reached."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rcdn_lab.coded.readers import OURS, TOLD
 
 REAL_RECALL = 0.98
 RATIO = 1.5
-"""our corners over those of OpenCV told everything, on degraded photographs"""
+"""least ratio of our correct corners to those of OpenCV given the complete target, on degraded photographs"""
 BESIDE = "opencv"
 Rows = Sequence[dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Goal:
-    """`what` is wanted of a `part`, in numbers: `wanted` and what there is, `got`."""
+    """A goal of a `part`: the quantity `what`, the `wanted` value and the measured one, `got`."""
 
     part: str
     what: str
@@ -31,12 +31,12 @@ class Goal:
 
 
 def record(goal: Goal) -> dict[str, Any]:
-    """As plain values."""
+    """The goal as plain values."""
     return asdict(goal)
 
 
 def goals(rows: Rows) -> list[Goal]:
-    """The goals of all parts that `rows` are of."""
+    """The goals of all parts contained in `rows`."""
     parts = {part: [r for r in rows if r["part"] == part] for part in dict.fromkeys(r["part"] for r in rows)}
     judge = {
         real.PART: _real,

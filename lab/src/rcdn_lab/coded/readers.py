@@ -1,4 +1,5 @@
-"""Who reads: we, told nothing or the target, and others, told everything. Each is made once a process."""
+"""The readers compared: ours, without a target or with it, and others, which are given the complete target. Each is
+made once per process."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ _loaded: dict[str, Read] = {}
 
 
 def contestants(peers: Sequence[str] = ("auto",)) -> tuple[list[str], dict[str, str]]:
-    """Names of the other readers that can run here, and why each of the rest can't.
+    """Names of the other readers that can run here, and for each of the rest the reason why it cannot.
 
     `peers`: names, `auto` for all, `none` or nothing for none. Raises ConfigError for an unknown name.
     """
@@ -62,23 +63,24 @@ def labelled(detector: Detector, image: Array) -> list[Labelled]:
 
 
 def read(name: str, image: Array, target: Target) -> list[Labelled]:
-    """What a reader of this process makes of a picture; it is told the target, unless it is `OURS`."""
+    """Result of a reader of this process for a picture; it is given the target, unless it is `OURS`."""
     with quiet():
         return _loaded[name](image, target)
 
 
 def can_read(name: str, target: Target) -> bool:
-    """Does a reader know such a target?"""
+    """Whether a reader supports such a target."""
     return _is_ours(name) or CODED_PEERS[name].reads(target)
 
 
 def judged(name: str, image: Array, boards: Sequence[TrueBoard]) -> Count:
-    """A reader's score on one picture. Readers that must be told are asked for each of its boards in turn, and judged on that one alone."""
+    """A reader's score on one picture. Readers that need the target are run for each of its boards in turn, and scored
+    on that one alone."""
     ask: Callable[[Sequence[TrueBoard]], Count] = lambda some: score(read(name, image, some[0].target), some)  # noqa: E731
     try:
         if name == OURS:
             return ask(boards)
         parts = [ask([board]) for board in boards]
         return sum(parts, Count()) + Count(pictures=1 - len(parts))
-    except Exception:  # whatever a reader breaks down of is counted, and the others go on
+    except Exception:  # any exception is counted, and the others continue
         return score([], boards) + Count(failed=1)

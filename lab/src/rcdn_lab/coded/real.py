@@ -1,4 +1,5 @@
-"""Photographs with labelled corners, as they are and degraded: ours, told nothing, beside others, told everything."""
+"""Photographs with labelled corners, original and degraded: ours, without a target, compared with others, which are
+given the target."""
 
 from __future__ import annotations
 
@@ -23,20 +24,21 @@ from rcdn_lab.share_out import share_out
 PART, DEGRADED = "real", "degraded"
 AS_IT_IS = "as it is"
 CONDITIONS = ("half", "blur 2", "noise 20", "dark")
-"""Halved by area; a Gaussian of σ 2 px; noise of σ 20 grey levels; a fifth of the light."""
+"""Halved by area averaging; a Gaussian of σ 2 px; noise of σ 20 grey levels; a fifth of the light."""
 ALL = "ALL"
 Picture = tuple[str, tuple[TrueBoard, ...]]
 """set/file, and its boards"""
 Task = tuple[Picture, str]
 Scores = dict[str, tuple[Count, Count]]
-"""reader → its score on the boards that it knows, and ours on the same"""
+"""reader → its score on the boards that it supports, and ours on the same"""
 
 
 def truth_of(folder: Path) -> list[Picture]:
-    """The pictures that `truth.json` in a folder labels: `{"set/file": [{"kind", "ids", "xy", …}, …]}`, px; null: left out.
+    """The pictures that `truth.json` in a folder labels: `{"set/file": [{"kind", "ids", "xy", …}, …]}`, px; null: left
+    out.
 
-    ChArUco boards have `squares`, `dictionary`, `legacy`, `inverted` and `marker` (0.75 if it isn't given); AprilGrids `tags`, `family`,
-    `first`, `gap` (0.3) and `border` (2). Raises FormatError if the file isn't like that.
+    ChArUco boards have `squares`, `dictionary`, `legacy`, `inverted` and `marker` (0.75 if absent); AprilGrids `tags`,
+    `family`, `first`, `gap` (0.3) and `border` (2). Raises FormatError for an invalid file.
     """
     path = folder / "truth.json"
     try:
@@ -65,7 +67,8 @@ def _target(known: dict[str, Any]) -> Target:
 
 
 def degraded(image: Array, condition: str, name: str) -> tuple[Array, float]:
-    """A copy (H, W) uint8 of a grey picture under one of `CONDITIONS`, and its scale; `name` seeds the noise. `as it is`: the picture."""
+    """A copy (H, W) uint8 of a grey picture under one of `CONDITIONS`, and its scale; `name` seeds the noise. `as it
+    is`: the picture itself."""
     if condition == AS_IT_IS:
         return image, 1.0
     grey: Array = image.astype(np.float32)
@@ -94,7 +97,8 @@ def table(
     workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """One row a condition, set and reader, and one of all sets. `ours`: what we read on the boards that the reader knows; `ratio`: ours over its."""
+    """One row for each condition, set and reader, and one for all sets. `ours`: corners that ours read on the boards
+    that the reader supports; `ratio`: ours ÷ the reader's."""
     pictures = truth_of(folder)
     names = (OURS, *peers)
     tasks = [(picture, condition) for condition in conditions for picture in pictures]

@@ -23,12 +23,13 @@ Progress = Callable[[int, int], None] | None
 
 
 def settings_of(count: int) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {"count": count, "first seed": FIRST, "size": [640, 480]}
 
 
 def chosen(kinds: Sequence[str] = (), conditions: Sequence[str] = ()) -> tuple[list[str], list[str]]:
-    """The kinds whose names begin with one of `kinds`, and the conditions of these names; none: all. Raises ConfigError for names of nothing."""
+    """The kinds whose names begin with one of `kinds`, and the named `conditions`; empty: all. Raises ConfigError for
+    names that match nothing."""
     some = [kind for kind in KINDS if not kinds or kind.startswith(tuple(kinds))]
     if lost := [name for name in kinds if not any(kind.startswith(name) for kind in KINDS)]:
         raise ConfigError(f"--kind: nothing is called {', '.join(lost)}; known: {', '.join(KINDS)}")
@@ -46,9 +47,11 @@ def table(
     progress: Progress = None,
     pictures: Path | None = None,
 ) -> list[dict[str, Any]]:
-    """One row for each kind, condition and reader that knows the kind. `pictures`: a folder for all that is rendered, as PNG.
+    """One row for each kind, condition and reader that supports the kind. `pictures`: a folder for all rendered
+    pictures, as PNG.
 
-    `weak` names the pictures that fall short, by their index. The same arguments give the same rows, whatever `workers`.
+    `weak` lists the indices of the pictures with missing or wrong corners. The same arguments give the same rows,
+    whatever `workers`.
     """
     some, under = chosen(kinds, conditions)
     tasks = [(kind, condition, k) for kind in some for condition in under for k in range(count)]
@@ -75,7 +78,7 @@ def _row(kind: str, condition: str, name: str, total: Count, pitch: list[float],
 
 
 def _one(task: Task, names: Sequence[str], pictures: Path | None) -> tuple[float, dict[str, Count]]:
-    """The distance of corners, and every reader's score on one picture."""
+    """The distance between corners, and every reader's score on one picture."""
     picture = made(*task)
     if pictures is not None:
         kind, condition, index = task
@@ -85,7 +88,8 @@ def _one(task: Task, names: Sequence[str], pictures: Path | None) -> tuple[float
 
 
 def by_kind(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row a kind and reader, with the recall under each condition, out of `table`'s, and one of all kinds that a reader knows."""
+    """One row for each kind and reader, with the recall under each condition, from `table`'s rows, and one over all
+    kinds that a reader supports."""
     under = list(dict.fromkeys(r["condition"] for r in rows))
     readers = list(dict.fromkeys(r["reader"] for r in rows))
     out = []

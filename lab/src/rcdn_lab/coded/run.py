@@ -1,4 +1,4 @@
-"""All parts of the suite, each by itself if wanted."""
+"""All parts of the suite, which can also be run separately."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ Step = Callable[[int, int], None] | None
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured. `data`: the folder with `truth.json` and the videos; `without`: folders of pictures without codes, less the sets in `skip`;
-    `count`: pictures a kind and condition; `kinds`, `conditions` of the rendered part, none: all; `scenes` rendered without codes; `peers`: names
-    of other readers; `pictures`: where rendered ones are kept."""
+    """The measurements to make. `data`: the folder with `truth.json` and the videos; `without`: folders of pictures
+    without codes, except the sets in `skip`; `count`: pictures for each kind and condition; `kinds`, `conditions` of
+    the rendered part, empty: all; `scenes` rendered without codes; `peers`: names of other readers; `pictures`: folder
+    in which rendered ones are kept."""
 
     data: Path | None = None
     without: tuple[Path, ...] = ()
@@ -34,7 +35,8 @@ class Plan:
 
 
 def parts_of(parts: Sequence[str], plan: Plan) -> list[str]:
-    """The parts that are wanted, in their order; none: all that can be had without photographs that aren't given. Raises ConfigError."""
+    """The requested parts, in their order; by default all that are possible, those with photographs only if the data
+    folder is given. Raises ConfigError."""
     if unknown := [part for part in parts if part not in PARTS]:
         raise ConfigError(f"--part: nothing is called {', '.join(unknown)}; known: {', '.join(PARTS)}")
     need_data = (real.PART, real.DEGRADED, videos.PART)
@@ -44,7 +46,7 @@ def parts_of(parts: Sequence[str], plan: Plan) -> list[str]:
 
 
 def settings_of(plan: Plan, parts: Sequence[str]) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {
         "parts": list(parts), "skip": list(plan.skip), "scenes": plan.scenes, "rendered": rendered.settings_of(plan.count),
         "peers": {name: CODED_PEERS[name].version() for name in plan.peers},
@@ -67,7 +69,7 @@ def table(part: str, plan: Plan, step: Step = None) -> list[dict[str, Any]]:
 
 
 def shown(part: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of a part as the terminal has room for: of rendered boards one row a kind and reader."""
+    """The rows of a part in a form that fits a terminal: for rendered boards one row for each kind and reader."""
     if part == rendered.PART:
         return rendered.by_kind(rows)
     return [{k: v for k, v in r.items() if k not in ("of", "failed")} for r in rows]

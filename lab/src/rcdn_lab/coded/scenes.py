@@ -1,7 +1,8 @@
 """Rendered pictures of boards with codes: kinds (what is printed) × conditions (how it is seen), at VGA.
 
-The board fills the frame as far as its roll and tilt let it, so that its squares have about 25 to 70 px; half of that under `half resolution`. The
-drawings are made here, above `rcdn.targets`, which has the code of PuzzleBoards; `rcdn.synthetic`, below it, draws and renders them.
+The board fills the frame as far as its roll and tilt allow, so that its squares have about 25 to 70 px; half of that
+under `half resolution`. The drawings are made here, above `rcdn.targets` in the import order, which contains the code
+of PuzzleBoards; `rcdn.synthetic`, below it, draws and renders them.
 """
 
 from __future__ import annotations
@@ -24,22 +25,23 @@ from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 from rcdn_lab.coded.score import TrueBoard
 
 FIRST = 8_400_000_000
-"""No training and no other test draws from this seed."""
+"""No training and no other test uses this seed."""
 BACKGROUNDS = ("noise", "shapes", "text")
 BLACK, WHITE = 0.1, 0.87
 """reflectance of the print: 196 grey levels of contrast"""
 LEFT = 0.72
-"""share of the corners that a cut or a cover leaves"""
+"""share of the corners that remain visible beside a cut or a cover"""
 Rng = np.random.Generator
 Kind = Callable[[Rng, bool], tuple[Drawing, Target]]
-"""chance, and whether only a part of the board will be seen → a drawing and its target"""
+"""random generator, and whether only a part of the board will be seen → a drawing and its target"""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """How a board is seen. `noise`: σ, grey levels; `blur`: σ, px; `tilt`: degrees from the line of sight, None: 0 to 25 by chance; `light`: share of
-    the usual one; `cut`, `cover`: the frame, or something before the board, leaves `LEFT` of its corners; `scale`: of the picture; `fisheye`:
-    degrees across the picture, equidistant, 0: a pinhole. `goal`: the least recall that is wanted, None: none is set."""
+    """How a board is seen. `noise`: σ, grey levels; `blur`: σ, px; `tilt`: degrees from the line of sight, None: 0 to
+    25 at random; `light`: share of the usual one; `cut`, `cover`: the frame, or an object in front of the board, leaves
+    `LEFT` of its corners visible; `scale`: of the picture; `fisheye`: degrees across the picture, equidistant, 0: a
+    pinhole. `goal`: the least recall required, None: no requirement."""
 
     noise: float = 2.0
     blur: float = 0.6
@@ -69,7 +71,7 @@ CONDITIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A picture (H, W) uint8, the board in it, and the scene; `pitch`: px between neighbouring corners, the median."""
+    """A picture (H, W) uint8, its board, and the scene; `pitch`: median distance between neighbouring corners, px."""
 
     image: Array
     board: TrueBoard
@@ -78,10 +80,11 @@ class Made:
 
 
 def _charuco(rng: Rng, part: bool, names: tuple[str, ...]) -> tuple[Drawing, Target]:
-    """5–11 × 4–9 squares, markers of .5–.85, some legacy, inverted, or beginning with another number than 0.
+    """5–11 × 4–9 squares, markers of .5–.85, some legacy, inverted, or with a first id other than 0.
 
-    That number is never one of whole pairs of rows: such a board can't be told from the foot of a larger one. It is 0 for boards that are cut, since
-    a part of a board that begins with another number is as well another part of a larger one.
+    A first id other than 0 is never a multiple of the number of markers in two rows: such a board is indistinguishable
+    from the bottom of a larger one. It is 0 for boards that are cut, because a part of a board with another first id
+    may equally be another part of a larger one.
     """
     while True:
         columns, rows = int(rng.integers(5, 12)), int(rng.integers(4, 10))
@@ -123,11 +126,12 @@ KINDS: dict[str, Kind] = {
     "aprilgrid tag36h11 border 1": partial(_aprilgrid, family="tag36h11", border=1),
     "puzzleboard": _puzzleboard,
 }  # fmt: skip
-"""what is printed → how it is drawn"""
+"""what is printed → the function that draws it"""
 
 
 def made(kind: str, condition: str, index: int) -> Made:
-    """Picture `index` of a kind under a condition: the same board in the same pose under each condition, but for tilt and lens."""
+    """Picture `index` of a kind under a condition: the same board in the same pose under each condition, except for
+    tilt and lens."""
     rng = np.random.default_rng([FIRST, zlib.crc32(kind.encode()), index])
     drawing, target = KINDS[kind](rng, CONDITIONS[condition].cut)
     scene = _scene(rng, drawing, CONDITIONS[condition], index)
@@ -160,7 +164,7 @@ def _scene(rng: Rng, drawing: Drawing, c: Condition, index: int) -> Scene:
 
 
 def _until(drawing: Drawing, scene: Scene, change: Callable[[Scene, float], Scene]) -> Scene:
-    """The scene changed by as many px as leave `LEFT` of the corners."""
+    """The scene changed by as many px as leave `LEFT` of the corners visible."""
     low, high = 0.0, float(scene.width)
     for _ in range(20):
         between = (low + high) / 2
@@ -170,13 +174,13 @@ def _until(drawing: Drawing, scene: Scene, change: Callable[[Scene, float], Scen
 
 
 def _shifted(scene: Scene, by: float, way: float) -> Scene:
-    """The picture's frame moved by px in a direction, as if it were a part of a larger picture."""
+    """The picture's frame moved by `by` px in a direction, as if it were a part of a larger picture."""
     x, y = scene.centre
     return replace(scene, centre=(x + by * float(np.cos(way)), y + by * float(np.sin(way))))
 
 
 def _cover(drawing: Drawing, scene: Scene, rng: Rng) -> Callable[[Scene, float], Scene]:
-    """Something round or long that grows over a random corner of the board."""
+    """A round or elongated object that grows over a random corner of the board."""
     truth: CodedTruth = drawing_truth(drawing, scene)
     x, y = truth.xy[int(rng.integers(len(truth.xy)))].tolist()
     turn, value, length = float(rng.uniform(0, np.pi)), float(rng.uniform(0.2, 0.8)), float(rng.uniform(0, 1.5))

@@ -1,4 +1,4 @@
-"""Numbers of corners against truth. A wrong number ruins a calibration; a missing one doesn't."""
+"""Comparison of corner ids with the truth. A wrong id ruins a calibration; a missing one does not."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rcdn.types.target import AprilGrid, Charuco, Target
 from rcdn_lab.peers.coded import Labelled
 
 REACH, SHARE = 4.0, 0.35
-"""px between a corner and its truth, at most; and share of the distance to the next corner, where that is less"""
+"""largest distance between a corner and its truth, px; and share of the distance to the next corner, if that is less"""
 
 
 @dataclass(frozen=True, eq=False)
 class TrueBoard:
-    """A board as it is: its `target`, `ids` (N,) and `xy` (N, 2) px of its corners (NaN where the picture can't show one), and which are
-    `demanded` (N,). `whole`: no other corner can be on it; else corners far from the truth, with numbers that it lacks, are not judged.
-    """
+    """The truth of a board: its `target`, `ids` (N,) and `xy` (N, 2) px of its corners (NaN for those that the picture
+    cannot show), and which are `demanded` (N,). `whole`: all corners are listed; otherwise found corners far from the
+    true ones, with ids that are not listed, are not judged."""
 
     target: Target
     ids: Array
@@ -32,9 +32,10 @@ class TrueBoard:
 
 @dataclass(frozen=True)
 class Count:
-    """Of one or more pictures: `pictures`; true `boards`; those that were `named` (a right number, and kind, dictionary and legacy right);
-    those with every demanded corner (`complete`); `corners` demanded and found `right`; `wrong` numbers; boards of an `other` kind than the true
-    one; pictures on which the reader broke down (`failed`)."""
+    """Counts over one or more pictures: `pictures`; true `boards`; those that were `named` (a correct id, and kind,
+    dictionary and legacy correct); those with every demanded corner (`complete`); `corners` demanded and found `right`;
+    `wrong` ids; boards of an `other` kind than the true one; pictures on which the reader failed with an exception
+    (`failed`)."""
 
     pictures: int = 0
     boards: int = 0
@@ -51,12 +52,12 @@ class Count:
 
     @property
     def recall(self) -> float | None:
-        """Share of the demanded corners that have their right number; None if none is demanded."""
+        """Share of the demanded corners found with their correct id; None if none is demanded."""
         return self.right / self.corners if self.corners else None
 
 
 def row(count: Count) -> dict[str, Any]:
-    """The figures of a line."""
+    """The figures of a table row."""
     recall = count.recall
     return {
         "pictures": count.pictures,
@@ -73,8 +74,9 @@ def row(count: Count) -> dict[str, Any]:
 
 
 def score(found: Sequence[Labelled], boards: Sequence[TrueBoard]) -> Count:
-    """One picture. A corner is right if its number is within reach of its truth, on the true board that most of its board's corners fit; wrong if its
-    number is elsewhere, or isn't on that board though the corner is. Where there is no board every number is wrong."""
+    """Score of one picture. A corner is right if its id is within reach of its truth, on the true board that most of
+    the found board's corners fit; it is wrong if its id is elsewhere, or is not on that board although the corner is.
+    Without true boards every id is wrong."""
     hit = [np.zeros(len(b.ids), bool) for b in boards]
     named = [False] * len(boards)
     wrong = other = 0
@@ -97,7 +99,7 @@ def score(found: Sequence[Labelled], boards: Sequence[TrueBoard]) -> Count:
 
 
 def _right(found: Labelled, board: TrueBoard) -> Array:
-    """(M,) index of the true corner that each found one is, by its number and its place; −1 for none."""
+    """(M,) index of the true corner that each found one matches, by its id and its position; −1 for none."""
     index = {number: k for k, number in enumerate(board.ids.tolist())}
     at = np.array([index.get(number, -1) for number in found.ids.tolist()], int)
     gap = np.linalg.norm(found.xy - board.xy[at], axis=1)
@@ -106,7 +108,7 @@ def _right(found: Labelled, board: TrueBoard) -> Array:
 
 
 def _judged(found: Labelled, board: TrueBoard) -> Array:
-    """(M,) bool: which numbers must be wrong if they aren't right."""
+    """(M,) bool: the ids that are wrong unless they are right."""
     if board.whole:
         return np.ones(len(found.ids), bool)
     near = np.linalg.norm(found.xy[:, None] - board.xy[None], axis=2) <= reach(board)
@@ -114,8 +116,8 @@ def _judged(found: Labelled, board: TrueBoard) -> Array:
 
 
 def reach(board: TrueBoard) -> Array:
-    """(N,) px within which a corner is the true one; half the distance to the next corner where it is not demanded: at the rim of the frame or of a
-    cover, where a number can be right though the corner is damaged."""
+    """(N,) px within which a found corner matches the true one; half the distance to the next corner if it is not
+    demanded: at the border of the frame or of a cover, where an id can be right although the corner is damaged."""
     gap = np.linalg.norm(board.xy[:, None] - board.xy[None], axis=2)
     gap[np.isnan(gap) | np.eye(len(gap), dtype=bool)] = np.inf
     nearest = gap.min(axis=1, initial=np.inf)
@@ -123,7 +125,8 @@ def reach(board: TrueBoard) -> Array:
 
 
 def same_print(said: Target, true: Target) -> bool:
-    """Are kind, family of the markers, legacy and inverted grey levels the same? Dictionaries that begin alike are one family."""
+    """Whether kind, marker family, legacy and inverted grey levels are the same. Dictionaries with a common beginning
+    are one family."""
     if isinstance(said, Charuco) and isinstance(true, Charuco):
         alike = (said.legacy, said.inverted) == (true.legacy, true.inverted)
         return alike and _family(said.dictionary) == _family(true.dictionary)

@@ -1,4 +1,4 @@
-"""Videos of a ChArUco board without truth: frames that are read, and numbers on which two readers disagree."""
+"""Videos of a ChArUco board without truth: frames that are read, and ids on which two readers disagree."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from rcdn_lab.share_out import share_out
 
 PART = "videos"
 APART = 3.0
-"""px between two readers' places of one number, above which one of them is wrong"""
+"""px between two readers' positions of one id, above which one of them is wrong"""
 ALL = "ALL"
 Task = tuple[Path, Charuco]
 Tally = dict[str, list[int]]
-"""reader → frames, frames with numbers, corners, corners that we have, too, and those of them that lie elsewhere for us; boards of ours that
-aren't the target"""
+"""reader → frames, frames with ids, corners, corners that ours has, too, and those of them with another position in
+ours; boards of the reader that are not the target"""
 
 
 def videos_of(folder: Path) -> list[Task]:
-    """The videos beside each `charuco.toml` in or below a folder, and the board that it describes: `columns`, `rows` in squares, `dictionary`,
-    `aruco_scale` (marker over square), `inverted`, `legacy_pattern`. Raises FormatError if it doesn't."""
+    """The videos next to each `charuco.toml` in or below a folder, and the board that it describes: `columns`, `rows`
+    in squares, `dictionary`, `aruco_scale` (marker ÷ square), `inverted`, `legacy_pattern`. Raises FormatError for an
+    invalid file."""
     found: list[Task] = []
     for path in sorted(folder.rglob("charuco.toml")):
         try:
@@ -48,8 +49,8 @@ def videos_of(folder: Path) -> list[Task]:
 def table(
     folder: Path, peers: Sequence[str] = (), workers: int = 1, progress: Callable[[int, int], None] | None = None
 ) -> list[dict[str, Any]]:
-    """One row a video and reader, and one of all. `labelled`: frames with numbers; `conflicts`: numbers that we see elsewhere; `other kind`: boards
-    of ours that are said to be another target."""
+    """One row for each video and reader, and one over all. `labelled`: frames with ids; `conflicts`: ids that ours has
+    elsewhere; `other kind`: boards reported as another target."""
     tasks = videos_of(folder)
     names = (OURS, TOLD, *peers)
     sums: dict[tuple[str, str], np.ndarray[Any, Any]] = {}
@@ -86,7 +87,8 @@ def _one(task: Task, names: Sequence[str]) -> Tally:
 
 
 def disagreement(some: Sequence[Labelled], others: Sequence[Labelled]) -> tuple[int, int]:
-    """How many numbers both have, and how many of them lie more than `APART` px apart, wherever the other has them."""
+    """The number of ids in both, and of those whose positions differ by more than `APART` px from the nearest position
+    in the other."""
     places: dict[int, list[Array]] = {}
     for board in others:
         for number, xy in zip(board.ids.tolist(), board.xy, strict=True):

@@ -1,4 +1,4 @@
-"""Pictures without codes: no board in them may have a number."""
+"""Pictures without codes: no board in them may be given ids."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ NO_CODES = replace(HARD, coded_p=0.0)
 Task = Path | int
 """a file, or the index of a rendered scene"""
 Outcome = tuple[int, list[str]]
-"""boards without numbers; what boards with numbers are said to be"""
+"""number of boards without ids; targets reported for boards with ids"""
 _detector: list[Detector] = []
 
 
 def files_of(folders: Sequence[Path], skip: Sequence[str] = ()) -> list[Path]:
-    """All pictures and videos in the folders, without the files and folders that are named in `skip`. Raises RcdnError where there is nothing."""
+    """All pictures and videos in the folders, except the files and folders named in `skip`. Raises RcdnError for a
+    folder without any."""
     files, errors = expand(folders)
     for path, message in errors:
         raise RcdnError(f"{path}: {message}")
@@ -45,7 +46,8 @@ def table(
     workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """One row a set, which is the folder that a file lies in, one of `scenes` rendered scenes, and one of all. `alarms`: boards with numbers."""
+    """One row for each set, which is the folder of a file, one for `scenes` rendered scenes, and one over all.
+    `alarms`: boards with ids."""
     tasks: list[Task] = [*files_of(folders, skip), *range(scenes)]
     rows: dict[str, dict[str, Any]] = {}
     for task, (plain, targets) in zip(tasks, share_out(_one, tasks, workers, _load, (), progress), strict=True):
@@ -61,7 +63,7 @@ def table(
 
 
 def scene_picture(index: int) -> Array:
-    """Rendered scene `index`: checkerboards and clutter without codes, ordinary and hard in turn, (H, W) uint8."""
+    """Rendered scene `index`: checkerboards and clutter without codes, alternately ordinary and hard, (H, W) uint8."""
     scene = random_scene(np.random.default_rng([SEED, index]), NO_CODES if index % 2 else ORDINARY)
     return render(scene)
 

@@ -1,1 +1,1 @@
-"""The paper's tables and figures, each from one command: its figures, ours, and the difference."""
+"""The paper's tables and figures, each reproduced by one command: its figures, ours, and the difference."""

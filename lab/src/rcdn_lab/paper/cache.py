@@ -1,4 +1,4 @@
-"""Detections of Tables 2 and 3 that are kept from one run to the next, so that a run that was killed goes on."""
+"""Detections of Tables 2 and 3, kept between runs, so that an interrupted run can be continued."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from rcdn.types import Array
 from rcdn_lab.paper.sets import Shot
 
 FORM = 1
-"""Raised when the files change their form."""
+"""Version of the file format, increased when it changes."""
 SOURCES = (
     "config.py", "corners", "geometry", "io", "limits.py", "native.py", "synthetic", "types",
     "rcdn_lab/sweep/pictures.py", "rcdn_lab/paper/score.py", "rcdn_lab/paper/sets.py", "metrics.py",
 )  # fmt: skip
-"""Parts of the package that decide what a picture shows, and what is found in it."""
+"""Parts of the package on which the pictures and the detections in them depend."""
 LIBRARIES = ("numpy", "scipy", *OPENCV, "simplejpeg", *RUNTIMES)
 FACTS = "settings.json"
 
 
 def configuration() -> dict[str, Any]:
-    """All but network and picture that determines a detection, by name."""
+    """Everything by name on which a detection depends, except network and picture."""
     ours, lab = (Path(str(import_module(name).__file__)).parent for name in ("rcdn", "rcdn_lab"))
     facts: dict[str, Any] = {"form": FORM, "machine": platform.machine()}
     facts |= {f"version of {name}": number for name, number in versions(*LIBRARIES).items()}
@@ -41,7 +41,7 @@ def configuration() -> dict[str, Any]:
 
 
 def digest(path: Path) -> str:
-    """sha256 of a source file, or of all those in a folder."""
+    """sha256 of a source file, or of all source files in a folder."""
     total = hashlib.sha256()
     for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
         total.update(file.relative_to(path.parent).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
@@ -50,7 +50,7 @@ def digest(path: Path) -> str:
 
 @dataclass(frozen=True)
 class TableCache:
-    """A folder of detections, a folder in it for each network. Open it by `open_cache`."""
+    """A folder of detections, with a subfolder for each network. Open it by `open_cache`."""
 
     folder: Path
 
@@ -65,7 +65,7 @@ class TableCache:
             return None
 
     def put(self, row: str, shot: Shot, found: dict[str, Array]) -> None:
-        """Keep detections by rule, beside those that are there: the whole file or none. Raises OutputError."""
+        """Add detections by rule to the existing ones; the file is written whole or not at all. Raises OutputError."""
         path = self._path(row, shot)
         old: dict[str, Any] = {}
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
@@ -79,10 +79,10 @@ class TableCache:
 
 
 def open_cache(folder: Path, networks: dict[str, str]) -> TableCache:
-    """The cache in `folder` for `networks` (row → checksum of what makes its detections).
+    """The cache in `folder` for `networks` (row → checksum of what determines its detections).
 
-    Raises ConfigError, naming all that differs, if it was made with another configuration or other weights; OutputError if it can't
-    be written.
+    Raises ConfigError, naming all differences, if it was made with another configuration or other weights; OutputError
+    if it cannot be written.
     """
     _agree(folder, configuration(), "name another folder, or delete this one")
     for row, checksum in networks.items():
@@ -91,7 +91,7 @@ def open_cache(folder: Path, networks: dict[str, str]) -> TableCache:
 
 
 def _agree(folder: Path, facts: dict[str, Any], fix: str) -> None:
-    """Write the facts into an empty folder; in another one, they must be those that are there."""
+    """Write the facts into an empty folder; in any other, compare them with the stored ones."""
     known = _known(folder, fix)
     if known is None:
         write_text(folder / FACTS, json.dumps(facts, indent=1) + "\n")
@@ -103,7 +103,7 @@ def _agree(folder: Path, facts: dict[str, Any], fix: str) -> None:
 
 
 def _known(folder: Path, fix: str) -> dict[str, Any] | None:
-    """The facts that a folder was made with; None for an empty one, which is made if it isn't there."""
+    """The facts with which a folder was made; None for an empty one, which is created if it does not exist."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         text = (folder / FACTS).read_text() if (folder / FACTS).exists() else None

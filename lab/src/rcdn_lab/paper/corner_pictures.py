@@ -1,9 +1,9 @@
-"""Pictures of one corner: the paper's synthetic images of sections 4.2 and 4.3, with the exact corner.
+"""Pictures of one corner: the paper's synthetic images of sections 4.2 and 4.3, with the exact position of the corner.
 
-Four squares of 64 and 191. The paper leaves open how a turned or tilted corner is sampled; here every pixel is the exact mean
-of the pattern over its area, so that no grid of samples moves the corner. The transition line of 128 belongs to the pattern:
-one px wide, it turns and tilts with it (and gets narrower). Tilt is seen from far away (no perspective), about an axis at 45° to
-the squares' edges: about an edge, the crossing would stay a right angle.
+Four squares of 64 and 191. The paper does not specify how a rotated or tilted corner is sampled; here every pixel is
+the exact mean of the pattern over its area, so that no sampling grid shifts the corner. The transition line of 128
+belongs to the pattern: one px wide, it is rotated and tilted with it (and gets narrower). Tilt is seen from far away
+(no perspective), about an axis at 45° to the squares' edges: about an edge, the crossing would remain a right angle.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from rcdn.types import Array
 
 DARK, BRIGHT, BETWEEN = 64.0, 191.0, 128.0
 TAPS = np.exp(-(np.arange(-1, 2) ** 2) / (2 * 0.675))
-"""of the 3×3 pre-blur, "roughly corresponding to a 0.675 variance", before they are made to sum to 1"""
+"""of the 3×3 pre-blur, "roughly corresponding to a 0.675 variance", before normalisation to sum 1"""
 LEVEL = 1e-8
-"""slope below which an edge counts as lying along the pixels' rows or columns"""
+"""slope below which an edge is treated as parallel to the pixels' rows or columns"""
 
 
 @dataclass(frozen=True)
 class View:
-    """How the corner is seen: `rotation`, `tilt`, degrees; `x`, `y`: px from the picture's middle; `gap`: px of the line of 128."""
+    """View of the corner: `rotation`, `tilt`, degrees; `x`, `y`: px from the picture's centre; `gap`: width of the line
+    of 128, px."""
 
     rotation: float = 0.0
     tilt: float = 0.0
@@ -35,7 +36,8 @@ class View:
 
 
 def pattern_axes(view: View) -> Array:
-    """(2, 2): px from the corner → pattern's u, v, px before tilt. The edges are u = 0 and v = 0 and cross at 2 atan(cos tilt)."""
+    """(2, 2): px from the corner → pattern coordinates u, v, px before tilt. The edges are u = 0 and v = 0 and cross at
+    2 atan(cos tilt)."""
     turn = np.deg2rad(view.rotation)
     rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     short = np.cos(np.deg2rad(view.tilt))
@@ -44,12 +46,12 @@ def pattern_axes(view: View) -> Array:
 
 
 def crossing_angle(tilt: float) -> float:
-    """Degrees between the edges."""
+    """Angle between the edges, degrees."""
     return float(np.rad2deg(2 * np.arctan(np.cos(np.deg2rad(tilt)))))
 
 
 def corner_xy(view: View, size: int) -> tuple[float, float]:
-    """Where the corner is in a picture of `size`² px, px; pixel (0, 0) is the centre of the top-left one."""
+    """Position of the corner in a picture of `size`² px, px; pixel (0, 0) is the centre of the top-left one."""
     return (size - 1) / 2 + view.x, (size - 1) / 2 + view.y
 
 
@@ -63,7 +65,7 @@ def exposure(view: View, size: int) -> Array:
     levels = (half, -half) if half else (0.0,)
     by_u, by_v = ([_Edge(axis, level, px, py) for level in levels] for axis in (u, v))
     both = [[_wedge(a, b, px, py) for b in by_v] for a in by_u]
-    # u's sign with a gap is [u > half] + [u > -half] - 1, its size [u > half] + 1 - [u > -half]; the same for v
+    # with a gap the sign of u is [u > half] + [u > -half] - 1, its size [u > half] + 1 - [u > -half]; the same for v
     (au, bu), (av, bv) = ((edges[0].share, edges[-1].share) for edges in (by_u, by_v))
     corners = both[0][0], both[0][-1], both[-1][0], both[-1][-1]
     product = sum(corners) - au - bu - av - bv + 1
@@ -73,7 +75,7 @@ def exposure(view: View, size: int) -> Array:
 
 
 class _Edge:
-    """A straight edge, `axis` · p = `level`, and the share of each pixel beyond it."""
+    """A straight edge, `axis` · p = `level`, and the share of each pixel's area beyond it."""
 
     def __init__(self, axis: Array, level: float, px: Array, py: Array) -> None:
         length = float(np.hypot(*axis))
@@ -81,13 +83,13 @@ class _Edge:
         a, b = sorted((max(abs(self.nx), LEVEL), max(abs(self.ny), LEVEL)))
         d = self.nx * px + self.ny * py - self.level
         rise = [np.maximum(d + s, 0) ** 2 for s in ((a + b) / 2, (b - a) / 2, (a - b) / 2, -(a + b) / 2)]
-        # the integral of the density of a pixel's points along the normal, a trapezium of sides a and b
+        # the integral of the density of a pixel's points along the normal, a trapezoid of sides a and b
         share = (rise[0] - rise[1] - rise[2] + rise[3]) / (2 * a * b)
         self.share = np.where(d >= (a + b) / 2, 1.0, np.where(d <= -(a + b) / 2, 0.0, share))
 
 
 def _wedge(one: _Edge, two: _Edge, px: Array, py: Array) -> Array:
-    """Share of each pixel that is beyond both edges."""
+    """Share of each pixel's area beyond both edges."""
     out = one.share * two.share
     split = (out > 0) & (one.share < 1) & (two.share < 1)
     for row, column in np.argwhere(split):
@@ -123,7 +125,8 @@ def pre_blurred(grey: Array) -> Array:
 
 
 def defocused(view: View, size: int, sigma: float) -> Array:
-    """`exposure` blurred by a Gaussian of `sigma` px, (size, size) float64; the pattern goes on beyond the picture."""
+    """`exposure` blurred by a Gaussian of `sigma` px, (size, size) float64; the pattern continues beyond the
+    picture."""
     half = int(np.ceil(4 * sigma))
     if not half:
         return exposure(view, size)
@@ -134,6 +137,6 @@ def defocused(view: View, size: int, sigma: float) -> Array:
 
 
 def noisy(grey: Array, sigma: float, rng: np.random.Generator) -> Array:
-    """`grey` (H, W) with Gaussian noise of `sigma` grey levels, cut to 0..255 and rounded, uint8."""
+    """`grey` (H, W) with Gaussian noise of `sigma` grey levels, rounded and clipped to 0..255, uint8."""
     noise = sigma * rng.standard_normal(grey.shape) if sigma else 0.0
     return np.asarray(np.clip(np.rint(grey + noise), 0, 255), np.uint8)

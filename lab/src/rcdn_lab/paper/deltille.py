@@ -1,7 +1,8 @@
-"""Deltilles (paper section 4.5): detection on rendered scenes, false alarms, real pictures, and calibration and pose from rendered views.
+"""Deltilles (paper section 4.5): detection on rendered scenes, false alarms, real pictures, and calibration and pose
+from rendered views.
 
-The paper built 500 pictures of a deltille, which are not public, and gives two figures of them. Here every picture but the real ones is
-rendered, so that its truth is exact.
+The paper used 500 pictures of a deltille, which are not public, and gives two figures. Here all pictures except the
+real ones are rendered, so that the truth is exact.
 """
 
 from __future__ import annotations
@@ -26,15 +27,16 @@ from rcdn.types import Array, Board
 from rcdn_lab.paper.claim import Claim
 
 FIRST, FIRST_CLUTTER, FIRST_VIEW = 7_450_000_000, 7_451_000_000, 7_452_000_000
-"""seeds that no training sees"""
+"""seeds that are not used in training"""
 RADIUS = 2.0
-"""px within which a detection is that corner"""
+"""px within which a detection matches a corner"""
 UNSURE = 0.25
-"""px: a corner that no method can place better than this in the noise (`legible`: that of an X-corner) isn't demanded; deep shadows have such"""
+"""px: a corner that no method can locate better than this in the noise (`legible`: computed as for an X-corner) is not
+demanded; this happens in deep shadows"""
 PAPER_CALIBRATION, PAPER_POSE = 0.3431, 0.3774
 """px, root mean square: section 4.5"""
 NOISE, BLUR = 5.0, 1.0
-"""grey levels and px of the views to calibrate from"""
+"""noise, grey levels, and blur, px, of the views for calibration"""
 SIZE, FOCAL, LENS = (640, 480), 560.0, (-0.18, 0.06, 0.001, -0.0007, 0.0)
 PICTURES = "deltille-libcbdetect"
 """folder of the two real pictures (from libcbdetect's examples)"""
@@ -42,8 +44,9 @@ Step = Callable[[int, int], None] | None
 
 
 class Counts(NamedTuple):
-    """What boards come to: `corners` in the picture, `found` of them, `false` ones, `wrong` labels, `whole` boards; `plain` corners, that can be
-    told, and `read`, those of them that were found; `gap`: sum of distances, px."""
+    """Counts over boards: `corners` in the picture, `found` ones among them, `false` ones, `wrong` labels, `whole`
+    boards; `plain` corners, those that can be located, and `read`, those of them that were found; `gap`: sum of
+    distances, px."""
 
     corners: int = 0
     found: int = 0
@@ -55,20 +58,22 @@ class Counts(NamedTuple):
     gap: float = 0.0
 
     def plus(self, more: Counts) -> Counts:
-        """Both together."""
+        """The sum of both."""
         a, b, c, d, e, f, g = (mine + other for mine, other in zip(self[:7], more[:7], strict=True))
         return Counts(a, b, c, d, e, f, g, self.gap + more.gap)
 
 
 def detector() -> Detector:
-    """Raises RcdnError if the network's weights aren't there."""
+    """A detector for deltilles. Raises RcdnError if the network's weights are missing."""
     return Detector(DetectorConfig(pattern="deltille", threads=1))
 
 
 def same_lattice(ij: Array, expected: Array, swapped: bool) -> Array:
-    """(M,) bool: which labels `ij` (M, 2) agree with `expected` (M, 2) up to a shift and the turns that the colours leave; the best of those.
+    """(M,) bool: which labels `ij` (M, 2) agree with `expected` (M, 2) up to a translation and the rotations that the
+    colours allow; for the best of those.
 
-    `swapped`: the picture's colours are the other way round than the labels of `expected` have them, so that only odd sixths of a turn fit.
+    `swapped`: the picture's colours are opposite to those that the labels of `expected` assume, so that only odd sixths
+    of a turn are possible.
     """
     best = np.zeros(len(ij), bool)
     u, v = ij.T
@@ -83,9 +88,10 @@ def same_lattice(ij: Array, expected: Array, swapped: bool) -> Array:
 
 
 def score(scene: Scene, boards: list[Board], told: Array | None = None) -> Counts:
-    """Boards found in the picture of a scene with one deltille against the truth. Corners that are neither demanded nor forbidden don't count.
+    """Boards found in the picture of a scene with one deltille, compared with the truth. Corners that are neither
+    demanded nor forbidden do not count.
 
-    `told` (cols·rows,) bool: which corners can be told in the picture (None: all).
+    `told` (cols·rows,) bool: corners that can be located in the picture (None: all).
     """
     known, spec = truth(scene)[0], scene.boards[0]
     sure = np.flatnonzero(known.visible)
@@ -106,7 +112,8 @@ def score(scene: Scene, boards: list[Board], told: Array | None = None) -> Count
 
 
 def scenes(count: int, step: Step = None) -> dict[str, Any]:
-    """A row of figures of `count` rendered scenes: corners that boards hold, among those that can be told, and among all."""
+    """A row of figures of `count` rendered scenes: corners found in boards, among those that can be located, and among
+    all."""
     find, total = detector(), Counts()
     for k in range(count):
         scene = random_scene(np.random.default_rng(FIRST + k), DELTILLE, SIZE)
@@ -137,7 +144,7 @@ def clutter(count: int, step: Step = None) -> dict[str, Any]:
 
 
 def real(data: Path | None) -> list[dict[str, Any]]:
-    """What is found in the real pictures under `data`, a row each; [] if they aren't there."""
+    """Boards found in the real pictures under `data`, a row each; [] if the pictures are missing."""
     folder = None if data is None else data / PICTURES
     if folder is None or not folder.is_dir():
         return []
@@ -153,14 +160,15 @@ def real(data: Path | None) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class View:
-    """One view: its board as found, and the distances of its corners from the truth, px."""
+    """One view: its board as detected, and the distances of its corners from the truth, px."""
 
     board: Board
     gaps: Array
 
 
 def view_scene(index: int) -> Scene:
-    """A 10×9 deltille before the one camera of all views, at a random place and tilt, wholly in the picture."""
+    """A 10×9 deltille in front of the camera common to all views, at a random position and tilt, wholly in the
+    picture."""
     rng = np.random.default_rng(FIRST_VIEW + index)
     width, height = SIZE
     scene = Scene(
@@ -188,7 +196,7 @@ def _placed(scene: Scene, tilt: float, turn: float, roll: float, pitch: float, a
 
 
 def views(count: int, step: Step = None) -> Iterator[View]:
-    """The boards of `count` views, those found, and their corners' errors."""
+    """The boards detected in `count` views, and their corners' errors."""
     find = detector()
     for k in range(count):
         scene = view_scene(k)
@@ -202,7 +210,8 @@ def views(count: int, step: Step = None) -> Iterator[View]:
 
 
 def calibration(count: int, step: Step = None) -> dict[str, Any]:
-    """Calibrate from every second view, then solve only poses of the others, as in section 4.4; root mean squares, px."""
+    """Calibrate from every second view, then solve only the poses of the others, as in section 4.4; root mean squares,
+    px."""
     seen = list(views(count, step))
     boards = [view.board for view in seen]
     camera = calibrate(boards[::2], 0.03, model="brown")
@@ -224,7 +233,7 @@ def _rms(gaps: Array) -> float:
 def claims(
     rendered: dict[str, Any], alarms: dict[str, Any], pictures: list[dict[str, Any]], cal: dict[str, Any]
 ) -> list[Claim]:
-    """What the paper says, and what we ask."""
+    """The paper's claims, and our requirements."""
     both = [row["boards"] for row in pictures]
     return [
         Claim(

@@ -1,6 +1,7 @@
 """The blurred-pattern fit of `auto` (rcdn/precision) for a corner without a board: two blurred edges that cross.
 
-A board tells its corners their directions, blur and light; here all comes from the corner's own pixels.
+In a board, neighbouring corners provide directions, blur and illumination; here all are estimated from the corner's own
+pixels.
 """
 
 from __future__ import annotations
@@ -17,20 +18,22 @@ from rcdn.precision.window import frames
 from rcdn.types import Array
 
 RADIUS = 0.35 * LONE_PITCH
-"""px of the rings that tell the edges' directions"""
+"""px of the rings from which the edges' directions are estimated"""
 WIDE = 6.0
-"""px; a blur that cuts no pixel off"""
+"""px; a blur large enough that no pixel is excluded"""
 BLURS = np.array([0.5, 0.8, 1.2, 2.0, 3.2, 5.0])
-"""px that the fit may start from"""
+"""px, initial guesses of the blur"""
 STEPS = 10
 FAR = 2.0
-"""px from the start beyond which a fit isn't believed"""
+"""px from the initial position beyond which a fit is rejected"""
 
 
 def lone_fit(grey: Array, xy: Array, failed: Array) -> tuple[Array, Array]:
-    """Positions (N, 2) px of corners near `xy` (N, 2) of `grey` (H, W), and whether the fit failed, (N,): the start stands there.
+    """Positions (N, 2) px of corners near `xy` (N, 2) of `grey` (H, W), and whether the fit failed, (N,), in which case
+    the initial position is returned.
 
-    Squares are taken to be `LONE_PITCH` px along their edges. Starts that have `failed` (N,) aren't fitted.
+    Squares are assumed to be `LONE_PITCH` px along their edges. Initial positions that have `failed` (N,) are not
+    fitted.
     """
     out, lost = xy.copy(), np.ones(len(xy), bool)
     seen = axes(grey, xy, np.full(len(xy), RADIUS)).axes
@@ -48,14 +51,15 @@ def lone_fit(grey: Array, xy: Array, failed: Array) -> tuple[Array, Array]:
 
 
 def _maps(xy: Array, step: Array) -> Lattice:
-    """Affine maps of corners at `xy` (N, 2) px; `step` (N, 2, 2): px by squares."""
+    """Affine maps of corners at `xy` (N, 2) px; `step` (N, 2, 2): px per square."""
     terms = np.zeros((len(xy), 6, 2))
     terms[:, 1:3] = np.linalg.inv(step).swapaxes(1, 2)
     return Lattice(np.eye(3), xy, terms)
 
 
 def _fit(grey: Array, maps: Lattice, frame: Array) -> Array:
-    """States (n, COUNT) by Gauss–Newton with weak beliefs: axes nearly right, edges nearly straight, light nearly even."""
+    """States (n, COUNT) by Gauss–Newton with weak priors: axes nearly right, edges nearly straight, illumination nearly
+    even."""
     state = _start(grey, maps, frame)
     sd = np.full_like(state, np.inf)
     sd[:, TURN], sd[:, CURVE], sd[:, BLUR], sd[:, BLEED] = 0.2, 0.02, 0.5, 0.3
@@ -64,7 +68,8 @@ def _fit(grey: Array, maps: Lattice, frame: Array) -> Array:
 
 
 def _start(grey: Array, maps: Lattice, frame: Array) -> Array:
-    """States (n, COUNT) of straight edges with the blur of `BLURS`, grey level and contrast that fit each corner best."""
+    """Initial states (n, COUNT) with straight edges and the blur of `BLURS`, grey level and contrast that fit each
+    corner best."""
     found = levels(grey, frame, maps, BLURS)
     best = np.argmin(found[..., 0], axis=0)
     state = np.zeros((len(frame), COUNT))

@@ -1,4 +1,4 @@
-"""The response of a network in the middle of a small picture, without what nobody looks at."""
+"""The response of a network in the central part of a small picture, without computing the rest."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rcdn.types import Array
 def middle_response(model: ResponseModel, grey: Array, low: int, high: int) -> Array:
     """Rows and columns `low` to `high` - 1 of `model(grey)`, (high - low, high - low) float32.
 
-    `grey` (H, W) uint8, square. The whole picture is normalised, the network sees the middle and its margins alone. Raises
-    RcdnError unless 0 <= `low` < `high` <= the picture's side.
+    `grey` (H, W) uint8, square. The whole picture is normalised, the network is evaluated on the central part and its
+    margins only. Raises RcdnError unless 0 <= `low` < `high` <= the picture's side.
     """
     side = min(grey.shape)
     if not 0 <= low < high <= side:

@@ -1,4 +1,4 @@
-"""The networks of the paper's tables, and where their weights are kept."""
+"""The networks of the paper's tables, and the names of their weights."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Network:
-    """A row of Table 3: its name there, the weights (for `load_network`), and the thresholds tuned for its loss (Table 2)."""
+    """A row of Table 3: its name there, the weights (for `load_network`), and the thresholds tuned for its loss (Table
+    2)."""
 
     row: str
     model: str
@@ -31,4 +32,5 @@ NETWORKS = {
         Network("MATE", "tables/mate", std_factor=1.7, max_fraction=0.57),
     )
 }
-"""Row → network. MATE is net A trained with the squared loss: rows of Tables 2 and 3 agree digit by digit in that reading only."""
+"""Row → network. MATE is net A trained with the squared loss: only with that interpretation do rows of Tables 2 and 3
+agree digit by digit."""

@@ -1,4 +1,5 @@
-"""What section 4.2 says of Figs. 4 and 5, held against our rows. Pure functions of the rows of `pixel_error.table`."""
+"""The claims of section 4.2 about Figs. 4 and 5, compared with our rows. Pure functions of the rows of
+`pixel_error.table`."""
 
 from __future__ import annotations
 
@@ -13,17 +14,17 @@ from rcdn_lab.paper.pixel_error import ANGLES, CHESS, MATE, RCDN, summary
 
 Row = dict[str, Any]
 CLEAR = 2.0
-"""standard errors that a difference is more than chance"""
+"""standard errors above which a difference is significant"""
 STEEP = 60
 """degrees of tilt that count as large"""
 SATISFACTORY = 1.0
 """px of mean error"""
 NAMED = 8
-"""cells that are named; the others are counted"""
+"""cells that are listed; the others are counted"""
 
 
 def claims(rows: Sequence[Row]) -> list[Claim]:
-    """All that the paper says of the figure that `rows` are of, one by one."""
+    """All claims of the paper about the figure of `rows`, one by one."""
     figure = rows[0]["figure"]
     own = [periodicity(rows)] if figure == "fig4" else [distortion(rows), steep(rows)]
     return [best_everywhere(rows), ranking(rows), *own, pre_blur(rows), fewer_misses(rows)]
@@ -42,7 +43,8 @@ def _others(rows: Sequence[Row]) -> list[str]:
 
 
 def standing(cell: dict[str, Row]) -> str:
-    """How RCDN does in a cell against the best of the others: `beats`, `level` (the same error), `loses` or, beyond chance, `clearly loses`."""
+    """RCDN in a cell compared with the best of the others: `beats`, `level` (the same error), `loses` or, if
+    significant, `clearly loses`."""
     others = [row for name, row in cell.items() if name != RCDN]
     worse = [row["worse px"] for row in others]
     if min(worse) > 0:
@@ -53,13 +55,14 @@ def standing(cell: dict[str, Row]) -> str:
 
 
 def not_won(rows: Sequence[Row]) -> list[str]:
-    """The cells in which another method's mean error is smaller than RCDN's, those it loses by most first, in words."""
+    """The cells in which another method's mean error is smaller than RCDN's, those with the largest difference first,
+    in words."""
     lost = [cell for cell in cells(rows) if len(cell) > 1 and standing(cell).endswith("loses")]
     return [_name(cell) for cell in sorted(lost, key=lambda cell: min(row["worse px"] for row in cell.values()))]
 
 
 def best_everywhere(rows: Sequence[Row]) -> Claim:
-    """RCDN's mean error against each of the others', cell by cell."""
+    """RCDN's mean error compared with each of the others', cell by cell."""
     others = _others(rows)
     text = "RCDN performs better than MATE and ChESS in all experiments"
     if not others:
@@ -102,7 +105,8 @@ def ranking(rows: Sequence[Row]) -> Claim:
 
 
 def harmonics(rows: Sequence[Row], method: str) -> Array:
-    """Amplitudes, px, of the mean error over noise as a function of rotation, which repeats after 90°: the k-th has a period of 90° / k."""
+    """Amplitudes, px, of the harmonics of the mean error over noise as a function of rotation, with period 90°: the
+    k-th has a period of 90° / k."""
     angles = sorted({row["rotation"] for row in rows if row["rotation"] < 90})
     mine = [row for row in rows if row["method"] == method]
     over = [np.mean([row["mean px"] for row in mine if row["rotation"] == angle]) for angle in angles]
@@ -110,16 +114,16 @@ def harmonics(rows: Sequence[Row], method: str) -> Array:
 
 
 def chance(rows: Sequence[Row], method: str) -> float:
-    """Amplitude, px, that a harmonic of `harmonics` has by the errors of finite trials (root mean square)."""
+    """Amplitude, px, of a harmonic of `harmonics` due to the finite number of trials (root mean square)."""
     mine = [row for row in rows if row["method"] == method and row["rotation"] < 90]
     angles = {row["rotation"] for row in mine}
-    alike = len({row["pre-blur"] for row in mine})  # pictures without and with pre-blur share their noise
+    alike = len({row["pre-blur"] for row in mine})  # pictures without and with pre-blur have the same noise
     variance = sum(row["se px"] ** 2 for row in mine) * alike / len(angles) / (len(mine) / len(angles)) ** 2
     return float(2 * np.sqrt(variance / len(angles)))
 
 
 def periodicity(rows: Sequence[Row]) -> Claim:
-    """ChESS' ring has samples 22.5° apart: the fourth harmonic over 90° and its double, above what chance makes."""
+    """ChESS' ring has samples 22.5° apart: the fourth harmonic over 90° and its double, compared with chance."""
     text = "ChESS presents some periodicity due to the angular spacing of the sampling ring (22.5°)"
     if CHESS not in _others(rows):
         return Claim(text, None, "ChESS didn't run")
@@ -134,12 +138,12 @@ def periodicity(rows: Sequence[Row]) -> Claim:
 
 
 def _at(rows: Sequence[Row], method: str, steep_too: bool) -> float:
-    """Mean error at a tilt of 0, or of `STEEP` and more."""
+    """Mean error at a tilt of 0, or of at least `STEEP`."""
     return _mean([row for row in rows if (row["tilt"] >= STEEP if steep_too else row["tilt"] == 0)], method)
 
 
 def distortion(rows: Sequence[Row]) -> Claim:
-    """Growth of the mean error from no tilt to a large one."""
+    """Increase of the mean error from no tilt to a large one."""
     text = "MATE has the similar response distribution but is more sensitive to the distortion"
     if MATE not in _others(rows):
         return Claim(text, None, "MATE didn't run")
@@ -151,7 +155,7 @@ def distortion(rows: Sequence[Row]) -> Claim:
 
 
 def steep(rows: Sequence[Row]) -> Claim:
-    """ChESS at a large tilt, and against the others."""
+    """ChESS at a large tilt, compared with the others."""
     text = "ChESS fares worst and cannot get satisfactory results as the skew angle increases"
     if CHESS not in _others(rows):
         return Claim(text, None, "ChESS didn't run")
@@ -163,7 +167,7 @@ def steep(rows: Sequence[Row]) -> Claim:
 
 
 def pre_blur(rows: Sequence[Row]) -> Claim:
-    """Mean change of a cell's error by the pre-blur, sign left out."""
+    """Mean absolute change of a cell's error by the pre-blur."""
     text = "RCDN performs almost the same with the pre-blur and without, unlike MATE and ChESS"
     names = list(dict.fromkeys(row["method"] for row in rows))
     change = {}
@@ -177,7 +181,7 @@ def pre_blur(rows: Sequence[Row]) -> Claim:
 
 
 def fewer_misses(rows: Sequence[Row]) -> Claim:
-    """Against ChESS, cell by cell."""
+    """Misses compared with ChESS, cell by cell."""
     text = "RCDN misses no more corners than ChESS in any cell"
     if CHESS not in _others(rows):
         return Claim(text, None, "ChESS didn't run", ours=True)

@@ -1,8 +1,8 @@
-"""Figures 4 and 5: how far from the corner the highest response lies, over noise and rotation or tilt (section 4.2).
+"""Figures 4 and 5: distance of the highest response from the corner, over noise and rotation or tilt (section 4.2).
 
-What the paper leaves open: pictures have 81 × 81 px, grey levels are cut and rounded, the highest response of the central
-41 × 41 px is the answer. Where several pixels are the highest, the mean of their distances counts; so does the whole region, as a
-blind guess, where nothing answers. The pre-blurred pictures have the noise of those that aren't.
+Choices that the paper leaves open: pictures have 81 × 81 px, grey levels are clipped and rounded, the answer is the
+highest response of the central 41 × 41 px. If several pixels have it, the mean of their distances counts; if there is
+no response, that of the whole region, as for a blind guess. The pre-blurred pictures have the same noise as the others.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ GAP = 1.0
 HIT, MISS = 1.0, 4.0
 """px"""
 FIRST = 8_100_000_000
-"""No training and no other test draws from this seed."""
+"""No training and no other test uses this seed."""
 RCDN, MATE, CHESS = "RCDN", "MATE", "ChESS"
 ANGLES = {"fig4": "rotation", "fig5": "tilt"}
 LARGEST = {"fig4": 90, "fig5": 70}
 
 Respond = Callable[[Array], Array]
-"""A picture (SIZE, SIZE) uint8 → responses (REGION, REGION) of its middle, 0 where there are none."""
+"""A picture (SIZE, SIZE) uint8 → responses (REGION, REGION) of its central part, 0 where there are none."""
 Row = dict[str, Any]
 
 _loaded: dict[str, Respond] = {}
@@ -42,7 +42,7 @@ _loaded: dict[str, Respond] = {}
 
 @dataclass(frozen=True)
 class Grid:
-    """The cells of a figure: degrees, grey levels, and pictures a cell."""
+    """The cells of a figure: degrees, grey levels, and pictures per cell."""
 
     figure: str
     angles: tuple[int, ...]
@@ -52,7 +52,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Cell:
-    """One angle and noise, the pictures to make of it, and the methods to ask."""
+    """One angle and noise, the number of pictures, and the methods to evaluate."""
 
     figure: str
     angle: int
@@ -62,7 +62,8 @@ class Cell:
 
 
 def grid(figure: str, full: bool = False, trials: int | None = None) -> Grid:
-    """The grid of `fig4` or `fig5`; `full`: in steps of 1 and of 1000 pictures, as in the paper. Raises ConfigError for others."""
+    """The grid of `fig4` or `fig5`; `full`: with steps of 1 and 1000 pictures per cell, as in the paper. Raises
+    ConfigError for other names."""
     if figure not in ANGLES:
         raise ConfigError(f"figure must be one of {', '.join(ANGLES)}, not {figure!r}")
     angle, noise, count = (1, 1, 1000) if full else (5, 10, 100)
@@ -72,20 +73,21 @@ def grid(figure: str, full: bool = False, trials: int | None = None) -> Grid:
 
 
 def view(figure: str, angle: float) -> View:
-    """How the corner of a cell is seen."""
+    """View of the corner of a cell."""
     return View(rotation=angle, gap=GAP) if figure == "fig4" else View(tilt=angle, gap=GAP)
 
 
 def pictures(cell: Cell, trial: int, clean: Array) -> Array:
-    """Picture `trial` of a cell from the noise-free `clean` (SIZE, SIZE), uint8. The same arguments give the same picture."""
+    """Picture `trial` of a cell from the noise-free `clean` (SIZE, SIZE), uint8. The same arguments give the same
+    picture."""
     seed = [FIRST, zlib.crc32(cell.figure.encode()), cell.angle, cell.noise, trial]
     return noisy(clean, cell.noise, np.random.default_rng(seed))
 
 
 def contestants(ours: str = "paper", mate: str = "tables/mate") -> tuple[dict[str, str], dict[str, str]]:
-    """Methods that can run here with their weights (nothing for ChESS), and why each of the others can't.
+    """Methods that can run here with their weights ("" for ChESS), and for each of the others the reason why it cannot.
 
-    `ours`, `mate`: weights as for `load_network`, of RCDN and MATE. Raises RcdnError where RCDN's don't load.
+    `ours`, `mate`: weights as for `load_network`, of RCDN and MATE. Raises RcdnError if RCDN's do not load.
     """
     load_network(ours)
     found, lacking = {RCDN: ours, MATE: mate, CHESS: ""}, {}
@@ -101,7 +103,7 @@ def contestants(ours: str = "paper", mate: str = "tables/mate") -> tuple[dict[st
 
 
 def responder(method: str, weights: str) -> Respond:
-    """What answers for a method of `contestants`."""
+    """The function that computes the response of a method of `contestants`."""
     if method == CHESS:
         from rcdn_lab.peers.chess import chess_response
 
@@ -111,9 +113,10 @@ def responder(method: str, weights: str) -> Respond:
 
 
 def judge(response: Array) -> tuple[float, float, float]:
-    """Error, px, share within `HIT` and share beyond `MISS` of an answer: responses (REGION, REGION), the corner in the middle.
+    """Error, px, share within `HIT` and share beyond `MISS` of an answer: responses (REGION, REGION), the corner in the
+    centre.
 
-    Shares are 0 or 1 but where several pixels are the highest. Where nothing answers, it is a miss.
+    Shares are 0 or 1 unless several pixels are the highest. No response counts as a miss.
     """
     reach = np.arange(REGION) - REGION // 2
     distance = np.hypot(reach[:, None], reach)[response == response.max()]
@@ -127,9 +130,9 @@ def table(
 ) -> list[Row]:
     """One row for each angle, noise, pre-blur and method (`contestants`), all methods on the same pictures.
 
-    `mean px`, `se px`: mean error and its standard error; `hit`, `miss`: shares within 1 px and beyond 4 px; `worse px`,
-    `worse se`: mean and standard error of the difference to RCDN's error, picture by picture. `progress` is called with
-    cells done and all. The same arguments give the same rows, whatever `workers`.
+    `mean px`, `se px`: mean error and its standard error; `hit`, `miss`: shares within 1 px and beyond 4 px; `worse
+    px`, `worse se`: mean and standard error of the difference from RCDN's error, picture by picture. `progress` is
+    called with the number of cells done and in total. The same arguments give the same rows, whatever `workers`.
     """
     tasks = [
         Cell(cells.figure, a, s, cells.trials if s else 1, tuple(methods)) for a in cells.angles for s in cells.noises
@@ -167,12 +170,12 @@ def _row(cell: Cell, blurred: bool, k: int, judged: Array) -> Row:
 
 
 def standard_error(values: Array) -> float:
-    """Of a mean; 0 of one value (pictures without noise are all the same)."""
+    """Standard error of a mean; 0 for a single value (pictures without noise are all the same)."""
     return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Short rows: one for each method, pre-blur and noise of the means over all angles."""
+    """Short rows: for each method, pre-blur and noise the means over all angles."""
     out: list[Row] = []
     for method in dict.fromkeys(row["method"] for row in rows):
         for blurred in (False, True):

@@ -1,4 +1,4 @@
-"""The paper's Tables 2 and 3, digit by digit."""
+"""The paper's Tables 2 and 3, as printed."""
 
 from __future__ import annotations
 
@@ -39,4 +39,4 @@ TABLE3: dict[str, Rates] = {
     "MATE": _rates(0.9988, 0.9970, 0.9982, 0.9850, 1.0000, 0.9959),
     "ChESS": _rates(0.9640, 0.8191, 0.9884, 0.9622, 0.9602, 0.8267),
 }
-"""Network → rates under the adaptive threshold. A has no row in the paper's Table 3: it is that of Table 2."""
+"""Network → rates under the adaptive threshold. The paper's Table 3 has no row for A: it is taken from Table 2."""

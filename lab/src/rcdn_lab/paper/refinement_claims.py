@@ -1,4 +1,5 @@
-"""What section 4.3 says of its figure, held against our rows. Pure functions of the rows of `refinements.table`."""
+"""The claims of section 4.3 about its figure, compared with our rows. Pure functions of the rows of
+`refinements.table`."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ MIX, FIRST = next(iter(MIXED)), next(iter(OURS))
 CLOSE = 0.01
 """px by which "mixed" may be worse than the intensity methods over blur"""
 STABLE = 0.05
-"""px that a stable error may range over"""
+"""largest range of a stable error, px"""
 SPIKE = 3.0
 """× the median over rotation"""
 SHOWN = {
@@ -40,7 +41,7 @@ class Curves:
         self.of = {name: np.array([at[name, level] for level in self.levels], float) for name in names}
 
     def growth(self, name: str) -> float:
-        """From the first level to the last."""
+        """Increase from the first level to the last."""
         return float(self.of[name][-1] - self.of[name][0])
 
     def span(self, name: str) -> float:
@@ -48,7 +49,8 @@ class Curves:
 
 
 def claims(rows: Sequence[Row]) -> list[Claim]:
-    """All that the paper says of the factors that `rows` have, one by one, and what "mixed" and ours are worth."""
+    """All claims of the paper about the factors in `rows`, one by one, and our requirements on "mixed" and on our
+    methods."""
     out: list[Claim] = []
     for factor, checks in CHECKS.items():
         if any(row["factor"] == factor for row in rows):
@@ -64,7 +66,8 @@ def lowest(curves: Curves, name: str, among: Iterable[str] = PAPER) -> list[floa
 
 
 def _least(curves: Curves, name: str) -> str:
-    """In words: how often, and where not and who is, of the paper's methods."""
+    """In words: the number of levels at which it is the lowest, and the others with the lowest of the paper's
+    methods."""
     best = lowest(curves, name)
     table = np.array([curves.of[other] for other in PAPER])
     gap = [
@@ -95,7 +98,7 @@ def slowest_over_noise(curves: Curves) -> Claim:
 
 
 def diverging(curves: Curves) -> Claim:
-    """Over noise."""
+    """Growth of the errors over noise."""
     growth = {name: curves.growth(name) for name in PAPER}
     faster = min(growth[name] for name in INTENSITY) > max(growth[name] for name in RESPONSE)
     return Claim(
@@ -117,7 +120,7 @@ def late(curves: Curves) -> Claim:
 
 
 def stable(curves: Curves) -> Claim:
-    """Over blur."""
+    """Range of the errors over blur."""
     spans = {name: curves.span(name) for name in PAPER}
     return Claim(
         "Blur: all methods keep stable", max(spans.values()) <= STABLE,
@@ -135,7 +138,7 @@ def above_response(curves: Curves) -> Claim:
 
 
 def close_to_intensity(curves: Curves) -> Claim:
-    """Over blur, to the better of the two."""
+    """Difference over blur from the better of the two intensity methods."""
     gap = curves.of[MIX] - np.min([curves.of[name] for name in INTENSITY], axis=0)
     near = int((gap <= CLOSE).sum())
     worst = int(gap.argmax())
@@ -146,7 +149,7 @@ def close_to_intensity(curves: Curves) -> Claim:
 
 
 def ripple(curves: Curves) -> Claim:
-    """Over rotation."""
+    """Range of the errors over rotation."""
     spans = {name: curves.span(name) for name in PAPER}
     more = min(spans[name] for name in RESPONSE) > max(spans[name] for name in INTENSITY)
     return Claim(
@@ -156,7 +159,7 @@ def ripple(curves: Curves) -> Claim:
 
 
 def surface_beats_edges(curves: Curves) -> Claim:
-    """But at 45°."""
+    """The surface fit compared with cornerSubPix over rotation, except at 45°."""
     levels = [level for level in curves.levels if level != 45]
     best = [level for level in lowest(curves, "ROCHADE", INTENSITY) if level != 45]
     means = {name: float(curves.of[name].mean()) for name in INTENSITY}
@@ -167,7 +170,7 @@ def surface_beats_edges(curves: Curves) -> Claim:
 
 
 def spike(curves: Curves) -> Claim:
-    """Of the surface fit at 45°."""
+    """The surface fit at 45° compared with its median."""
     text = "Rotation: surface fitting gets an extremely large error at 45°"
     if 45 not in curves.levels:
         return Claim(text, None, "No pictures at 45°")
@@ -182,7 +185,7 @@ def best_over_rotation(curves: Curves) -> Claim:
 
 
 def resilient(curves: Curves) -> Claim:
-    """Over tilt."""
+    """Growth of the errors over tilt."""
     strong = [*INTENSITY, MIX]
     holds = max(curves.growth(name) for name in strong) < min(curves.growth(name) for name in RESPONSE)
     return Claim(
@@ -192,7 +195,7 @@ def resilient(curves: Curves) -> Claim:
 
 
 def parts(curves: Curves) -> Claim:
-    """What the mean of two methods is worth."""
+    """Comparison of the mean of two methods with each of them."""
     mine, parents = curves.of[MIX], np.array([curves.of[name] for name in ("ROCHADE", "Gauss")])
     above, below = int((mine < parents.min(axis=0)).sum()), int((mine > parents.max(axis=0)).sum())
     return Claim(
@@ -204,7 +207,7 @@ def parts(curves: Curves) -> Claim:
 
 
 def ours(curves: Curves) -> Claim:
-    """The first refinement of `auto` against the paper's six."""
+    """The first refinement of `auto` compared with the paper's six."""
     best = lowest(curves, FIRST, [FIRST, *PAPER])
     six = np.min([curves.of[name] for name in PAPER], axis=0)
     found = f"At {len(best)} of {len(curves.levels)} levels; {np.median(curves.of[FIRST] / six):.2f} × the best of the six (median)"
@@ -217,7 +220,7 @@ def ours(curves: Curves) -> Claim:
 
 
 def intensity_first(rows: Sequence[Row]) -> Claim:
-    """All levels of all factors together, without the noise's."""
+    """All levels of all factors together, except noise."""
     text = "All in all, intensity methods perform better than response methods"
     quiet = [
         Curves(rows, factor) for factor in FACTORS if factor != "noise" and any(row["factor"] == factor for row in rows)
@@ -238,7 +241,8 @@ CHECKS: dict[str, tuple[Callable[[Curves], Claim], ...]] = {
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """A row a level, a column a method: mean errors, px, with the share of failures (in %) where there are any."""
+    """A row for each level, a column for each method: mean errors, px, with the share of failures (in %) if there are
+    any."""
     out: list[Row] = []
     for factor, level in dict.fromkeys((row["factor"], row["level"]) for row in rows):
         mine = {row["method"]: row for row in rows if (row["factor"], row["level"]) == (factor, level)}

@@ -1,8 +1,8 @@
 """Section 4.3's figure: sub-pixel refinements of one corner over noise, blur, rotation and tilt.
 
-What the paper leaves open: "low levels" of the other factors are noise 2, blur 1 px, rotation 10° and tilt 10°. The highest
-response of the central 10 × 10 px starts all methods; a picture without one counts for none of them. Where a method fails, its
-start stands, as in detection, and the failure is counted.
+Choices that the paper leaves open: "low levels" of the other factors are noise 2, blur 1 px, rotation 10° and tilt 10°.
+All methods start from the highest response of the central 10 × 10 px; a picture without one is left out for all of
+them. If a method fails, its initial position is kept, as in detection, and the failure is counted.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from rcdn_lab.table_weights import load_network
 SIZE, REGION = 80, 10
 LOW = (SIZE - REGION) // 2
 AROUND = 5
-"""px around the region in which methods look at the response (CoM: 4)"""
+"""px around the region in which methods use the response (CoM: 4)"""
 FIRST = 8_200_000_000
-"""No training and no other test draws from this seed."""
+"""No training and no other test uses this seed."""
 CHUNK = 50
-"""pictures that are refined together, whatever the number of processes"""
+"""pictures that are refined together, independent of the number of processes"""
 SEED, FITTED = "seed", "ours, fit"
 RESPONSE = {"CoM": Refine("com"), "Gauss": Refine("peak"), "parabola": Refine("parabola")}
 INTENSITY = {"OpenCV": Refine("edge"), "ROCHADE": Refine("saddle", half=2)}
@@ -42,8 +42,9 @@ MIXED = {"mixed": Refine("mixed", half=2)}
 OURS = {"ours, first": Refine("saddle", half=None)}
 RULES = RESPONSE | INTENSITY | MIXED | OURS
 METHODS = (SEED, *RULES, FITTED)
-"""The start, the paper's six (windows: CoM and OpenCV 9×9, ROCHADE 5×5, Gauss and parabola 3×3), the first refinement of
-`auto` (windows of 17 and 19 px for a corner without neighbours), and the fit of a blurred crossing to squares of 20 px."""
+"""The initial position, the paper's six (windows: CoM and OpenCV 9×9, ROCHADE 5×5, Gauss and parabola 3×3), the first
+refinement of `auto` (windows of 17 and 19 px for a corner without neighbours), and the fit of a blurred crossing to
+squares of 20 px."""
 Row = dict[str, Any]
 
 _model: list[ResponseModel] = []
@@ -52,7 +53,7 @@ _model: list[ResponseModel] = []
 
 @dataclass(frozen=True)
 class Levels:
-    """How pictures are made; the defaults are the low levels. Grey levels, px, degrees, degrees."""
+    """Parameters of the pictures; the defaults are the low levels. Grey levels, px, degrees, degrees."""
 
     noise: float = 2.0
     blur: float = 1.0
@@ -80,7 +81,8 @@ class Task:
 
 
 def picture(factor: str, level: float, trial: int) -> tuple[Array, Array]:
-    """Picture `trial` (SIZE, SIZE) uint8 of a level, and its corner (2,) px. The same arguments give the same picture."""
+    """Picture `trial` (SIZE, SIZE) uint8 of a level, and its corner (2,) px. The same arguments give the same
+    picture."""
     made = replace(BASE, **{factor: float(level)})
     rng = np.random.default_rng([FIRST, zlib.crc32(factor.encode()), round(10 * level), trial])
     x, y = rng.uniform(-0.5, 0.5, 2)
@@ -89,7 +91,7 @@ def picture(factor: str, level: float, trial: int) -> tuple[Array, Array]:
 
 
 def responses(model: ResponseModel, grey: Array) -> Array:
-    """Response (SIZE, SIZE) float32 of `grey`, of the region and what is around it; 0 elsewhere."""
+    """Response (SIZE, SIZE) float32 of `grey`, in the region and around it; 0 elsewhere."""
     out = np.zeros((SIZE, SIZE), np.float32)
     near = slice(LOW - AROUND, LOW + REGION + AROUND)
     out[near, near] = middle_response(model, grey, near.start, near.stop)
@@ -97,7 +99,8 @@ def responses(model: ResponseModel, grey: Array) -> Array:
 
 
 def start(response: Array) -> Array | None:
-    """The pixel (x, y) of the highest response in the region of `response` (SIZE, SIZE); None if nothing answers."""
+    """The pixel (x, y) of the highest response in the region of `response` (SIZE, SIZE); None if there is no
+    response."""
     region = response[LOW : LOW + REGION, LOW : LOW + REGION]
     if region.max() <= 0:
         return None
@@ -106,9 +109,10 @@ def start(response: Array) -> Array | None:
 
 
 def positions(shots: Sequence[Array], maps: Sequence[Array], starts: Array) -> tuple[Array, Array]:
-    """What each of METHODS makes of `starts` (N, 2) in N pictures and their responses: px (M, N, 2), and whether it failed (M, N).
+    """Results of each of METHODS from `starts` (N, 2) in N pictures and their responses: px (M, N, 2), and whether it
+    failed (M, N).
 
-    The pictures are put one under another: no window reaches from the middle of one to the next.
+    The pictures are stacked vertically: no window reaches from the centre of one to the next.
     """
     fall = np.stack([np.zeros(len(starts), np.int64), SIZE * np.arange(len(starts))], axis=1)
     grey, response, seeds = np.concatenate(shots), np.concatenate(maps), starts + fall
@@ -130,9 +134,10 @@ def table(
 ) -> list[Row]:
     """One row for each factor, level and method, of `trials` pictures each.
 
-    `factors`: of FACTORS, none: all; `weights`: the network that finds the corner, for `load_network`. `mean px`, `se px`, `median
-    px`: error; `failed`: share of the answers that are the start's; `no corner`: share of the pictures without a start, which are
-    left out of the others. The same arguments give the same rows, whatever `workers`. Raises ConfigError for an unknown factor.
+    `factors`: of FACTORS, empty: all; `weights`: the network that finds the corner, for `load_network`. `mean px`, `se
+    px`, `median px`: error; `failed`: share of the answers that are the initial position; `no corner`: share of the
+    pictures without an initial position, which are left out of the other figures. The same arguments give the same
+    rows, whatever `workers`. Raises ConfigError for an unknown factor.
     """
     if unknown := sorted(set(factors) - set(FACTORS)):
         raise ConfigError(f"--factor: nothing is called {', '.join(unknown)}; known: {', '.join(FACTORS)}")
@@ -149,7 +154,7 @@ def _load(weights: str) -> None:
 
 
 def _errors(task: Task) -> tuple[Array, Array]:
-    """Errors, px, and failures (M, n) of all methods on those pictures of a task that have a start."""
+    """Errors, px, and failures (M, n) of all methods on those pictures of a task that have an initial position."""
     shots, maps, starts, truth = [], [], [], []
     for trial in range(task.first, task.last):
         grey, xy = picture(task.factor, task.level, trial)

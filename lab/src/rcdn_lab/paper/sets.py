@@ -1,4 +1,4 @@
-"""The pictures of section 4.1: photographs that are left of its three data sets, and rendered stand-ins for them."""
+"""The pictures of section 4.1: the available photographs of its three data sets, and rendered substitutes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rcdn.types import Array, CameraModel
 from rcdn_lab.sweep.pictures import placed
 
 FIRST = 8_100_000_000
-"""No training and no other suite draws from this seed."""
+"""No training and no other suite uses this seed."""
 SIZE = (9, 6)
 BORDER = 9.0
-"""px from the frame that corners of rendered boards keep, so that no rule about the border touches them"""
+"""least distance of corners of rendered boards from the frame, px, so that the border rule does not affect them"""
 RIM = 2.0
-"""px from the frame that their outermost squares keep"""
+"""least distance of their outermost squares from the frame, px"""
 TRIES = 2000
 Rng = np.random.Generator
 Span = tuple[float, float]
@@ -31,11 +31,12 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a rendered set looks; spans are drawn from evenly.
+    """Parameters of a rendered set; spans are ranges of uniform distributions.
 
-    `focal`: in widths of the picture; `lens`: spans of the distortion's numbers; `pitch`: squares face on, px; `least`: fewest px
-    between neighbours; `tilt`: degrees, at most; `noise`: σ, grey levels; `blur`: σ, px; `gain`: contrast that the exposure leaves;
-    `light`: spread of the fall of light across the picture; `jpeg`: qualities, (0, 0): none; `clutter`: kinds of background.
+    `focal`: in widths of the picture; `lens`: spans of the distortion coefficients; `pitch`: squares seen frontally,
+    px; `least`: least distance between neighbours, px; `tilt`: degrees, at most; `noise`: σ, grey levels; `blur`: σ,
+    px; `gain`: contrast after exposure; `light`: spread of the illumination gradient across the picture; `jpeg`:
+    qualities, (0, 0): none; `clutter`: kinds of background.
     """
 
     size: tuple[int, int]
@@ -57,8 +58,8 @@ class Recipe:
 class PictureSet:
     """Pictures of one 9×6 board each.
 
-    `column`: the data set of the paper that they are of, or stand for; `total` pictures in all, of which `usual` are looked at
-    without `--full`; `folder` in the data folder, for photographs; `recipe`, for rendered ones.
+    `column`: the data set of the paper to which they belong or which they replace; `total` pictures in all, of which
+    `usual` are used without `--full`; `folder` in the data folder, for photographs; `recipe`, for rendered ones.
     """
 
     name: str
@@ -89,14 +90,15 @@ SETS = {
         PictureSet("gopro", "GoPro", 30, 30, folder="rochade-gopro-a"),
     )
 }  # fmt: skip
-"""The paper has 206 pictures of Mesa, 206 of uEye and 100 of GoPro; 5 and 30 of the latter two can be had as photographs."""
+"""The paper has 206 pictures of Mesa, 206 of uEye and 100 of GoPro; 5 and 30 of the latter two are available as
+photographs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
     """A picture and its true corners: `xy` (N, 2) px; `ignore` (M, 2) px: neither demanded nor forbidden.
 
-    `identity`: checksum of all that the picture is made from; `size`: (width, height).
+    `identity`: checksum of everything from which the picture is made; `size`: (width, height).
     """
 
     set: str
@@ -108,15 +110,15 @@ class Shot:
     size: tuple[int, int]
 
     def image(self) -> Array:
-        """(H, W) uint8 grey levels; rendered or read now. Raises ImageError for a file that is no picture."""
+        """(H, W) uint8 grey levels; rendered or read on each call. Raises ImageError for a file that is no picture."""
         return render(self.source) if isinstance(self.source, Scene) else as_grey(read_image(self.source))
 
 
 def shots(wanted: PictureSet, data: Path | None = None, most: int | None = None) -> list[Shot]:
     """The pictures of a set, or `most` of them; always the same ones.
 
-    Of photographs every n-th is taken, of rendered ones the first. `data`: the folder that holds the sets' folders and truth.json.
-    Raises FormatError if truth.json isn't what it should be.
+    Of photographs every n-th is taken, of rendered ones the first. `data`: the folder that contains the sets' folders
+    and truth.json. Raises FormatError for an invalid truth.json.
     """
     count = min(wanted.total, most or wanted.total)
     if wanted.recipe is not None:
@@ -125,7 +127,7 @@ def shots(wanted: PictureSet, data: Path | None = None, most: int | None = None)
 
 
 def missing(wanted: PictureSet, data: Path | None) -> str | None:
-    """Why a set can't be looked at, or None."""
+    """The reason why a set is not available, or None."""
     if wanted.recipe is not None:
         return None
     if data is None:
@@ -178,7 +180,7 @@ def scene(wanted: PictureSet, index: int) -> Scene:
 
 
 def _empty(rng: Rng, r: Recipe) -> Scene:
-    """Frame, lens, light, sensor and background."""
+    """Frame, lens, illumination, sensor and background."""
     width, height = r.size
     lens = tuple(float(rng.uniform(*span)) for span in r.lens)
     cx, cy = (np.array(r.size) - 1) / 2 + rng.normal(0, 0.01, 2) * r.size
@@ -196,7 +198,7 @@ def _empty(rng: Rng, r: Recipe) -> Scene:
 
 
 def _board(rng: Rng, r: Recipe, frame: Scene) -> BoardSpec:
-    """A board of random place and pose, tried again until all of it can be seen."""
+    """A board with random position and pose, drawn repeatedly until all of it is visible."""
     white = float(rng.uniform(0.75, 0.95))
     blank = BoardSpec(
         *SIZE, (0, 0, 0), (0, 0, 1), black=float(rng.uniform(0.05, 0.2)), white=white,
@@ -213,7 +215,8 @@ def _board(rng: Rng, r: Recipe, frame: Scene) -> BoardSpec:
 
 
 def _shown(spec: BoardSpec, frame: Scene, least: float) -> bool:
-    """All squares in the picture, all corners plainly visible, off the border, and at least `least` px apart."""
+    """Whether all squares are in the picture, and all corners visible, off the border, and at least `least` px
+    apart."""
     outline = np.array([(i, j) for i in range(-1, spec.cols + 1) for j in range(-1, spec.rows + 1)], float)
     if not _inside(board_to_pixels(spec, frame.camera, outline), frame, RIM):
         return False

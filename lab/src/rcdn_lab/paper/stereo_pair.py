@@ -1,6 +1,7 @@
 """Two rendered cameras on one frame, like the paper's head-mounted eye tracker (section 4.4), with exact truth.
 
-Both see the whole board in every view: near and far, tilted, more or less sharp, noisy and well lit. The same seed gives the same pictures.
+Both see the whole board in every view: near and far, tilted, with varying sharpness, noise and illumination. The same
+seed gives the same pictures.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from rcdn.types import Array, Camera
 from rcdn_lab.sweep.pictures import KINDS, TRIES, placed
 
 FIRST = 8_500_000_000
-"""No training and no other test draws from this seed."""
+"""No training and no other test uses this seed."""
 IMAGE_SIZE = (1280, 720)
 SIZE, SPACING = (9, 6), 0.025
 """columns and rows of inner corners; side of a square, m"""
@@ -30,9 +31,10 @@ LENSES = {
     "left": (905.0, (641.3, 355.2), (-0.172, 0.063, 0.0007, -0.0004, -0.011)),
     "right": (911.5, (633.8, 364.9), (-0.168, 0.058, -0.0003, 0.0006, -0.009)),
 }
-"""focal length, px; principal point; k1 k2 p1 p2 k3: 70° across the picture, corners drawn in by a tenth"""
+"""focal length, px; principal point; k1 k2 p1 p2 k3: 70° across the picture, barrel distortion of a tenth in the
+corners"""
 TURN, CENTRE = (0.004, 0.055, -0.006), (0.064, 0.0006, -0.0012)
-"""of the right camera: rotation vector, rad (3° towards the left one), and where it stands in left coordinates, m"""
+"""of the right camera: rotation vector, rad (3° towards the left one), and its centre in left coordinates, m"""
 PITCH, TILT = (17.0, 62.0), (5.0, 58.0)
 """px of a square that faces the left camera; degrees"""
 RIM = 3.0
@@ -42,7 +44,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One moment: what the `scenes` of both cameras (left, right) are made of, the true corners `xy` (2, M, 2) px, row by row, and the
+    """One moment: the `scenes` of both cameras (left, right), the true corners `xy` (2, M, 2) px, row by row, and the
     true poses `T` (2, 4, 4), T_cam_board in squares."""
 
     scenes: tuple[Scene, Scene]
@@ -65,12 +67,13 @@ def right_from_left(unit: float = 1.0) -> Array:
 
 
 def views(count: int, seed: int = 0) -> list[View]:
-    """`count` views; the first ones are the same whatever the count. Raises ConfigError if no place is found for a board."""
+    """`count` views; the first ones are independent of the count. Raises ConfigError if no position is found for a
+    board."""
     return [_view(np.random.default_rng([FIRST, seed, k]), k) for k in range(count)]
 
 
 def pictures(made: Sequence[View], folder: Path) -> list[tuple[Scene, Path]]:
-    """What to render, and the files `left0000.png`, `right0000.png`, … in `folder` to keep it in."""
+    """The scenes to render, and the files `left0000.png`, `right0000.png`, … in `folder` in which to keep them."""
     return [
         (scene, folder / f"{side}{k:04d}.png")
         for k, view in enumerate(made)
@@ -94,7 +97,7 @@ def _view(rng: Rng, index: int) -> View:
 
 
 def _board(rng: Rng) -> BoardSpec:
-    """A board in the left camera's frame, tried again until both cameras see all its squares."""
+    """A board in the left camera's frame, drawn repeatedly until both cameras see all its squares."""
     black = float(rng.uniform(0.04, 0.15))
     white = black + float(rng.uniform(0.3, 0.7))
     blank = BoardSpec(*SIZE, (0, 0, 0), (0, 0, 1), black=black, white=white, margin=0.4, margin_value=white)
@@ -117,7 +120,7 @@ def _moved(spec: BoardSpec, T: Array) -> BoardSpec:
 
 
 def _is_whole(spec: BoardSpec, camera: Camera) -> bool:
-    """All squares in the picture, seen from the front."""
+    """Whether all squares are in the picture, seen from the front."""
     ij = np.stack(np.meshgrid(np.arange(-1, spec.cols + 1), np.arange(-1, spec.rows + 1)), axis=-1).reshape(-1, 2)
     xy = board_to_pixels(spec, camera, ij)
     if not (np.isfinite(xy).all() and (xy > RIM).all() and (xy < np.array(camera.image_size) - 1 - RIM).all()):

@@ -1,7 +1,7 @@
-"""Table 4 (section 4.4): calibration and pose errors of several detectors by one solver, half and half.
+"""Table 4 (section 4.4): calibration and pose errors of several detectors with one solver, half and half.
 
-On a rendered stereo pair, where the truth is known, and on photographs of public sets. One row for each set and detector: the cameras
-of a set count together, as the paper's two do.
+On a rendered stereo pair, for which the truth is known, and on photographs of public sets. One row for each set and
+detector: the cameras of a set count together, as the paper's two do.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rcdn_lab.weights import weights_of
 
 DETECTORS = ("auto", "paper", "opencv", "opencv-sb", "boofcv-size", "geiger", "rochade")
 VIEWS, FULL_VIEWS = 30, 100
-"""of the rendered pair: by default, and as many as the paper has"""
+"""views of the rendered pair: by default, and as many as in the paper"""
 RENDERED = "rendered"
 TRUE = "truth"
 Row = dict[str, Any]
@@ -37,8 +37,8 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class PaperSet:
-    """Pictures of one board by the `cameras` of one mount, in the folder `data`; `like`: the paper's set that it stands for; `truth` of
-    the cameras, if it is known."""
+    """Pictures of one board by the `cameras` of one mount, in the folder `data`; `like`: the paper's set that it
+    replaces; `truth` of the cameras, if it is known."""
 
     name: str
     like: str
@@ -58,12 +58,12 @@ REAL = (
     _known("rochade-gopro-a", WIDE_ANGLE, "gopro"),
     _known("udacity-wide", WIDE_ANGLE, "udacity-wide"),
 )
-"""Photographs that stand for the paper's two sets, which aren't public: two stereo pairs and two wide-angle cameras."""
+"""Photographs that replace the paper's two sets, which are not public: two stereo pairs and two wide-angle cameras."""
 NAMES = (RENDERED, *(s.name for s in REAL))
 
 
 def rendered(views: int, seed: int, folder: Path) -> tuple[PaperSet, list[tuple[Scene, Path]]]:
-    """The rendered pair, whose pictures shall lie in `folder`, and what has to be drawn there (`table4_work.draw`)."""
+    """The rendered pair, with pictures in `folder`, and the drawings to be made there (`table4_work.draw`)."""
     made = stereo_pair.views(views, seed)
     cameras = tuple(CameraSet(f"{RENDERED}, {side}", f"{side}*.png", stereo_pair.SIZE) for side in stereo_pair.SIDES)
     truth = tuple(
@@ -74,10 +74,10 @@ def rendered(views: int, seed: int, folder: Path) -> tuple[PaperSet, list[tuple[
 
 
 def sets_of(texts: Sequence[str], data: Path | None) -> tuple[list[PaperSet], dict[str, str]]:
-    """The photographs among `texts`, and why each of the others can't be used.
+    """The photographs among `texts`, and for each of the others the reason why it cannot be used.
 
-    A name is one of `NAMES`, or what `rcdn evaluate calibration --set` takes: then one camera, of the paper's set that its lens is like.
-    Raises ConfigError for an unknown name.
+    A name is one of `NAMES`, or an argument of `rcdn evaluate calibration --set`: then one camera, assigned to the
+    paper's set by its lens. Raises ConfigError for an unknown name.
     """
     ours = {s.name: s for s in REAL}
     wanted = [s for t in dict.fromkeys(texts) if t != RENDERED for s in ([ours[t]] if t in ours else _single(t))]
@@ -111,13 +111,15 @@ def table(
     workers: int = 1,
     step: Callable[[int, int], None] | None = None,
 ) -> list[Row]:
-    """The rows: of each set on all pictures that a detector found and on those in common, of what can't run here, and the paper's.
+    """The rows: of each set on all pictures that a detector found and on those in common, of what cannot run here, and
+    the paper's.
 
-    `on` all: the largest board of each picture, parts too, no corner left out. `on` common: the pictures in which everybody found the whole
-    board, the same corners for all; who finds less than 60 % of the most is left out of it and has rows `with NAME`, beside `auto`
-    and OpenCV; our preset `paper`, where it would narrow the comparison, has them beside all. `missing`: detectors that can't run, `skipped`: sets
-    without pictures, and why. `step` is called with the rows done and those to do. The same arguments give the same rows, whatever
-    `workers`. Raises ConfigError if nobody takes part.
+    `on` all: the largest board of each picture, including parts, no corner left out. `on` common: the pictures in which
+    all detectors found the whole board, with the same corners for all; a detector that finds less than 60 % of the most
+    is excluded and has rows `with NAME`, compared with `auto` and OpenCV; our preset `paper`, where it would reduce the
+    comparison, has them compared with all. `missing`: detectors that cannot run, `skipped`: sets without pictures, with
+    the reason. `step` is called with the number of rows done and in total. The same arguments give the same rows,
+    whatever `workers`. Raises ConfigError if there is no detector.
     """
     if not detectors:
         raise ConfigError("--detectors: none of them can run here; name one that is installed")
@@ -129,7 +131,7 @@ def table(
 
 
 def settings_of(sets: Sequence[PaperSet], detectors: Sequence[Contestant], views: int, seed: int) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     cameras = [c for s in sets for c in s.cameras]
     return {
         "sets": {c.name: f"{c.pattern}, {c.size[0]}x{c.size[1]}, {c.model}" for c in cameras},
@@ -147,7 +149,8 @@ def _row(
     set: str, like: str, on: str, detector: str, counts: dict[str, int] | None = None, figures: Figures | None = None,
     rig: Rig | None = None, note: str = "", **more: Any,
 ) -> Row:  # fmt: skip
-    """A row; what nobody knows is None. `counts`: pictures, those with the `whole` board, `views` that are used and their `corners`."""
+    """A row; unknown values are None. `counts`: pictures, those with the `whole` board, `views` that are used and their
+    `corners`."""
     place = asdict(rig or Rig())
     notes = [note, place.pop("note")]
     numbers = asdict(figures or Figures()) | place
@@ -164,7 +167,7 @@ def _row(
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """What one row is measured from; `stereo`: where the cameras stand is known."""
+    """The data from which one row is computed; `stereo`: the relative pose of the cameras is known."""
 
     set: str
     like: str
@@ -177,7 +180,7 @@ class _Job:
 
 
 def _jobs(one: PaperSet, detectors: Sequence[Contestant]) -> list[_Job]:
-    """Look at all pictures of a set; the rows that they give."""
+    """Run the detectors on all pictures of a set; the jobs of its rows."""
     data = present(one.data, "the data of a set")
     found = [look(camera, data, detectors) for camera in one.cameras]
     wholes = {d.name: _wholes(one, found, d.name) for d in detectors}
@@ -205,7 +208,7 @@ def _wholes(one: PaperSet, found: Sequence[Found], name: str) -> set[tuple[int, 
 
 
 def _groups(wholes: dict[str, set[tuple[int, int]]]) -> dict[str, list[str]]:
-    """Who is compared on the same pictures."""
+    """The detectors compared on the same pictures."""
     many = core(wholes)
     first = [n for n in many if n in ("auto", REFERENCE)] or many[:1]
     return {COMMON: many} | {f"with {n}": [*(many if n in OURS else first), n] for n in wholes if n not in many}
@@ -231,7 +234,7 @@ def _measured(job: _Job) -> Row:
 
 
 def _all_boards(one: PaperSet, found: Sequence[Found], name: str) -> list[Boards]:
-    """All that a detector found, with true labels where they are known."""
+    """All boards that a detector found, with true labels where they are known."""
     parts = []
     for c, (camera, f) in enumerate(zip(one.cameras, found, strict=True)):
         truth = one.truth[c] if one.truth else None
@@ -244,12 +247,13 @@ def _all_boards(one: PaperSet, found: Sequence[Found], name: str) -> list[Boards
 
 
 def _common_boards(one: PaperSet, found: Sequence[Found], names: Sequence[str]) -> tuple[dict[str, list[Boards]], str]:
-    """The corners that all of `names` found, by detector and camera, and how many pictures they dispute."""
+    """The corners that all of `names` found, by detector and camera, and the number of pictures on which they
+    disagree."""
     parts: dict[str, list[Boards]] = {n: [] for n in names}
     disputed = 0
     for c, (camera, f) in enumerate(zip(one.cameras, found, strict=True)):
         some, truth = f.of(names), one.truth[c] if one.truth else None
-        if truth is not None:  # the first of them says how boards are turned
+        if truth is not None:  # the first of them determines the rotation of the boards
             ij = np.stack(np.meshgrid(*map(np.arange, camera.size)), axis=-1).reshape(-1, 2)
             true: list[tuple[Grid, ...]] = [(Grid(xy, ij),) for xy in truth.xy]
             some = replace(some, grids={TRUE: true} | some.grids)

@@ -1,7 +1,9 @@
-"""What Table 4 says of one detector on one set: reprojection errors as in the paper and, where the truth is known, how far from it all is.
+"""Figures of Table 4 for one detector on one set: reprojection errors as in the paper and, where the truth is known,
+the errors against it.
 
-A reprojection error is small, too, where bad corners are left out or a camera bends after them. Against the truth neither helps: the
-error of corners at 95 % counts missing ones as infinitely far, and that of the model is asked at every true corner, found or not.
+A reprojection error is also small if bad corners are left out or if the camera model adapts to them. Against the truth
+neither helps: the 95 % quantile of the corners' errors counts missing ones as infinite, and the model is evaluated at
+every true corner, found or not.
 """
 
 from __future__ import annotations
@@ -22,13 +24,14 @@ from rcdn_lab.camera_scenes import board
 
 NAN = float("nan")
 SHARE = 0.95
-"""of all true corners: the error that so many stay below"""
+"""share of all true corners whose error is below the reported one"""
 TURNS = [np.array(m) for m in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])]
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What one `camera` really is and saw: `T` (V, 4, 4) T_cam_board of its pictures, squares; `xy` (V, M, 2) px of all corners, row by row."""
+    """The true `camera` and what it saw: `T` (V, 4, 4) T_cam_board of its pictures, squares; `xy` (V, M, 2) px of all
+    corners, row by row."""
 
     camera: Camera
     T: Array
@@ -37,10 +40,11 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Boards:
-    """What a detector found in the pictures of one camera: of each picture in `index` (n,) one board of `boards`, labels (m, 2) and pixels (m, 2).
+    """The boards that a detector found in the pictures of one camera: for each picture in `index` (n,) one of `boards`,
+    labels (m, 2) and pixels (m, 2).
 
-    `image_size` (width, height); `size` (columns, rows) of the whole board; `model` of the lens; `pictures` that had a board; `truth`
-    of all pictures: then labels are the true ones (`relabelled`).
+    `image_size` (width, height); `size` (columns, rows) of the whole board; `model` of the lens; `pictures`, the number
+    that show a board; `truth` of all pictures: labels are then the true ones (`relabelled`).
     """
 
     index: list[int]
@@ -53,19 +57,20 @@ class Boards:
 
     @property
     def corners(self) -> int:
-        """How many there are."""
+        """The number of corners."""
         return sum(len(xy) for _, xy in self.boards)
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one detector on one set; NaN where unknown.
+    """Figures of one detector on one set; NaN where unknown.
 
-    `cal`, `pose`: root mean square reprojection error, px, of the half calibrated from, and of the other one, of which only poses are
-    solved; `outliers`: corners that `rcdn.calibrate` would leave out (none are here). Against the truth: `mean`, `rms` of the found corners, px, and
-    `most`: 95 % of all true corners are found within it; `focal`, `centre`: of the cameras, px; `rotation` (degrees) and
-    `translation` (share of the distance) of the held-out poses; `model`: px between all true corners of the held-out half, found or
-    not, and where camera and pose see them.
+    `cal`, `pose`: root mean square reprojection error, px, of the half calibrated from, and of the other one, of which
+    only poses are solved; `outliers`: corners that `rcdn.calibrate` would leave out (none are here). Against the truth:
+    `mean`, `rms` of the found corners, px, and `most`, within which 95 % of all true corners are found; `focal`,
+    `centre`: of the cameras, px; `rotation` (degrees) and `translation` (share of the distance) of the held-out poses;
+    `model`: distance, px, between all true corners of the held-out half, found or not, and their projections by camera
+    and pose.
     """
 
     cal: float = NAN
@@ -82,7 +87,8 @@ class Figures:
 
 
 def relabelled(ij: Array, xy: Array, true: Array, size: tuple[int, int]) -> Array:
-    """Labels (m, 2) in the true board: `ij` turned and shifted as most corners want it whose nearest one of `true` (M, 2) is known."""
+    """Labels (m, 2) on the true board: `ij` after the rotation and translation supported by most corners, each matched
+    to the nearest of `true` (M, 2)."""
     near = cKDTree(true).query(xy)[1]
     label = np.stack([near % size[0], near // size[0]], axis=1)
     votes = Counter((k, *map(int, s)) for k, turn in enumerate(TURNS) for s in label - ij @ turn.T)
@@ -91,9 +97,10 @@ def relabelled(ij: Array, xy: Array, true: Array, size: tuple[int, int]) -> Arra
 
 
 def figures(parts: Sequence[Boards]) -> Figures:
-    """Of the boards of one set, by camera. Errors over its cameras together and both directions of a split; the median over the splits.
+    """Figures of the boards of one set, by camera. Errors are over its cameras together and both directions of a split;
+    the median over the splits.
 
-    Nothing but corner errors where a camera has fewer than 6 boards. Raises CalibrationError if one has no camera.
+    Only corner errors if a camera has fewer than 6 boards. Raises CalibrationError if one has no camera.
     """
     mean, rms, most = corner_errors(parts)
     if any(len(p.boards) < FEWEST for p in parts):
@@ -118,9 +125,10 @@ def _median(values: Iterable[float]) -> float:
 
 
 def corner_errors(parts: Sequence[Boards]) -> tuple[float, float, float]:
-    """Mean and root mean square distance of the found corners from the truth, px, and that within which 95 % of all true corners are found.
+    """Mean and root mean square distance of the found corners from the truth, px, and the distance within which 95 % of
+    all true corners are found.
 
-    NaN without truth, and the last where fewer are found. A corner whose label the board doesn't have tells nothing here.
+    NaN without truth, and the last if fewer are found. A corner whose label is not on the board is ignored here.
     """
     errors, many = [], 0
     for part in parts:
@@ -140,8 +148,8 @@ def corner_errors(parts: Sequence[Boards]) -> tuple[float, float, float]:
 
 
 def _against_truth(part: Boards, done: Half) -> tuple[Array, ...]:
-    """Errors of a camera and of the poses held out: focal lengths (2,), centre (1,), px; rotation (n,), degrees; translation of the
-    board's middle (n,), share of its distance; model (n · M,), px."""
+    """Errors of a camera and of the held-out poses: focal lengths (2,), centre (1,), px; rotation (n,), degrees;
+    translation of the board's centre (n,), share of its distance; model (n · M,), px."""
     truth = present(part.truth, "the truth of a set")
     camera, index = done.state.cameras[0], [part.index[k] for k in done.others]
     off = camera.K - truth.camera.K
@@ -157,7 +165,7 @@ def _against_truth(part: Boards, done: Half) -> tuple[Array, ...]:
 
 
 def angle(R: Array) -> Array:
-    """(n,) degrees by which rotations (n, 3, 3) turn; exact for small ones."""
+    """(n,) rotation angles of rotation matrices (n, 3, 3), degrees; accurate for small ones."""
     sine = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
     return np.degrees(np.arctan2(np.linalg.norm(sine, axis=1), np.trace(R, axis1=1, axis2=2) - 1))
 
@@ -172,8 +180,8 @@ def _together(parts: Sequence[tuple[Array, ...]]) -> list[float]:
 
 @dataclass(frozen=True)
 class Rig:
-    """How well two cameras are placed: `pairs` that took part; `baseline` error, µm; `turn` of the right camera, degrees;
-    `note`: why there is nothing."""
+    """Accuracy of the relative pose of two cameras: number of `pairs` used; `baseline` error, µm; `turn`, rotation
+    error of the right camera, degrees; `note`: the reason if there is no result."""
 
     pairs: int = 0
     baseline: float = NAN
@@ -182,7 +190,8 @@ class Rig:
 
 
 def rig_of(left: Boards, right: Boards, spacing: float, T_right_left: Array) -> Rig:
-    """By `rcdn.calibrate_stereo` from the whole boards that both cameras saw, beside the true place (m); `spacing` of the squares, m."""
+    """By `rcdn.calibrate_stereo` from the whole boards that both cameras saw, compared with the true pose (m);
+    `spacing` of the squares, m."""
     first, second = (
         {k: board(ij, xy, p.image_size) for k, (ij, xy) in zip(p.index, p.boards, strict=True) if _fits(ij, p.size)}
         for p in (left, right)
@@ -199,5 +208,5 @@ def rig_of(left: Boards, right: Boards, spacing: float, T_right_left: Array) -> 
 
 
 def _fits(ij: Array, size: tuple[int, int]) -> bool:
-    """Are these all labels of the whole board?"""
+    """Whether these are all labels of the whole board."""
     return len(np.unique(ij, axis=0)) == len(ij) == size[0] * size[1] and bool(((ij >= 0) & (ij < size)).all())

@@ -1,7 +1,8 @@
-"""The paper's Table 4 beside ours: its figures, its ratios to OpenCV, its claims, and all of it as text.
+"""The paper's Table 4 compared with ours: its figures, its ratios to OpenCV, its claims, and their presentation as
+text.
 
-The paper's pictures aren't public, so that its pixels can't be compared with ours. How much lower an error is than that of OpenCV's
-corners on the same pictures can.
+The paper's pictures are not public, so that errors in pixels are not comparable. The ratio of an error to that of
+OpenCV's corners on the same pictures is.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from rcdn_lab.paper.claim import Claim, folded, markdown_claims, markdown_table
 from rcdn_lab.paper.table4_figures import Figures
 
 EYE_TRACKER, WIDE_ANGLE = "eye tracker", "wide angle"
-"""the paper's sets: two cameras of 720 × 1280 on a head, and a selection of whole boards from OCPAD's wide-angle pictures"""
+"""the paper's sets: two cameras of 720 × 1280 on a head, and a selection of whole boards from OCPAD's wide-angle
+pictures"""
 WITH_OCPAD = "with OCPAD"
 REFERENCE = "opencv"
 Row = dict[str, Any]
@@ -26,7 +28,8 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Published:
-    """A row of the paper's table for one of its sets: root mean square errors, px; `whole` of 100 pictures; `on` all, or those that OCPAD found."""
+    """A row of the paper's table for one of its sets: root mean square errors, px; `whole` of 100 pictures; `on` all,
+    or those that OCPAD found."""
 
     like: str
     method: str
@@ -53,16 +56,17 @@ PUBLISHED = (
     Published(WIDE_ANGLE, "OCPAD", 91, 0.22749, 0.22743, WITH_OCPAD),
 )
 METHODS = {"auto": "Proposed", "paper": "Proposed", "opencv": "OpenCV", "geiger": "Geiger et al."}
-"""detector → the paper's name for what it stands for"""
+"""detector → the paper's name for the corresponding method"""
 ELSEWHERE = frozenset({"MATLAB", "OCamCalib", "OCPAD"})
-"""programs that can't run here"""
+"""programs that cannot run here"""
 ERRORS = ("cal", "pose")
 RATIOS = tuple(column for e in ERRORS for column in (f"{e} ÷ opencv", f"paper's {e}", f"{e} − paper's"))
-"""of each: ours, the paper's, the difference"""
+"""for each error: our ratio, the paper's, the difference"""
 
 
 def published_ratio(like: str, method: str, error: str) -> float | None:
-    """`cal` or `pose` of a method ÷ that of OpenCV in the paper; `like` ALL: the geometric mean of its two sets. None if it isn't there."""
+    """`cal` or `pose` of a method ÷ that of OpenCV in the paper; `like` ALL: the geometric mean of its two sets. None
+    if it is not in the paper."""
     if like == "ALL":
         both = [published_ratio(one, method, error) for one in (EYE_TRACKER, WIDE_ANGLE)]
         return None if None in both else float(np.sqrt(np.prod([b for b in both if b])))
@@ -71,7 +75,7 @@ def published_ratio(like: str, method: str, error: str) -> float | None:
 
 
 def published_rows() -> list[dict[str, Any]]:
-    """The paper's table as arguments of rows of ours, marked as such."""
+    """The paper's table as arguments of our rows, marked as such."""
     out = []
     for p in PUBLISHED:
         note = "paper's figure, other data" + ("; can't run here" if p.method in ELSEWHERE else "")
@@ -83,7 +87,8 @@ def published_rows() -> list[dict[str, Any]]:
 
 
 def compared(rows: Sequence[Row]) -> list[Row]:
-    """The rows with ratios to OpenCV's row of the same pictures, the paper's, and the difference; then geometric means over the sets."""
+    """The rows with ratios to OpenCV's row on the same pictures, the paper's, and the difference; then geometric means
+    over the sets."""
     reference = {(r["set"], r["on"]): r for r in rows if r["detector"] == REFERENCE}
     out = []
     for row in rows:
@@ -125,13 +130,14 @@ CLAIMS = (
     ("the corners nearest to the truth", "rms", True),
     ("the cameras and poses nearest to the truth (`model`)", "model", True),
 )
-"""what is claimed, by which figure, and whether only we ask"""
+"""the claim, the figure that decides it, and whether it is only our requirement"""
 
 
 def claims(rows: Sequence[Row], ours: Sequence[str] = ("auto", "paper")) -> list[Claim]:
-    """Of each set: is ours the best? A tie counts as the best.
+    """For each set, whether ours is the best. A tie counts as the best.
 
-    Errors are compared on the same pictures: those in common and, for who isn't compared there, those that it shares with the others.
+    Errors are compared on the same pictures: the common ones and, for a detector excluded from these, those that it
+    shares with the others.
     """
     mine = [r for r in rows if r["on"] != "-" and r["set"] != "ALL" and not r["set"].startswith("paper: ")]
     out = []
@@ -143,7 +149,7 @@ def claims(rows: Sequence[Row], ours: Sequence[str] = ("auto", "paper")) -> list
 
 
 def _claim(name: str, preset: str, rows: Sequence[Row], text: str, figure: str, ours: bool) -> Claim | None:
-    """None for a question of ours where nobody has that figure."""
+    """None for a requirement of ours if no detector has that figure."""
     pairs = _rivals(rows, preset, ALL if figure == "whole" else COMMON)
     pairs = [(a, b) for a, b in pairs if a[figure] is not None and b[figure] is not None]
     text = f"`{preset}` has {text} on {name}"
@@ -161,7 +167,7 @@ def _claim(name: str, preset: str, rows: Sequence[Row], text: str, figure: str, 
 
 
 def _rivals(rows: Sequence[Row], preset: str, on: str) -> list[tuple[Row, Row]]:
-    """Each rival's row once, and ours on the same pictures."""
+    """Each rival's row once, with ours on the same pictures."""
     places = [on] + ([p for p in dict.fromkeys(r["on"] for r in rows) if p.startswith("with ")] if on == COMMON else [])
     pairs: dict[str, tuple[Row, Row]] = {}
     for place in places:
@@ -181,7 +187,7 @@ def _value(row: Row, figure: str) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """A table for people: `title`, names of its `columns`, `lines` of cells."""
+    """A table for display: `title`, names of its `columns`, `lines` of cells."""
 
     title: str
     columns: tuple[str, ...]
@@ -247,7 +253,7 @@ def markdown(rows: Sequence[Row], stated: Sequence[Claim]) -> str:
 
 
 def _verdicts(stated: Sequence[Claim]) -> str:
-    """What is claimed, a line each, and whether it holds, a column a set."""
+    """A row for each claim and a column for each set: whether the claim holds."""
     sets = list(dict.fromkeys(c.text.rpartition(" on ")[2] for c in stated))
     lines: dict[str, dict[str, str]] = {}
     for c in stated:

@@ -1,4 +1,4 @@
-"""What takes long in Table 4, shared out over processes: rendering pictures, and looking for boards in them."""
+"""The time-consuming parts of Table 4, distributed over processes: rendering pictures, and detecting boards in them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from rcdn_lab.calibration.detectors import Contestant, Store, contestants
 from rcdn_lab.share_out import share_out
 
 Step = Callable[[int, int], None]
-"""called with what is done and all there is to do"""
+"""called with the number of tasks done and in total"""
 Drawing = tuple[Scene, Path]
-"""what to render, and where to"""
+"""a scene to render, and its file"""
 Look = tuple[Path, tuple[int, int]]
 """a picture, and the size (columns, rows) of its board"""
 
 _detectors: list[Contestant] = []
-"""Those of this process."""
+"""The detectors of this process."""
 
 
 def draw(drawings: Sequence[Drawing], workers: int, step: Step | None = None) -> None:
@@ -46,9 +46,10 @@ def fill(
     workers: int,
     step: Step | None = None,
 ) -> None:
-    """Have the detectors `names` look at all pictures, so that their answers are in the store; `identify`, `open_store` as in `contestants`.
+    """Run the detectors `names` on all pictures, so that their results are in the store; `identify`, `open_store` as in
+    `contestants`.
 
-    What breaks down isn't kept and is asked again afterwards, as is everything where the store can't be written.
+    Failures are not stored and are repeated later, as is everything if the store cannot be written.
     """
     for _ in share_out(_look, pictures, workers, _load, (tuple(names), identify, open_store), step):
         pass

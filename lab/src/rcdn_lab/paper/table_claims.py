@@ -1,4 +1,4 @@
-"""What section 4.1 says about its Tables 2 and 3, checked one by one: on the paper's own figures, and on ours."""
+"""The claims of section 4.1 about its Tables 2 and 3, checked one by one on the paper's own figures and on ours."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 from rcdn_lab.paper.published import CROSS_ENTROPY, TABLE2, TABLE3
 
 CLOSE = 0.005
-"""F1 between thresholds that count as close"""
+"""difference of F1 up to which thresholds count as close"""
 MOST = 0.75
-"""share of the comparisons that is "nearly all" """
+"""share of the comparisons that counts as "nearly all" of them"""
 Key = tuple[str, str]
 """row of a network, threshold method"""
 Figures = Mapping[Key, Mapping[str, tuple[float, float]]]
@@ -22,9 +22,10 @@ Measure = Callable[[tuple[float, float]], float]
 
 @dataclass(frozen=True)
 class Comparison:
-    """A claim that compares, and what the figures say: `signs`: where → 1 it holds, 0 both are equal, −1 it doesn't; `told`: the figures.
+    """A claim that compares figures, with the result: `signs`: case → 1 it holds, 0 both are equal, −1 it does not;
+    `told`: the figures.
 
-    `share`: part of the places in which it must hold; None: in all, some of them may be equal.
+    `share`: share of the cases in which it must hold; None: in all, some of which may be equal.
     """
 
     text: str
@@ -63,7 +64,7 @@ def recall(rates: tuple[float, float]) -> float:
 
 
 def measured(rows: Sequence[Mapping[str, Any]]) -> Figures:
-    """The figures of a table's rows, in the paper's reading; rows that were skipped have none."""
+    """The figures of a table's rows, by the paper's definition; rows that were skipped have none."""
     out: dict[Key, dict[str, tuple[float, float]]] = {}
     for row in rows:
         if row["precision"] is not None:
@@ -79,7 +80,8 @@ def published(table: str) -> Figures:
 
 
 def claims(table: str, figures: Figures) -> list[Comparison]:
-    """The claims about `table2` or `table3`, on these figures. F1 stands for "better" where the text doesn't say in what."""
+    """The claims about `table2` or `table3`, on these figures. F1 is used for "better" where the text does not specify
+    the measure."""
     return _of_table2(figures) if table == "table2" else _of_table3(figures)
 
 
@@ -87,12 +89,12 @@ def claims(table: str, figures: Figures) -> list[Comparison]:
 
 
 def _sign(a: float, b: float) -> int:
-    """Is a greater than b, in the digits that tables show?"""
+    """Sign of a − b, in the digits that the tables show."""
     return (round(a, 5) > round(b, 5)) - (round(a, 5) < round(b, 5))
 
 
 def _common(figures: Figures, *keys: Key) -> list[str]:
-    """Sets that all of them were measured on."""
+    """Sets on which all of `keys` were measured."""
     return [name for name in figures.get(keys[0], {}) if all(name in figures.get(k, {}) for k in keys)]
 
 
@@ -104,7 +106,7 @@ def _better(
     text: str, figures: Figures, pairs: Sequence[tuple[Key, Key]], measure: Measure, share: float | None = None,
     only: str = "",
 ) -> Comparison:  # fmt: skip
-    """The first of each pair is the greater one on every set (or on those whose name has `only` in it)."""
+    """The first of each pair is greater on every set (or on those whose name contains `only`)."""
     signs, told = {}, []
     for one, two in pairs:
         methods = len(pairs) > 1 or one[0] == two[0]
@@ -192,7 +194,7 @@ def _of_table3(figures: Figures) -> list[Comparison]:
 
 
 def _depth(figures: Figures) -> list[Comparison]:
-    """By the mean F1 of the sets: rising from three to six layers, and no more with a seventh."""
+    """By the mean F1 of the sets: increasing from three to six layers, and not further with a seventh."""
     rows = ("A", "D-1", "E-32", "F", "H")
     names = _common(figures, *((row, "adaptive") for row in rows))
     texts = (

@@ -1,4 +1,4 @@
-"""Tables 2 and 3 for people: what is printed, and the sections of the docs."""
+"""Tables 2 and 3 as text: for the terminal, and as sections of the documentation."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def told(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def markdown(
     table: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any], settings: Mapping[str, Any], command: str
 ) -> str:
-    """A section of the docs: a picture, the claims and, folded, all rows and the claims' figures. `facts`: as `provenance` gives them."""
+    """A section of the documentation: a picture, the claims and, folded, all rows and the claims' figures. `facts`: as
+    returned by `provenance`."""
     made = (
         f"`{command}` at commit {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs; "
         f"rendered pictures from seed {settings['first seed']}."
@@ -60,7 +61,7 @@ def markdown(
 
 
 def picture(table: str) -> str:
-    """The picture of a table that `docs/images/draw_paper.py` draws."""
+    """The picture of a table drawn by `docs/images/draw_paper.py`."""
     return f"![{TITLES[table]}, ours beside the paper's](images/paper/{table}.svg)"
 
 
@@ -98,7 +99,7 @@ def _skipped(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def name_of(row: Mapping[str, Any]) -> str:
-    """The network or set that a row without figures speaks of."""
+    """The network or set of a row without figures."""
     return str(row["set"] if row["network"] == "-" else row["network"])
 
 

@@ -1,6 +1,6 @@
 """Tables 2 and 3: thresholds, losses and networks on the sets of section 4.1.
 
-One response map a network and picture; every rule is scored on it.
+One response map for each network and picture; every rule is scored on it.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ Row = dict[str, Any]
 Respond = Callable[[Array], Array]
 """(H, W) uint8 → response map (H, W) float32"""
 Load = Callable[[str], Respond]
-"""row of a network → what computes its response"""
+"""row of a network → the function that computes its response"""
 CHESS_ROW = "ChESS"
 METHODS = ("0.5", "std", "max", "adaptive")
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table: the network `row` under a threshold `method`; `label`: what the table calls it."""
+    """A line of a table: the network `row` under a threshold `method`; `label`: its name in the table."""
 
     row: str
     label: str
     method: str
 
     def rule(self, column: str) -> Threshold | float:
-        """The threshold on a data set of the paper; ChESS': its share of the largest response."""
+        """The threshold on a data set of the paper; for ChESS its share of the largest response."""
         return CHESS[column] if self.row == CHESS_ROW else rules(NETWORKS[self.row])[self.method]
 
     def paper(self, column: str) -> tuple[float, float]:
@@ -61,7 +61,8 @@ LINES: dict[Name, tuple[Line, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is to be measured: lines of a table on pictures; `skipped`: name of a network or set → why it is left out."""
+    """The measurements to make: lines of a table on pictures; `skipped`: name of a network or set → the reason why it
+    is left out."""
 
     name: Name
     lines: tuple[Line, ...]
@@ -72,9 +73,9 @@ class Plan:
 def plan(
     name: Name, data: Path | None = None, full: bool = False, sets: Sequence[str] = (), most: int | None = None
 ) -> Plan:
-    """Which lines and pictures there are. `sets`: names of `SETS`, none: all; `most`: pictures a set.
+    """The available lines and pictures. `sets`: names of `SETS`, empty: all; `most`: pictures of each set.
 
-    Raises ConfigError for an unknown set or a data folder that isn't there.
+    Raises ConfigError for an unknown set or a missing data folder.
     """
     if unknown := [s for s in sets if s not in SETS]:
         raise ConfigError(f"--set: nothing is called {unknown[0]!r}; known: {', '.join(SETS)}")
@@ -93,7 +94,7 @@ def plan(
 
 
 def lacking(row: str) -> str | None:
-    """Why a network can't be run, or None."""
+    """The reason why a network cannot run, or None."""
     if row != CHESS_ROW:
         try:
             load_network(NETWORKS[row].model)
@@ -104,7 +105,7 @@ def lacking(row: str) -> str | None:
 
 @functools.cache
 def load(row: str) -> Respond:
-    """What computes the response of a network, made once a process."""
+    """The function that computes the response of a network, made once per process."""
     if row == CHESS_ROW:
         return chess.chess_response
     model = load_network(NETWORKS[row].model)
@@ -112,7 +113,7 @@ def load(row: str) -> Respond:
 
 
 def checksum(row: str) -> str:
-    """sha256 of what makes a network's response: its weights and how they are used; of ChESS, its source."""
+    """sha256 of what determines a network's response: its weights and their use; of ChESS, its source."""
     if row == CHESS_ROW:
         return "".join(digest(Path(module.__file__ or "")) for module in (chess, maxima))
     model = load_network(NETWORKS[row].model)
@@ -124,7 +125,8 @@ def checksum(row: str) -> str:
 
 
 def look(shot: Shot, lines: Sequence[Line], load: Load, cache: TableCache | None = None) -> dict[Line, Counts]:
-    """Counts of each line on one picture, from the cache where it knows them; the picture is made only if it doesn't."""
+    """Counts of each line on one picture, from the cache if they are there; the picture is made only if they are
+    not."""
     column = SETS[shot.set].column
     found = {line: None if cache is None else cache.get(line.row, shot, repr(line.rule(column))) for line in lines}
     image = shot.image() if any(xy is None for xy in found.values()) else None
@@ -148,14 +150,14 @@ def table(
 ) -> list[Row]:  # fmt: skip
     """The rows: each line on each set, and those that are skipped. The same whatever `workers`.
 
-    `cache`: where detections are kept; `progress` is called with the pictures done and those to do; `load`: what gives the networks.
-    Raises ConfigError if the cache was made with another configuration.
+    `cache`: folder in which detections are kept; `progress` is called with the number of pictures done and in total;
+    `load`: returns the networks. Raises ConfigError if the cache was made with another configuration.
     """
     opened = None
     if cache is not None:
         opened = open_cache(cache, {row: checksum(row) for row in dict.fromkeys(line.row for line in what.lines)})
     every = [shot for pictures in what.sets.values() for shot in pictures]
-    every.sort(key=lambda shot: -shot.size[0] * shot.size[1])  # the long ones first: all processes end together
+    every.sort(key=lambda shot: -shot.size[0] * shot.size[1])  # the longest first: all processes end together
     total = {(line, name): Counts() for line in what.lines for name in what.sets}
     results = share_out(_one, every, workers, _start, (what.lines, load, opened), progress)
     for shot, counts in zip(every, results, strict=True):
@@ -165,7 +167,7 @@ def table(
 
 
 _process: dict[str, Any] = {}
-"""What this process looks for: the arguments of `look` but for the picture."""
+"""The arguments of `look` in this process, except the picture."""
 
 
 def _start(lines: tuple[Line, ...], load: Load, cache: TableCache | None) -> None:
@@ -180,7 +182,7 @@ def _one(shot: Shot) -> dict[Line, Counts]:
 
 
 def rows_of(what: Plan, total: Mapping[tuple[Line, str], Counts]) -> list[Row]:
-    """Rows in the table's order: one a line and set, one a network or set that is skipped."""
+    """Rows in the table's order: one for each line and set, one for each network or set that is skipped."""
     out: list[Row] = []
     for line in LINES[what.name]:
         if line.row in what.skipped:
@@ -216,7 +218,7 @@ def _row(
     row: str, label: str, on: str = "-", method: str = "-", threshold: str = "-", pictures: str = "-",
     figures: Mapping[str, float | int] | None = None, note: str = "",
 ) -> Row:  # fmt: skip
-    """A row of the table; figures that aren't known are None."""
+    """A row of the table; unknown figures are None."""
     plain = {name: None if figures is None else figures[name] for name in FIGURES}
     rounded = {name: round(v, 5) if isinstance(v, float) else v for name, v in plain.items()}
     head = {"network": label, "row": row, "method": method, "threshold": threshold, "set": on, "pictures": pictures}
@@ -237,7 +239,7 @@ def _threshold(rule: Threshold | float) -> str:
 
 
 def settings_of(what: Plan) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     paper = DetectorConfig.paper()
     networks = {}
     for row in dict.fromkeys(line.row for line in what.lines if line.row != CHESS_ROW):

@@ -1,7 +1,8 @@
-"""Other detectors on our pictures, all in our words and our pixels. One that isn't installed says so and is passed over.
+"""Other detectors, converted to our conventions and pixel coordinates. One that is not installed is skipped with the
+reason.
 
-Those of others are called as they are. Those that the RCDN paper compares with and that can't be installed are written here
-(`chess`, `mate`, `geiger`, `rochade`; docs/peers.md).
+Available detectors are called unchanged. Those that the RCDN paper compares with and that cannot be installed are
+implemented here (`chess`, `mate`, `geiger`, `rochade`; docs/peers.md).
 """
 
 from rcdn_lab.peers import boofcv, calibtargets, chess, chesscorners, geiger, mate, mrgingham, opencv, rochade
@@ -24,6 +25,6 @@ PEERS = {
         rochade.ROCHADE,
     )
 }
-"""All peers that are known, by name."""
+"""All known peers, by name."""
 
 __all__ = ["PEERS", "Find", "Grid", "Peer", "quiet"]

@@ -1,4 +1,4 @@
-"""What every peer is to the rest: a name, what it needs to be told, and a function from a picture to grids."""
+"""The interface of every peer: a name, the input that it needs, and a function from a picture to grids."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from rcdn.types import Array
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A board as any detector gives it.
+    """A board returned by any detector.
 
-    `xy` (N, 2) px, pixel (0, 0) the centre of the top-left pixel; `ij` (N, 2) column and row, or None if it has no labels
+    `xy` (N, 2) px, pixel (0, 0) the centre of the top-left pixel; `ij` (N, 2) column and row, or None without labels
     (raw corners); `sigma` (N,) standard deviation, px, or None.
     """
 
@@ -30,15 +30,16 @@ class Grid:
 
 
 Find = Callable[[Array, tuple[int, int]], list[Grid]]
-"""(H, W) uint8 and the board's size (columns, rows) in inner corners, which a peer of size `free` doesn't look at → grids"""
+"""(H, W) uint8 and the board's size (columns, rows) in inner corners, which a peer of size `free` ignores → grids"""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """Another detector. `load` makes it, once a process, and may be slow; it raises nothing if `missing` gives None.
+    """Another detector. `load` makes it, once per process, and may be slow; it does not raise if `missing` returns
+    None.
 
-    `size`: `given` if it must be told the board's size; `missing`: why it can't run here, or None; `raw`: it gives
-    corners without boards; `board`: the only size (columns, rows) that it is asked for, None for any.
+    `size`: `given` if it needs the board's size; `missing`: the reason why it cannot run here, or None; `raw`: it
+    returns corners without boards; `board`: the only size (columns, rows) that it supports, None for any.
     """
 
     name: str
@@ -56,7 +57,7 @@ def lattice(size: tuple[int, int]) -> Array:
 
 
 def not_installed(*modules: str) -> str | None:
-    """The pip command that would help if one of `modules` can't be imported. None of them is loaded."""
+    """The pip command that installs the peers if one of `modules` cannot be imported. None of them is loaded."""
     if all(find_spec(name) is not None for name in modules):
         return None
     return "not installed: pip install 'rcdn-lab[peers]'"
@@ -72,11 +73,11 @@ def version_of(package: str) -> str:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Standard output to nowhere, that of libraries in other languages as well."""
+    """Discard standard output in this context, including that of libraries in other languages."""
     sys.stdout.flush()
     try:
         kept = os.dup(1)
-    except OSError:  # there is none
+    except OSError:  # there is no standard output
         yield
         return
     nowhere = os.open(os.devnull, os.O_WRONLY)

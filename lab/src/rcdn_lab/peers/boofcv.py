@@ -1,6 +1,8 @@
-"""BoofCV's chessboard of X-corners, with and without the board's size, in a Java machine inside this process (JPype).
+"""BoofCV's chessboard of X-corners, with and without the board's size, in a Java virtual machine inside this process
+(JPype).
 
-BoofCV puts (0, 0) at the corner of the top-left pixel, half a pixel off ours, and counts squares where we count corners.
+BoofCV's origin (0, 0) is the corner of the top-left pixel, half a pixel off ours, and its sizes count squares, ours
+corners.
 """
 
 from __future__ import annotations
@@ -29,13 +31,13 @@ def _missing() -> str | None:
 
 @cache
 def _java() -> Any:
-    """The module jpype with its Java machine running; it can be started once a process only."""
+    """The module jpype with a running Java virtual machine, which can be started only once per process."""
     import jpype
 
     if not jpype.isJVMStarted():
-        spec = present(find_spec("pyboof"), "the package pyboof")  # not imported: it would start a server
+        spec = present(find_spec("pyboof"), "the package pyboof")  # not imported, because that would start a server
         jar = Path(present(spec.submodule_search_locations, "the folder of pyboof")[0]) / "PyBoof-all.jar"
-        jpype.startJVM("-Xmx1g", "-XX:+UseSerialGC", classpath=[str(jar)], interrupt=False)  # Ctrl-C is Python's
+        jpype.startJVM("-Xmx1g", "-XX:+UseSerialGC", classpath=[str(jar)], interrupt=False)  # Ctrl-C is left to Python
         jpype.JClass("boofcv.concurrency.BoofConcurrency").USE_CONCURRENT = False
     return jpype
 

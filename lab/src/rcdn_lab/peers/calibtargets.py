@@ -1,4 +1,5 @@
-"""calib-targets: chessboards of any size from ChESS corners, as it is and with a pyramid and its saddle refiner."""
+"""calib-targets: chessboards of any size from ChESS corners, with default settings and with a pyramid and its saddle
+refiner."""
 
 from __future__ import annotations
 

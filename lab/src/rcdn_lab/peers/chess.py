@@ -19,12 +19,12 @@ RING = np.concatenate([_HALF_RING, -_HALF_RING])
 CROSS = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
 RADII = (5, 10)
 ROWS = 32
-"""Rows that are computed together: what they need at once fits into a core's cache."""
+"""Rows that are computed together: their data fit into a core's cache."""
 BINOMIAL = np.array([1, 4, 6, 4, 1], np.float32) / 16
 WINDOW = 2
 """half side of the window of suppression and of the centre of mass, px"""
 THRESHOLD = 0.45
-"""Share of the largest response, of the peer; the RCDN paper's value for its GoPro pictures"""
+"""The peer's threshold as a share of the largest response; the RCDN paper's value for its GoPro pictures"""
 
 
 def _ring(radius: int) -> Array:
@@ -34,12 +34,13 @@ def _ring(radius: int) -> Array:
 
 
 def chess_response(grey: Array, radius: int = 5, blur: bool = False) -> Array:
-    """How much each pixel of `grey` (H, W; uint8 or float) is the centre of an X-corner: (H, W) float32, ≥ 0.
+    """Response of each pixel of `grey` (H, W; uint8 or float) as the centre of an X-corner: (H, W) float32, ≥ 0.
 
-    R = SR − DR − 16 MR of 16 samples on a ring: the sum response Σ |(Iₙ + Iₙ₊₈) − (Iₙ₊₄ + Iₙ₊₁₂)|, n = 0..3, less the difference
-    response Σ |Iₙ − Iₙ₊₈|, n = 0..7, less 16 times the difference of the means of ring and centre (five pixels). Zero where that
-    isn't positive, and within `radius` px of the border, where a ring isn't whole. For 8 bits R ≤ 2040. `radius`: 5, or 10 for strong
-    blur (all offsets of the ring doubled); `blur`: smooth by [1 4 6 4 1]/16 first. Raises ConfigError for another radius.
+    R = SR − DR − 16 MR of 16 samples on a ring: the sum response Σ |(Iₙ + Iₙ₊₈) − (Iₙ₊₄ + Iₙ₊₁₂)|, n = 0..3, minus the
+    difference response Σ |Iₙ − Iₙ₊₈|, n = 0..7, minus 16 times the difference of the means of ring and centre (five
+    pixels). Zero where that is not positive, and within `radius` px of the border, where the ring is incomplete. For 8
+    bits R ≤ 2040. `radius`: 5, or 10 for strong blur (all offsets of the ring doubled); `blur`: smooth by [1 4 6 4
+    1]/16 first. Raises ConfigError for another radius.
     """
     ring = _ring(radius)
     image = np.ascontiguousarray(grey, np.float32)
@@ -79,8 +80,9 @@ def _band(image: Array, ring: Array, radius: int, top: int, rows: int) -> Array:
 def chess_corners(grey: Array, threshold: float = 0.0, radius: int = 5, blur: bool = False) -> tuple[Array, Array]:
     """Corners `xy` (N, 2) px and responses (N,), the strongest first.
 
-    `threshold`: share of the largest response below which a pixel is no corner, in [0, 1); 0 keeps all that are positive. The largest of
-    5 × 5 stays; one whose eight neighbours aren't positive goes; the position is the centre of mass of 5 × 5 responses.
+    `threshold`: share of the largest response below which a pixel is no corner, in [0, 1); 0 keeps all positive ones.
+    The maximum of 5 × 5 responses is kept, unless none of its eight neighbours is positive; its position is the centre
+    of mass of 5 × 5 responses.
     """
     if not 0 <= threshold < 1:
         raise ConfigError(f"threshold must be a share of the largest response, in [0, 1), not {threshold!r}")
@@ -94,10 +96,11 @@ def chess_corners(grey: Array, threshold: float = 0.0, radius: int = 5, blur: bo
 
 
 def chess_orientation(grey: Array, peaks: Array, radius: int = 5) -> Array:
-    """Direction of the bright squares at `peaks` (N, 2) integer (x, y): (N,) steps of 22.5° in 0..7, clockwise from the y axis.
+    """Direction of the bright squares at `peaks` (N, 2) integer (x, y): (N,) steps of 22.5° in 0..7, clockwise from the
+    y axis.
 
-    The step n of the largest Mₙ₋₁ + Mₙ + Mₙ₊₁, where Mₙ = (Iₙ + Iₙ₊₈) − (Iₙ₊₄ + Iₙ₊₁₂). With the magnitude of that sum, n and n + 4 tie
-    always, for Mₙ₊₄ = −Mₙ: its sign parts bright squares from dark ones.
+    The step n of the largest Mₙ₋₁ + Mₙ + Mₙ₊₁, where Mₙ = (Iₙ + Iₙ₊₈) − (Iₙ₊₄ + Iₙ₊₁₂). With the magnitude of that sum,
+    n and n + 4 would always tie, because Mₙ₊₄ = −Mₙ: its sign distinguishes bright squares from dark ones.
     """
     ring = _ring(radius)
     window = gather_zero(np.asarray(grey, np.float32), np.asarray(peaks).reshape(-1, 2), radius)

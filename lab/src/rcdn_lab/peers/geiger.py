@@ -1,4 +1,4 @@
-"""Geiger et al., ICRA 2012: boards that grow from 3 × 3 corners by whole lines; our implementation (docs/peers.md)."""
+"""Geiger et al., ICRA 2012: boards grown from 3 × 3 corners by whole lines; our implementation (docs/peers.md)."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from rcdn_lab.peers.geiger_corners import GeigerCorners, geiger_corners
 from rcdn_lab.peers.labels import labelled
 
 LARGEST_ENERGY = -10.0
-"""of a board that is kept"""
+"""largest energy of an accepted board"""
 SEEDS = 1000
-"""Only so many corners, of the best scores, are tried as the middle of 3 × 3: this bounds the time on texture."""
+"""Most corners, those with the best scores, that are tried as the centre of 3 × 3: this limits the time on texture."""
 
 
 def geiger_boards(found: GeigerCorners) -> list[Array]:
     """Indices (rows, columns) of the corners of each board, the one of least energy first. No corner is in two boards.
 
-    Each corner outside the boards so far is tried as a seed, by falling score. Where a new board shares corners with others, it takes
-    their place if its energy is less than that of each of them.
+    Each corner outside the boards so far is tried as a seed, in the order of decreasing score. A new board that shares
+    corners with others replaces them if its energy is less than that of each of them.
     """
     boards: list[tuple[float, Array]] = []
     if len(found.xy) < 9:
@@ -45,7 +45,8 @@ def geiger_boards(found: GeigerCorners) -> list[Array]:
 
 
 def _board_at(pool: Pool, seed: int) -> tuple[float, Array] | None:
-    """Energy and indices of the board that grows from the 3 × 3 corners around `seed`; None if there aren't nine fit for it."""
+    """Energy and indices of the board grown from the 3 × 3 corners around `seed`; None if there are no nine suitable
+    ones."""
     a, b = sorted(pool.angles[seed].tolist())
     at = start_matrix(pool, seed, a, b)
     if len(at) < 9:

@@ -1,4 +1,4 @@
-"""Corners as Geiger et al., ICRA 2012, find them: likelihood, edge directions, refinement, score (docs/peers.md)."""
+"""Corner detection by Geiger et al., ICRA 2012: likelihood, edge directions, refinement, score (docs/peers.md)."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from rcdn.types import Array
 from rcdn_lab.peers.maxima import local_maxima
 
 RADII = (4, 8, 12)
-"""px; of the prototypes"""
+"""px; radii of the prototypes"""
 PROTOTYPES = ((0.0, np.pi / 2), (np.pi / 4, 3 * np.pi / 4))
 """Edge directions of the two prototypes, radians."""
 NEAR_EDGE = 0.1
-"""px; prototypes leave out the pixels on their edges"""
+"""px; prototypes exclude the pixels on their edges"""
 SUPPRESSION = 3
 """half side of the window of non-maximum suppression, px"""
 LEAST_LIKELIHOOD = 0.02
-"""of a corner, where the picture's grey levels span 0..1"""
+"""least likelihood of a corner, with the picture's grey levels scaled to 0..1"""
 LEAST_SCORE = 0.02
 MOST = 3000
-"""Only so many corners, of the largest likelihood, are looked at further: this bounds the time on texture."""
+"""Most corners, those with the largest likelihood, that are processed further: this limits the time on texture."""
 APART = 0.3
 """radians between the two edge directions, at least"""
 ALONG = 0.25
@@ -36,16 +36,17 @@ POSITION = 5
 """half side of the window of 11 × 11 in which positions are refined, px"""
 REPEATS = 3
 LARGEST_STEP = 4.0
-"""px; a position that moves further is none"""
+"""px; a position that moves further is rejected"""
 THIN = 0.01
-"""smallest ratio of the two eigenvalues of a solvable structure tensor"""
+"""smallest eigenvalue ratio of a solvable structure tensor"""
 LINE = 1.5
-"""px; how far from an edge the score expects gradients"""
+"""px; distance from an edge within which the score expects gradients"""
 
 
 @dataclass(frozen=True, eq=False)
 class GeigerCorners:
-    """Corners by falling score: `xy` (N, 2) px, `angles` (N, 2) edge directions a < b, radians in [0, π), `score` (N,)."""
+    """Corners in the order of decreasing score: `xy` (N, 2) px, `angles` (N, 2) edge directions a < b, radians in [0,
+    π), `score` (N,)."""
 
     xy: Array
     angles: Array
@@ -74,10 +75,11 @@ def geiger_corners(grey: Array) -> GeigerCorners:
 
 
 def corner_likelihood(image: Array) -> Array:
-    """Likelihood (H, W) float32, ≥ 0, that a pixel of `image` (H, W) float32 in 0..1 is a corner; the largest over prototypes and radii.
+    """Likelihood (H, W) float32, ≥ 0, that a pixel of `image` (H, W) float32 in 0..1 is a corner; the largest over
+    prototypes and radii.
 
-    Each prototype weighs its four sectors A, B (opposite) and C, D by Gaussians. With μ the mean of the four sums, the likelihood is
-    min(A − μ, B − μ, μ − C, μ − D), or that with the pairs in each other's place, whichever is larger.
+    Each prototype weights its four sectors A, B (opposite) and C, D by Gaussians. With μ the mean of the four sums, the
+    likelihood is min(A − μ, B − μ, μ − C, μ − D), or that with the pairs exchanged, whichever is larger.
     """
     out = np.zeros(image.shape, np.float32)
     for radius in RADII:
@@ -93,15 +95,16 @@ def corner_likelihood(image: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def _kernels(radius: int) -> list[Array]:
-    """For each prototype the kernels (4, 2 radius + 1, 2 radius + 1) of its sectors A, B, C, D, each of sum 1."""
+    """For each prototype the kernels (4, 2 radius + 1, 2 radius + 1) of its sectors A, B, C, D, each with sum 1."""
     weights = [_sectors(_offsets(np.zeros((1, 2)), radius), np.array([angles]), radius) for angles in PROTOTYPES]
     return [w.reshape(4, 2 * radius + 1, 2 * radius + 1).astype(np.float32) for w in weights]
 
 
 def _sectors(offsets: Array, angles: Array, radius: int) -> Array:
-    """Weights (N, 4, P) of pixels at `offsets` (N, P, 2) px from corners with edge `angles` (N, 2), for the sectors A, B, C, D.
+    """Weights (N, 4, P) of pixels at `offsets` (N, P, 2) px from corners with edge `angles` (N, 2), for the sectors A,
+    B, C, D.
 
-    A Gaussian of radius / 2; A and B, C and D lie opposite each other. Of sum 1 each, or 0 where there is no pixel.
+    A Gaussian of standard deviation radius / 2; A and B, C and D are opposite. Each sums to 1, or to 0 without pixels.
     """
     side = [offsets[..., 1] * np.cos(a) - offsets[..., 0] * np.sin(a) for a in angles.T[:, :, None]]
     left, right = side[0] <= -NEAR_EDGE, side[0] >= NEAR_EDGE
@@ -122,13 +125,14 @@ def _gradient(image: Array) -> tuple[Array, Array]:
 
 
 def _apart(angles: Array) -> Array:
-    """(N,) bool: do the two directions of `angles` (N, 2), a < b < a + π, differ enough? NaN doesn't."""
+    """(N,) bool: whether the two directions of `angles` (N, 2), a < b < a + π, differ enough; False for NaN."""
     gap = angles[:, 1] - angles[:, 0]
     return np.asarray((gap >= APART) & (gap <= np.pi - APART))
 
 
 def _refined_angles(gx: Array, gy: Array, peaks: Array, angles: Array) -> Array:
-    """Edge directions (N, 2), sorted: of each, the one that is most at right angles to the gradients that belong to it."""
+    """Edge directions (N, 2), sorted: each is the direction most nearly perpendicular to the gradients that belong to
+    it."""
     out = np.array(angles)
     for part in chunks(len(peaks), (2 * REACH + 1) ** 2):
         wx, wy = (gather(g, peaks[part], REACH).reshape(len(peaks[part]), -1) for g in (gx, gy))
@@ -142,7 +146,8 @@ def _refined_angles(gx: Array, gy: Array, peaks: Array, angles: Array) -> Array:
 
 
 def _refined_positions(gx: Array, gy: Array, peaks: Array) -> Array:
-    """Positions (N, 2) px, as near as can be at right angles to all gradients around them (Eq. 3); NaN where that doesn't settle one.
+    """Positions (N, 2) px, most nearly perpendicular to all gradients around them (Eq. 3); NaN where that does not
+    determine one.
 
     Least squares in 11 × 11 px. The window moves to the nearest pixel, at most 3 times.
     """
@@ -168,13 +173,14 @@ def _position_step(gx: Array, gy: Array, start: Array) -> Array:
 
 
 def _offsets(shift: Array, half: int) -> Array:
-    """Offsets (N, P, 2) of the pixels of windows from points `shift` (N, 2) px off their middle pixel."""
+    """Offsets (N, P, 2) of the pixels of windows from points at `shift` (N, 2) px from the windows' central pixel."""
     y, x = np.mgrid[-half : half + 1, -half : half + 1].reshape(2, -1).astype(float)
     return np.asarray(np.stack((x, y), axis=-1) - shift[:, None])
 
 
 def _score(image: Array, size: Array, xy: Array, angles: Array, radius: int) -> Array:
-    """Score (N,) of corners in windows of half side `radius`: correlation of gradients with the edges × likelihood with its own edges."""
+    """Score (N,) of corners in windows of half side `radius`: correlation of gradients with the edges × likelihood with
+    the corner's own edges."""
     centre = np.rint(xy).astype(int)
     out = np.zeros(len(xy))
     for part in chunks(len(xy), 8 * (2 * radius + 1) ** 2):

@@ -1,4 +1,4 @@
-"""A lattice of corners as a grid, labelled by our ordering contract: what the detectors that we wrote ourselves share."""
+"""Labels by our ordering contract for a lattice of corners: shared by the detectors implemented here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from rcdn_lab.peers.base import Grid, lattice
 def labelled(grey: Array, xy: Array) -> Grid:
     """The corners `xy` (rows, columns, 2) px of a whole board in `grey` (H, W) as a grid, row by row.
 
-    A mirrored lattice is turned over. Which squares are dark, grey levels between the corners tell; (0, 0) is then as docs/conventions.md has it.
+    A mirrored lattice is reflected. The grey levels between the corners determine the colours of the squares; (0, 0) is
+    then as defined in docs/conventions.md.
     """
     along, down = xy[:, -1] - xy[:, 0], xy[-1] - xy[0]
     if np.linalg.det(np.stack([along.sum(axis=0), down.sum(axis=0)])) < 0:
@@ -26,7 +27,7 @@ def labelled(grey: Array, xy: Array) -> Grid:
 
 
 def _first_square(grey: Array, xy: Array) -> int:
-    """+1 if the squares like the one between (0, 0) and (1, 1) are bright, −1 if they are dark."""
+    """+1 if the squares of the colour of the one between (0, 0) and (1, 1) are bright, −1 if they are dark."""
     middle = ((xy[:-1, :-1] + xy[1:, 1:] + xy[:-1, 1:] + xy[1:, :-1]) / 4).astype(np.float32)
     x, y = np.ascontiguousarray(middle[..., 0]), np.ascontiguousarray(middle[..., 1])
     level = cv2.remap(grey.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -1,4 +1,5 @@
-"""MATE corners without boards: net A of the RCDN paper with the squared loss, which is what that paper compares with (docs/peers.md)."""
+"""MATE corners without boards: net A of the RCDN paper with the squared loss, with which that paper compares
+(docs/peers.md)."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ Respond = Callable[[Array], Array]
 def mate_corners(respond: Respond, grey: Array, threshold: Threshold | None = None) -> tuple[Array, Array]:
     """Corners `xy` (N, 2) px of `grey` (H, W) uint8 and responses (N,), the strongest first.
 
-    `threshold`: None is the adaptive one of the RCDN paper's Table 3, `Fixed(0.5)` MATE's own. Then the paper's suppression, and the
-    Gaussian peak of the response (Eq. 4); no clustering.
+    `threshold`: None is the adaptive one of the RCDN paper's Table 3, `Fixed(0.5)` MATE's own. It is followed by the
+    paper's suppression and the Gaussian peak of the response (Eq. 4), without clustering.
     """
     config = DetectorConfig.paper(threshold=threshold or Adaptive(), cluster=None)
     response = respond(grey)

@@ -1,4 +1,4 @@
-"""Local maxima of a likelihood map: the suppression that ChESS and Geiger's detector share."""
+"""Local maxima of a likelihood map: non-maximum suppression shared by ChESS and Geiger's detector."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from rcdn.types import Array
 
 
 def local_maxima(likelihood: Array, half: int, least: float) -> Array:
-    """Pixels (N, 2) integer (x, y) of `likelihood` (H, W) float32 that are positive, at least `least`, and the largest of their window.
+    """Pixels (N, 2) integer (x, y) of `likelihood` (H, W) float32 that are positive, at least `least`, and the largest
+    of their window.
 
-    The window is (2 half + 1)² px. Of equals in one window only the first stays, row by row: a corner midway between pixels is one corner.
+    The window is (2 half + 1)² px. Of equal ones in a window only the first is kept, row by row: a corner midway
+    between pixels is one corner.
     """
     if not likelihood.size:
         return np.zeros((0, 2), np.int64)

@@ -1,4 +1,5 @@
-"""mrgingham, the Debian program: square boards of a given size only, so that it gets pictures of its own."""
+"""mrgingham, the Debian program: it supports square boards of a given size only, and is therefore given pictures of its
+own."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def _missing() -> str | None:
 
 
 def _version() -> str:
-    """As Debian's package manager tells it, for the program itself doesn't say."""
+    """From Debian's package manager, because the program does not report it."""
     try:
         done = subprocess.run(
             ["dpkg-query", "-W", "-f", "${Version}", "mrgingham"], capture_output=True, text=True, check=True
@@ -41,7 +42,7 @@ def _find(image: Array, size: tuple[int, int]) -> list[Grid]:
 
 
 def _read(text: str, size: tuple[int, int]) -> list[Grid]:
-    """The table `# filename x y level`, a line a corner, row by row; `- - -` where there is no board."""
+    """Parse the table `# filename x y level`, a line for each corner, row by row; `- - -` if there is no board."""
     lines = [line.split() for line in text.splitlines() if line and not line.startswith("#")]
     spots = [(float(x), float(y)) for _, x, y, *_ in lines if x != "-"]
     return [Grid(np.array(spots), lattice(size))] if len(spots) == size[0] * size[1] else []

@@ -1,4 +1,5 @@
-"""OpenCV's two detectors: the classic one with cornerSubPix, and findChessboardCornersSB. Both must be told the size."""
+"""OpenCV's two detectors: the classic one with cornerSubPix, and findChessboardCornersSB. Both need the board's
+size."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from rcdn.types import Array
 from rcdn_lab.peers.base import Find, Grid, Peer, lattice
 
 HALF = 5
-"""px: cornerSubPix gets a window of 11 × 11"""
+"""px: half side of cornerSubPix' window of 11 × 11"""
 UNTIL = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
 
 

@@ -1,4 +1,5 @@
-"""ROCHADE (Placht et al., ECCV 2014): whole boards of known size in the graph of a picture's edges; our implementation (docs/peers.md)."""
+"""ROCHADE (Placht et al., ECCV 2014): whole boards of known size in the graph of a picture's edges; our implementation
+(docs/peers.md)."""
 
 from __future__ import annotations
 
@@ -16,24 +17,25 @@ from rcdn_lab.peers.labels import labelled
 from rcdn_lab.peers.rochade_graph import EdgeGraph, edge_graph, neighbours
 
 COARSE = 800
-"""px; the picture is first looked at with its longer side halved until it is no longer than this"""
+"""px; for the first attempt the picture is halved until its longer side is no longer than this"""
 LOOKS = 3
-"""at the picture, each with half the reduction of the one before"""
+"""attempts, each with half the reduction of the previous one"""
 CLOSINGS = (3, 5)
-"""px; gaps of the edges that are closed in each look"""
+"""px; sizes of the morphological closing of gaps in the edges, in each attempt"""
 ALONG, ACROSS = (0.4, 2.2), 0.4
-"""Of a link in the basis of its node: component along its direction, and across it at most."""
+"""Range of a link's component along its direction, in the basis of its node, and largest component across it."""
 LEAST_ENERGY = -0.5
-"""A board's energy (Geiger et al.) for each of its corners, at most: its lines bend little."""
+"""Largest energy (Geiger et al.) of a board per corner: its lines are nearly straight."""
 PITCH_SHARE, HALF = 0.2, (2, 5)
-"""half window of the surface fit, share of the distance to the next corner, and its limits, px"""
+"""half window of the surface fit, as a share of the distance to the next corner, and its limits, px"""
 Label = tuple[int, int]
 
 
 def rochade_board(grey: Array, size: tuple[int, int]) -> Array | None:
-    """The board of `size` (columns, rows) in `grey` (H, W) uint8: corners (rows, columns, 2) px; None if there is no whole one.
+    """The board of `size` (columns, rows) in `grey` (H, W) uint8: corners (rows, columns, 2) px; None if there is no
+    whole one.
 
-    The first look that shows the whole board with a saddle at each corner counts.
+    The result of the first attempt that finds the whole board with a saddle at each corner.
     """
     reduction = max(0, int(np.ceil(np.log2(max(grey.shape) / COARSE))))
     for level in range(reduction, max(reduction - LOOKS, -1), -1):
@@ -51,9 +53,10 @@ def rochade_board(grey: Array, size: tuple[int, int]) -> Array | None:
 
 
 def board_in(graph: EdgeGraph, size: tuple[int, int]) -> Array | None:
-    """Nodes (rows, columns) of a whole board of `size` (columns, rows), turned any way; None if there is none.
+    """Nodes (rows, columns) of a whole board of `size` (columns, rows), in any orientation; None if there is none.
 
-    Where a larger lattice has several, the one whose nodes have most links: corners have four, the frame around a board three.
+    If a larger lattice contains several, the one whose nodes have most links: corners have four, the frame around a
+    board three.
     """
     near = neighbours(graph)
     order = sorted(range(len(near)), key=lambda k: (-len(near[k]), k))
@@ -71,7 +74,8 @@ def board_in(graph: EdgeGraph, size: tuple[int, int]) -> Array | None:
 
 
 def _labels(xy: Array, near: list[list[int]], seed: int) -> dict[Label, int]:
-    """Nodes by label, from `seed` with four links at (0, 0) along links; a node or label that was given stays."""
+    """Nodes by label, propagated along links from `seed`, a node with four links, at (0, 0); assigned nodes and labels
+    are kept."""
     at, where = {(0, 0): seed}, {seed: (0, 0)}
     steps = xy[near[seed]] - xy[seed]
     steps = steps[np.argsort(np.arctan2(steps[:, 1], steps[:, 0]))]
@@ -92,7 +96,7 @@ def _labels(xy: Array, near: list[list[int]], seed: int) -> dict[Label, int]:
 
 
 def _directions(steps: Array, basis: Array) -> list[Label | None]:
-    """Which of (±1, 0), (0, ±1) each of `steps` (K, 2) is in `basis` (2, 2) of the two unit steps, one a row; None: neither."""
+    """Which of (±1, 0), (0, ±1) each of `steps` (K, 2) is in the `basis` (2, 2) of unit steps (rows); None: neither."""
     if abs(np.linalg.det(basis)) < 1e-6:
         return [None] * len(steps)
     out: list[Label | None] = []
@@ -105,7 +109,7 @@ def _directions(steps: Array, basis: Array) -> list[Label | None]:
 
 
 def _basis(xy: Array, node: int, ahead: dict[Label, int], given: Array) -> Array:
-    """The basis at a node: along each axis the mean step of its links, or what was `given` where it has none."""
+    """The basis at a node: along each axis the mean step of its links, or the `given` one if it has none."""
     out = given.copy()
     for axis, (one, other) in enumerate((((1, 0), (-1, 0)), ((0, 1), (0, -1)))):
         steps = [s * (xy[ahead[k]] - xy[node]) for k, s in ((one, 1), (other, -1)) if k in ahead]
@@ -133,7 +137,7 @@ def _window(xy: Array, near: list[list[int]], at: dict[Label, int], size: tuple[
 
 
 def _refined(grey: Array, xy: Array) -> Array | None:
-    """Saddles near corners (rows, columns, 2) px by surface fits with cone filter; None if one has none."""
+    """Saddles near corners (rows, columns, 2) px by surface fits with the cone filter; None if a corner has none."""
     flat, pitch = xy.reshape(-1, 2), np.full(xy.shape[:2], np.inf)
     for axis in (0, 1):
         step = np.linalg.norm(np.diff(xy, axis=axis), axis=-1)

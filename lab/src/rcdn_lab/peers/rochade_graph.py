@@ -1,4 +1,5 @@
-"""The graph of a picture's edges as ROCHADE (Placht et al., ECCV 2014) has it: thinned edges, saddles where they meet, links (docs/peers.md)."""
+"""The graph of a picture's edges by ROCHADE (Placht et al., ECCV 2014): thinned edges, saddles at their junctions,
+links (docs/peers.md)."""
 
 from __future__ import annotations
 
@@ -15,44 +16,46 @@ from rcdn.types import Array
 SMOOTH = 0.8
 """σ of the smoothing before the gradient, px"""
 NEIGHBOURHOOD = 21
-"""side of the window of which the local threshold is a share, px"""
+"""side of the neighbourhood for the local threshold, px"""
 SHARE = 0.35
-"""of the steepest gradient in the neighbourhood that an edge must have"""
+"""least gradient of an edge as a share of the largest in the neighbourhood"""
 FAINT = 0.06
-"""share of the picture's steepest gradients that any edge must have"""
+"""least gradient of any edge as a share of the picture's largest gradients"""
 STEEPEST = 99.5
-"""percentile of the gradients that stands for the steepest"""
+"""percentile of the gradients that is used as the largest"""
 MERGE = 1
-"""junctions of the thinned edges this many px apart, or nearer, are one"""
+"""junctions of the thinned edges at most this many px apart are merged"""
 SPLIT = 12.0
-"""Two junctions without a saddle this near may be one crossing of a steep board, which is thinned to two of three lines, px."""
+"""px; two junctions without a saddle at most this far apart may be one crossing of a tilted board, which thinning
+splits into two three-way junctions"""
 SAME = 2.0
-"""saddles closer than this are one, px"""
+"""saddles closer than this are merged, px"""
 HALF = 2
-"""half window of the saddle fit that tells crossings from other junctions, px"""
+"""half window of the saddle fit that distinguishes crossings from other junctions, px"""
 DETOUR, SLACK = 1.4, 4.0
-"""A link may be so many times longer than the straight way, and so many px."""
+"""largest length of a link: this factor times the straight distance, plus this many px"""
 MOST = 5000
-"""Junctions; a picture with more of them is texture, and has no graph."""
+"""Most junctions; a picture with more is considered texture, and has no graph."""
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeGraph:
-    """Nodes `xy` (N, 2) px and pairs `links` (M, 2), first < second, of nodes that an edge joins."""
+    """Nodes `xy` (N, 2) px and pairs `links` (M, 2), first < second, of nodes connected by an edge."""
 
     xy: Array
     links: Array
 
 
 def edge_graph(grey: Array, closing: int) -> EdgeGraph:
-    """The graph of `grey` (H, W) uint8; gaps of less than `closing` px are closed, for edges fade where they cross."""
+    """The graph of `grey` (H, W) uint8; gaps of less than `closing` px are closed, because edges fade where they
+    cross."""
     skeleton = thin(edge_mask(grey, closing))
     xy, area = _nodes(grey, skeleton)
     return EdgeGraph(xy, _links(skeleton, xy, area))
 
 
 def edge_mask(grey: Array, closing: int) -> Array:
-    """Pixels (H, W) uint8, 0 or 1, whose gradient (Sobel) is steep for the picture and for its neighbourhood."""
+    """Pixels (H, W) uint8, 0 or 1, whose gradient (Sobel) is large relative to the picture and to its neighbourhood."""
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SMOOTH, borderType=cv2.BORDER_REFLECT_101)
     steep = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
     local = cv2.dilate(steep, np.ones((NEIGHBOURHOOD, NEIGHBOURHOOD), np.uint8))
@@ -65,7 +68,8 @@ def edge_mask(grey: Array, closing: int) -> Array:
 
 
 def _neighbours() -> tuple[Array, Array]:
-    """Of the 256 neighbourhoods: the eight neighbours (256, 8), clockwise from above, and the kernel (3, 3) that numbers them."""
+    """For the 256 neighbourhoods: the eight neighbours (256, 8), clockwise from above, and the kernel (3, 3) that
+    encodes them."""
     bits = (np.arange(256)[:, None] >> np.arange(8)) & 1
     kernel = np.zeros((3, 3), np.float32)
     kernel[[0, 0, 1, 2, 2, 2, 1, 0], [1, 2, 2, 2, 1, 0, 0, 0]] = 2.0 ** np.arange(8)
@@ -79,7 +83,8 @@ _JUNCTION = ((_BRANCHES >= 3) | (_COUNT >= 5)).astype(np.uint8)
 
 
 def _removable(triples: tuple[tuple[int, int, int], ...]) -> Array:
-    """(256,) uint8: may a pixel with these neighbours go in this half step, if of no triple of neighbours all three are there?"""
+    """(256,) uint8: whether a pixel with these neighbours is removed in this half step, if in no triple of neighbours
+    all three are set."""
     free = np.all([_BITS[:, t].min(axis=1) == 0 for t in map(list, triples)], axis=0)
     return ((_COUNT >= 2) & (_COUNT <= 6) & (_BRANCHES == 1) & free).astype(np.uint8)
 
@@ -88,7 +93,8 @@ _HALF_STEPS = (_removable(((0, 2, 4), (2, 4, 6))), _removable(((0, 2, 6), (0, 4,
 
 
 def thin(mask: Array) -> Array:
-    """`mask` (H, W) uint8, 0 or 1, thinned to lines of one pixel: Zhang and Suen 1984, all pixels of a half step at once."""
+    """`mask` (H, W) uint8, 0 or 1, thinned to lines of one pixel: Zhang and Suen 1984, all pixels of a half step at
+    once."""
     out = np.array(mask, np.uint8)
     while True:
         gone = 0
@@ -108,10 +114,11 @@ def _codes(mask: Array) -> Array:
 
 
 def _nodes(grey: Array, skeleton: Array) -> tuple[Array, Array]:
-    """Saddles (N, 2) px of `grey` where three or more lines meet, and what lies around each: its number from 1 (H, W), 0 elsewhere.
+    """Saddles (N, 2) px of `grey` where three or more lines meet, and a label map (H, W) of the area around each, from
+    1; 0 elsewhere.
 
-    The junctions of one crossing are merged: those beside each other; of the others that lie at no saddle, pairs that have one between
-    them; and those whose saddle is the same.
+    The junctions of one crossing are merged: adjacent ones; of the others without a saddle, pairs that have one between
+    them; and those with the same saddle.
     """
     area = np.zeros(skeleton.shape, np.float32)
     junction = np.asarray(cv2.LUT(_codes(skeleton), _JUNCTION), np.uint8) & skeleton
@@ -132,7 +139,7 @@ def _nodes(grey: Array, skeleton: Array) -> tuple[Array, Array]:
 
 
 def _saddles(grey: Array, junctions: Array) -> Array:
-    """Saddles (N, 2) px of `grey` at, or between two of, the `junctions` (N, 2) px; NaN for those that have none."""
+    """Saddles (N, 2) px of `grey` at, or between two of, the `junctions` (N, 2) px; NaN for those without one."""
     saddle = surface_fit(grey, np.rint(junctions).astype(int), rochade(HALF))
     lost = np.flatnonzero(np.isnan(saddle).any(axis=1))
     if len(lost) < 2:
@@ -146,7 +153,7 @@ def _saddles(grey: Array, junctions: Array) -> Array:
 
 
 def _merged(xy: Array) -> Array:
-    """Number (N,) from 0 of the group that each of `xy` (N, 2) belongs to: groups are made of points closer than `SAME`."""
+    """Group number (N,) from 0 of each of `xy` (N, 2): points closer than `SAME` are in one group."""
     first = np.arange(len(xy))
     for i, j in sorted(cKDTree(xy).query_pairs(SAME)) if len(xy) else ():
         first[first == first[j]] = first[i]
@@ -154,7 +161,7 @@ def _merged(xy: Array) -> Array:
 
 
 def _links(skeleton: Array, xy: Array, area: Array) -> Array:
-    """Pairs (M, 2) of nodes that a nearly straight piece of the skeleton joins, and no third one."""
+    """Pairs (M, 2) of nodes connected by a nearly straight piece of the skeleton that touches no third one."""
     line = skeleton & (area == 0).astype(np.uint8)
     count, label = cv2.connectedComponents(line, connectivity=8)
     length = np.bincount(label.ravel(), minlength=count)
@@ -169,7 +176,7 @@ def _links(skeleton: Array, xy: Array, area: Array) -> Array:
 
 
 def neighbours(graph: EdgeGraph) -> list[list[int]]:
-    """Of each node the nodes that it is linked with, rising."""
+    """For each node the nodes linked with it, ascending."""
     out: list[list[int]] = [[] for _ in graph.xy]
     for a, b in _both_ways(graph.links):
         out[a].append(b)

@@ -1,1 +1,1 @@
-"""Plots of what the laboratory measures. The caller makes the (matplotlib) figure."""
+"""Plots of the laboratory's measurements. The caller makes the (matplotlib) figure."""

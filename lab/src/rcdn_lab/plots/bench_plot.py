@@ -1,4 +1,5 @@
-"""Plots of a benchmark: time against quality, and memory along a folder. The caller makes the (matplotlib) figure."""
+"""Plots of a benchmark: time against quality, and memory while processing a folder. The caller makes the (matplotlib)
+figure."""
 
 from __future__ import annotations
 
@@ -8,14 +9,15 @@ from typing import Any
 Row = dict[str, Any]
 MARKS = "osv^D<>pX*"
 WIDE, HIGH = 4.6, 4.2
-"""inches a panel"""
+"""size of a panel, inches"""
 
 
 def draw(figure: Any, rows: Sequence[Row], quality: Mapping[str, float], samples: Sequence[Row] = ()) -> None:
-    """A panel for each size, of pictures with a board and the fewest threads, and one for memory if there are `samples`.
+    """A panel for each size, of pictures with a board and the fewest threads, and one for memory if there are
+    `samples`.
 
-    `rows`: the table `speed` of `rcdn bench`; `quality`: detector → mean success, 0..1. Who has no time, no ratio or no
-    quality isn't drawn. The better, the higher and the further left.
+    `rows`: the table `speed` of `rcdn bench`; `quality`: detector → mean success, 0..1. A detector without a time, a
+    ratio or a quality is not drawn. Better detectors are higher and further left.
     """
     least = min((row["threads"] for row in rows), default=1)
     mine = [row for row in rows if row["picture"] == "board" and row["threads"] == least]
@@ -34,7 +36,7 @@ def draw(figure: Any, rows: Sequence[Row], quality: Mapping[str, float], samples
 
 
 def _once(rows: Sequence[Row]) -> list[Row]:
-    """The first row of each size and detector: the yardstick comes again on other boards."""
+    """The first row of each size and detector: the yardstick is also timed on other boards."""
     first: dict[tuple[str, str], Row] = {}
     for row in rows:
         first.setdefault((row["size"], row["detector"]), row)
@@ -42,7 +44,8 @@ def _once(rows: Sequence[Row]) -> list[Row]:
 
 
 def draw_size(axes: Any, rows: Sequence[Row], quality: Mapping[str, float], names: Sequence[str]) -> None:
-    """Time as a multiple of the yardstick's, on a log scale, against quality. Every detector has one mark everywhere."""
+    """Time as a multiple of the yardstick's, on a log scale, against quality. Each detector has the same mark in all
+    panels."""
     for row in rows:
         name = row["detector"]
         if name in names and row["ratio"] is not None:
@@ -60,7 +63,7 @@ def draw_size(axes: Any, rows: Sequence[Row], quality: Mapping[str, float], name
 
 
 def draw_folder(figure: Any, samples: Sequence[Row]) -> None:
-    """Time and memory side by side, as the pictures of a folder get done."""
+    """Time and memory side by side, over the number of pictures processed."""
     figure.set_size_inches(WIDE * 2, HIGH)
     left, right = figure.subplots(1, 2)
     _along(left, samples, "seconds")
@@ -71,7 +74,7 @@ def draw_folder(figure: Any, samples: Sequence[Row]) -> None:
 
 
 def draw_memory(axes: Any, samples: Sequence[Row]) -> None:
-    """Memory of all processes together as the pictures of a folder get done, a line for each number of jobs."""
+    """Memory of all processes together over the number of pictures processed, a line for each number of jobs."""
     _along(axes, samples, "now MB")
     axes.set_ylabel("memory, MB")
     axes.set_title("rcdn detect over a folder")

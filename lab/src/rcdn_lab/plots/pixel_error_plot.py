@@ -1,4 +1,5 @@
-"""Figs. 4 and 5: a heat map a method and pre-blur, all of one colour scale. The caller makes the (matplotlib) figure."""
+"""Figs. 4 and 5: a heat map for each method and pre-blur, with a common colour scale. The caller makes the (matplotlib)
+figure."""
 
 from __future__ import annotations
 
@@ -9,14 +10,15 @@ import numpy as np
 
 Row = dict[str, Any]
 RANGE = (0.02, 10.0)
-"""px; errors beyond it look like its ends"""
+"""px; errors outside are drawn like its ends"""
 TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10)
 WIDE, HIGH = 3.1, 2.6
-"""inches a panel"""
+"""size of a panel, inches"""
 
 
 def draw_pixel_error(figure: Any, rows: Sequence[Row]) -> None:
-    """Mean error of every method over angle and noise, without pre-blur above and with it below; colours are logarithmic.
+    """Mean error of every method over angle and noise, without pre-blur above and with it below; colours are
+    logarithmic.
 
     `rows`: those of `rcdn evaluate fig4` or `fig5`.
     """
@@ -38,7 +40,7 @@ def draw_pixel_error(figure: Any, rows: Sequence[Row]) -> None:
 
 
 def _heat(axes: Any, rows: Sequence[Row], angle: str) -> Any:
-    """One map; a cell reaches half a step around its angle and noise."""
+    """One map; a cell extends half a step around its angle and noise."""
     across, up = (sorted({row[key] for row in rows}) for key in (angle, "noise"))
     value = np.full((len(up), len(across)), np.nan)
     for row in rows:

@@ -17,22 +17,22 @@ from rcdn_lab.recovery import Case
 WIDTH, HEIGHT = 480, 360
 """of one panel, px"""
 BAR, GAP = 26, 6
-"""px: height of a caption, and what is left white between panels"""
+"""px: height of a caption, and width of the white gap between panels"""
 
 SHEET = ("tilt 75", "fisheye 180", "cylinder", "wave", "occluded", "cut")
-"""Kinds on the sheet, from the corners of `auto`."""
+"""Kinds shown on the sheet, from the corners of `auto`."""
 QUALITY = 80
 """JPEG quality of the sheet"""
 
 
 class Gallery:
-    """Keeps a case of each kind and preset: the first in which the recoveries differ, else the first."""
+    """Keeps a case of each kind and preset: the first in which the recoveries differ, otherwise the first."""
 
     def __init__(self) -> None:
         self.cases: dict[tuple[str, str], Case] = {}
 
     def add(self, case: Case) -> None:
-        """Look at one more case."""
+        """Consider one more case."""
         key = case.kind, case.preset
         if key not in self.cases or (case.differ and not self.cases[key].differ):
             self.cases[key] = case
@@ -57,7 +57,7 @@ def side_by_side(case: Case) -> Array:
 
 
 def sheet(pairs: Sequence[Array], columns: int = 2) -> Array:
-    """Pictures of one size in rows of `columns`, with white between them; the last row is filled with white."""
+    """Pictures of one size in rows of `columns`, separated by white; the last row is filled with white."""
     height, width = pairs[0].shape[:2]
     rows = -(-len(pairs) // columns)
     out = np.full((rows * (height + 2 * GAP) - 2 * GAP, columns * (width + 3 * GAP) - 3 * GAP, 3), 255, np.uint8)
@@ -87,7 +87,7 @@ def _panel(case: Case, boards: Sequence[Board], caption: str) -> Array:
 
 
 def _window(case: Case) -> tuple[int, int, int, int]:
-    """The part (x, y, width, height) of the picture that is shown: what the boards take and a third more, 4 : 3."""
+    """The part (x, y, width, height) of the picture that is shown: the boards' extent and a margin, 4 : 3."""
     full_height, full_width = case.image.shape
     if not case.growth + case.graph:
         return 0, 0, full_width, full_height

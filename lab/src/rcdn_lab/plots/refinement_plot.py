@@ -18,7 +18,8 @@ STYLES = {
 
 
 def draw_refinements(figure: Any, rows: Sequence[Row]) -> None:
-    """A panel a factor, a curve a method, errors on a log scale. `rows`: those of `rcdn evaluate fig6`."""
+    """A panel for each factor, a curve for each method, errors on a log scale. `rows`: those of `rcdn evaluate
+    fig6`."""
     factors = [factor for factor in LABELS if any(row["factor"] == factor for row in rows)]
     columns = min(2, len(factors))
     figure.set_size_inches(5 * columns, 3.6 * -(-len(factors) // columns) + 0.6)

@@ -1,4 +1,5 @@
-"""Plots of a sweep: one figure a factor, success above, error below. The caller makes the (matplotlib) figure."""
+"""Plots of a sweep: one figure for each factor, success above, error below. The caller makes the (matplotlib)
+figure."""
 
 from __future__ import annotations
 
@@ -13,15 +14,15 @@ MARKS = "osv^D<>pX*"
 def draw_factor(figure: Any, factor: str, rows: Sequence[Row]) -> None:
     """Success, recall and mean error of every detector over the levels of `factor`, on a matplotlib `figure`.
 
-    `rows`: those of `rcdn evaluate sweep`, of any factors. The dashed line is the mean error of an efficient estimator on
-    the corners that the first detector found. Levels are evenly spaced, in the order of the rows.
+    `rows`: those of `rcdn evaluate sweep`, of any factors. The dashed line is the mean error of an efficient estimator
+    on the corners that the first detector found. Levels are evenly spaced, in the order of the rows.
     """
     mine = [row for row in rows if row["factor"] == factor]
     levels = list(dict.fromkeys(row["level"] for row in mine))
     names = list(dict.fromkeys(row["detector"] for row in mine))
     line = (
         "-" if all(level.replace(".", "").isdigit() for level in levels) else "none"
-    )  # between kinds there is nothing
+    )  # kinds have no values in between
     panels = figure.subplots(len(PANELS), 1, sharex=True)
     for axes, (key, title) in zip(panels, PANELS, strict=True):
         for number, name in enumerate(names):
@@ -46,6 +47,6 @@ def draw_factor(figure: Any, factor: str, rows: Sequence[Row]) -> None:
 
 
 def _gaps(at: dict[str, float | None], levels: Sequence[str]) -> list[float]:
-    """Values in the order of `levels`, NaN where there is none: a gap in the line."""
+    """Values in the order of `levels`, NaN where there is none, which gives a gap in the line."""
     values = [at.get(level) for level in levels]
     return [float("nan") if v is None else v for v in values]

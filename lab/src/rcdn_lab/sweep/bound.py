@@ -1,4 +1,4 @@
-"""How well a corner can be located at best: the one-corner Cramér–Rao bound of a rendered picture."""
+"""The best possible accuracy of a corner: the one-corner Cramér–Rao bound of a rendered picture."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ from rcdn.types import Array
 QUANTISED = 0.29
 """σ of rounding to whole grey levels, 1/√12"""
 STEP = 0.02
-"""px by which the scene is moved to see what a move changes"""
+"""px by which the scene is shifted for numerical derivatives"""
 
 
 def closed_form(noise: float, contrast: float, arm: float, blur: float) -> float:
-    """σ of one coordinate of a corner of four edges of `arm` px, each `contrast` grey levels high and `blur` (σ) px wide.
+    """σ of one coordinate of a corner with four edges of `arm` px, each `contrast` grey levels high and `blur` (σ) px
+    wide.
 
-    An edge tells C² ∫ (Gaussian of σ_b)² = C² / (2 √π σ_b) a px of its length, and two of the four arms tell of x:
-    σ_x = noise ÷ √(C² L / (√π σ_b)).
+    An edge contributes the information C² ∫ (Gaussian of σ_b)² = C² / (2 √π σ_b) per px of its length, and two of the
+    four arms constrain x: σ_x = noise ÷ √(C² L / (√π σ_b)).
     """
     return float(noise / np.sqrt(contrast**2 * arm / (np.sqrt(np.pi) * blur)))
 
 
 def mean_length(covariance: Array) -> Array:
-    """Expected length (N,) of normal errors of covariance (N, 2, 2): σ √(π/2) if both axes have σ; inf where it is inf."""
+    """Expected length (N,) of normal errors with covariance (N, 2, 2): σ √(π/2) if both axes have σ; inf where it is
+    inf."""
     out = np.full(len(covariance), np.inf)
     good = np.isfinite(covariance).all(axis=(1, 2))
     small, large = np.linalg.eigvalsh(covariance[good]).T
@@ -41,10 +43,10 @@ def mean_length(covariance: Array) -> Array:
 def bounds(scene: Scene) -> list[Array]:
     """For each board of a scene the mean error (cols·rows,), px, of an efficient estimator of each corner by itself.
 
-    From the Fisher matrix Σ ∇I ∇Iᵀ ÷ σ², over the pixels that lie within half a square of the corner along the board's
-    axes, of the exposure before noise; ∇I is what a small move of the boards changes, so that covers tell nothing.
-    σ² is that of the noise and of rounding. JPEG and clipping of the noise are left out. Infinite where nothing is told.
-    Source: Kay, Fundamentals of Statistical Signal Processing I, 3.9.
+    From the Fisher matrix Σ ∇I ∇Iᵀ ÷ σ², over the pixels within half a square of the corner along the board's axes, of
+    the exposure before noise; ∇I is the derivative with respect to a shift of the boards, so that covers contribute
+    nothing. σ² is that of the noise and of rounding. JPEG and clipping of the noise are neglected. Infinite without
+    information. Source: Kay, Fundamentals of Statistical Signal Processing I, 3.9.
     """
     if not scene.boards:
         return []
@@ -62,7 +64,7 @@ def bounds(scene: Scene) -> list[Array]:
 
 
 def _window(scene: Scene) -> tuple[int, int, int, int]:
-    """The part (x, y, width, height) of the frame that holds the boards, with as much around them as blurs reach."""
+    """The part (x, y, width, height) of the frame that contains the boards, with a margin for blur."""
     corners = [np.array([(-1, -1), (s.cols, -1), (-1, s.rows), (s.cols, s.rows)], float) for s in scene.boards]
     known = [board_to_pixels(s, scene.camera, c) for s, c in zip(scene.boards, corners, strict=True)]
     xy = np.concatenate([*known, *(t.xy for t in truth(scene))])
@@ -74,14 +76,14 @@ def _window(scene: Scene) -> tuple[int, int, int, int]:
 
 
 def _owner(spec: BoardSpec, rays: Array) -> Array:
-    """Number of the corner that each ray's spot is next to, −1 for none, of the rays' shape."""
+    """Number of the corner nearest to each ray's point on the board, −1 for none, in the rays' shape."""
     u, v = (np.rint(np.nan_to_num(w, nan=-9.0)) for w in rays_to_board(spec, rays))
     mine = (u >= 0) & (u < spec.cols) & (v >= 0) & (v < spec.rows)
     return np.where(mine, v * spec.cols + u, -1).astype(int)
 
 
 def _covariance(terms: list[Array], owner: Array, count: int) -> Array:
-    """Inverse (count, 2, 2) of the Fisher matrices; inf where they have none."""
+    """Inverse (count, 2, 2) of the Fisher matrices; inf where they are singular."""
     mine = owner >= 0
     a, b, c = (np.bincount(owner[mine], t[mine], count) for t in terms)
     det = a * c - b * b

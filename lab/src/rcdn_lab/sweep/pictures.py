@@ -1,4 +1,4 @@
-"""From a setting to pictures: seeded scenes that show what the setting says, and nothing else that is hard."""
+"""Renders pictures from settings: seeded scenes with the difficulty that the setting specifies, and no other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rcdn.types import Array, Camera
 from rcdn_lab.sweep.settings import Setting
 
 FIRST = 8_000_000_000
-"""No training and no other test draws from this seed."""
+"""No training and no other test uses this seed."""
 KINDS = ("noise", "shapes", "text")
 CONTRAST = 170.0
 """grey levels from black to white before the sensor's gain"""
@@ -41,7 +41,7 @@ class Picture:
 
 
 def seed_of(factor: str, level: str, index: int) -> list[int]:
-    """Seeds of one picture: no other level's."""
+    """Seeds of one picture, different from those of any other level."""
     return [FIRST, zlib.crc32(factor.encode()), zlib.crc32(level.encode()), index]
 
 
@@ -52,7 +52,8 @@ def picture(setting: Setting, seed: list[int], size: tuple[int, int] = (9, 6)) -
 
 
 def scene(setting: Setting, seed: list[int], size: tuple[int, int] = (9, 6)) -> Scene:
-    """The scene of `seed`: the same one gives the same scene. Raises ConfigError if the boards don't fit the frame."""
+    """The scene of `seed`: the same seed gives the same scene. Raises ConfigError if the boards do not fit the
+    frame."""
     rng = np.random.default_rng(seed)
     made = _empty(rng, setting, seed[-1])
     for cell in _cells(setting.boards, made.width, made.height):
@@ -68,7 +69,7 @@ def scene(setting: Setting, seed: list[int], size: tuple[int, int] = (9, 6)) -> 
 
 
 def _empty(rng: Rng, s: Setting, index: int) -> Scene:
-    """Frame, lens, light, sensor and background."""
+    """Frame, lens, illumination, sensor and background."""
     scale = 2 if s.square > 30 else 1
     width, height = 640 * scale, 480 * scale
     lens: dict[str, Any] = {"focal": float(rng.uniform(0.8, 1.2)) * width}
@@ -77,7 +78,7 @@ def _empty(rng: Rng, s: Setting, index: int) -> Scene:
     if s.fisheye:
         lens = {"focal": width / float(np.deg2rad(s.fisheye)), "model": "fisheye", "distortion": (0.0,) * 4}
     turn, fall = rng.uniform(0, 2 * np.pi), np.log(s.falloff)
-    gain = s.contrast / CONTRAST / np.sqrt(s.falloff)  # the brightest spot is no brighter than without the fall
+    gain = s.contrast / CONTRAST / np.sqrt(s.falloff)  # the brightest point is no brighter than without falloff
     middle = float(rng.uniform(-1, 1)) * 10 / 255 + 0.5
     sensor = Sensor(
         blur=s.blur, noise=s.noise, motion=s.motion, motion_angle=float(rng.uniform(0, np.pi)), jpeg=s.jpeg,
@@ -104,7 +105,8 @@ def _cells(count: int, width: int, height: int) -> list[tuple[float, float, floa
 def _board(
     rng: Rng, s: Setting, frame: Scene, size: tuple[int, int], cell: tuple[float, float, float, float]
 ) -> BoardSpec:
-    """A board of random place and roll in its cell, tried again until it fits: all of it, or the share that isn't cut."""
+    """A board with random position and roll in its cell, drawn repeatedly until it fits: all of it, or the share that
+    is not cut."""
     dark = (255 - CONTRAST) / 510 + float(rng.uniform(-8, 8)) / 255
     bright = dark + CONTRAST / 255
     blank = BoardSpec(
@@ -115,7 +117,7 @@ def _board(
     slack = 0.3 if s.cut else 0.0
     low, high = np.array([(x0, y0), (x1, y1)]) + slack * np.array([(x0 - x1, y0 - y1), (x1 - x0, y1 - y0)])
     pitch = s.square
-    if s.boards > 1:  # so that the board, however turned, fits its cell
+    if s.boards > 1:  # so that the board fits its cell in any rotation
         pitch = min(pitch, 0.92 * min(x1 - x0, y1 - y0) / float(np.hypot(size[0] + 1, size[1] + 1)))
     for _ in range(TRIES):
         at = rng.uniform(low, high)
@@ -130,10 +132,10 @@ def _board(
 def placed(
     spec: BoardSpec, camera: Camera, at: Array, pitch: float, tilt: float, axis: float, roll: float
 ) -> BoardSpec | None:
-    """`spec` with its middle at pixel `at` (2,), squares of `pitch` px if it faced the camera there.
+    """`spec` with its centre at pixel `at` (2,), and squares of `pitch` px if it faced the camera there.
 
-    Rolled by `roll`, then leaned by `tilt` about a direction `axis` of its plane, radians. The normal is `tilt` away
-    from the line of sight to the middle. None where the lens sees nothing at that pixel.
+    Rolled by `roll`, then tilted by `tilt` about a direction `axis` of its plane, radians. The angle between the normal
+    and the line of sight to the centre is `tilt`. None where the lens has no ray at that pixel.
     """
     ray = unproject(camera, at)
     if not np.isfinite(ray).all():
@@ -144,7 +146,7 @@ def placed(
     R = face @ lean @ cv2.Rodrigues(np.array([0, 0, roll]))[0]
     step = 1e-4
     jacobian = (project(camera, ray + step * face[:, :2].T) - project(camera, ray - step * face[:, :2].T)) / (2 * step)
-    scale = np.sqrt(abs(np.linalg.det(jacobian)))  # px a radian
+    scale = np.sqrt(abs(np.linalg.det(jacobian)))  # px per radian
     if not np.isfinite(scale):
         return None
     t = ray * scale / pitch - R @ np.array([*_middle(spec), 0])
@@ -163,7 +165,8 @@ def _grid(spec: BoardSpec, rim: int) -> Array:
 
 
 def _is_whole(spec: BoardSpec, frame: Scene, cell: tuple[float, float, float, float]) -> bool:
-    """All squares at least 3 px inside the cell, none of them behind its own bend or beyond the lens."""
+    """Whether all squares are at least 3 px inside the cell, none of them hidden by the board's bending or without a
+    projection."""
     xy = board_to_pixels(spec, frame.camera, _grid(spec, 1))
     if not np.isfinite(xy).all() or (xy < np.array(cell[:2]) + 3).any() or (xy > np.array(cell[2:]) - 4).any():
         return False
@@ -174,7 +177,7 @@ def _is_whole(spec: BoardSpec, frame: Scene, cell: tuple[float, float, float, fl
 
 
 def _is_cut(spec: BoardSpec, frame: Scene, share: float) -> bool:
-    """Does the frame cut off about `share` of the corners, and leave at least three columns and rows?"""
+    """Whether the frame cuts off about `share` of the corners, and leaves at least three columns and rows."""
     ij = _grid(spec, 0)
     xy = board_to_pixels(spec, frame.camera, ij)
     inside = (
@@ -196,11 +199,11 @@ def _bend(rng: Rng, name: str) -> Bend | None:
 
 
 def _cover(rng: Rng, s: Setting, made: Scene, index: int) -> Cover:
-    """Something grey over a quadrant of the first board, each in turn, or a bar across it at any angle."""
+    """A grey object over a quadrant of the first board, each in turn, or a bar across it at any angle."""
     spec = made.boards[0]
     value = float(rng.uniform(0.25, 0.75))
     u, v = _middle(spec)
-    if s.cover == "quadrant":  # from the middle, between two corners, to beyond the quiet zone
+    if s.cover == "quadrant":  # from the centre, between two corners, to beyond the quiet zone
         u, v = float(np.floor(u)) + 0.5, float(np.floor(v)) + 0.5
         du, dv = (1 - 2 * (index % 2)) * (spec.cols / 2 + 2), (1 - 2 * (index // 2 % 2)) * (spec.rows / 2 + 2)
         ends = np.array([(u, v + dv / 2), (u + du, v + dv / 2), (u, v), (u, v + dv)])

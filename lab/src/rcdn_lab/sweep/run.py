@@ -1,4 +1,4 @@
-"""Settings × pictures × detectors → rows."""
+"""Combines settings, pictures and detectors into rows."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SIZE = (9, 6)
 Task = tuple[str, str, int, tuple[str, ...]]
 """factor, level, index of the picture, names of the detectors"""
 Scores = dict[str, Score]
-"""detector → what it made of one picture"""
+"""detector → its score on one picture"""
 
 _loaded: dict[str, Find] = {}
 """The detectors of this process, each made once."""
 
 
 def contestants(peers: Sequence[str] = ("auto",)) -> tuple[list[str], dict[str, str]]:
-    """Names of the peers that can run here, and why each of the others can't.
+    """Names of the peers that can run here, and for each of the others the reason why it cannot.
 
     `peers`: names, `auto` for all, `none` or nothing for none. Raises ConfigError for an unknown name.
     """
@@ -42,7 +42,7 @@ def contestants(peers: Sequence[str] = ("auto",)) -> tuple[list[str], dict[str, 
 
 
 def settings_of(count: int, preset: str, peers: Sequence[str]) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {
         "count": count, "preset": preset, "weights": weights_of([preset]), "first seed": FIRST, "board": SIZE,
         "hit": f"within {SHARE} of the distance to the nearest neighbour, at most {MOST} px",
@@ -60,8 +60,9 @@ def table(
 ) -> list[dict[str, Any]]:
     """One row for each factor, level and detector, of `count` pictures each.
 
-    `factors`: of `FACTORS`, none: all; `peers`: names from `contestants`; `progress` is called with the pictures done and
-    those to do. The same arguments give the same rows, whatever `workers`. Raises ConfigError for an unknown factor.
+    `factors`: of `FACTORS`, empty: all; `peers`: names from `contestants`; `progress` is called with the number of
+    pictures done and in total. The same arguments give the same rows, whatever `workers`. Raises ConfigError for an
+    unknown factor.
     """
     unknown = sorted(set(factors) - set(FACTORS))
     if unknown:
@@ -102,7 +103,7 @@ def _ours(preset: str) -> Find:
 
 
 def _one(task: Task) -> Scores:
-    """All detectors on one picture, or on one for each size of board that they ask for."""
+    """All detectors on one picture, or on one for each size of board that they need."""
     factor, level, index, names = task
     sizes = {name: (PEERS[name].board if name in PEERS else None) or SIZE for name in names}
     out: Scores = {}
@@ -119,6 +120,6 @@ def _judged(name: str, made: Picture, index: int, size: tuple[int, int], answers
     try:
         with quiet():
             grids = _loaded[name](made.image, size)
-    except Exception as error:  # whatever a detector breaks down of is told in its row, and the others go on
+    except Exception as error:  # any exception is reported in the detector's row, and the others continue
         return broken(answers, raw, f"#{index} {type(error).__name__}: {error}")
     return score(grids, answers, raw)

@@ -1,4 +1,4 @@
-"""What one detector made of one picture, and the row that many pictures make."""
+"""The score of one detector on one picture, and the row for many pictures."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from rcdn_lab.detections import labels_fit
 from rcdn_lab.peers import Grid
 
 SHARE, MOST = 0.35, 4.0
-"""A hit lies within this share of the distance to the corner's nearest neighbour, and within so many px."""
+"""Largest distance of a hit: a share of the distance to the corner's nearest neighbour, and px."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Of one picture: `hits` of `corners`; found corners that hit nothing (`wrong`) and boards without a hit (`false`).
+    """Score of one picture: `hits` of `corners`; found corners that match nothing (`wrong`) and boards without a hit
+    (`false`).
 
-    `mislabelled`: boards whose labels don't fit the truth; `success`: None if the detector gives no boards. `gap` (P,)
-    px of the hits, `bound` (P,) what an efficient estimator would err there, `z` (2P,) errors ÷ sigma, where there is one.
-    `error`: how the detector broke down, if it did.
+    `mislabelled`: boards whose labels disagree with the truth; `success`: None if the detector returns no boards. `gap`
+    (P,) px of the hits, `bound` (P,) the mean error of an efficient estimator there, `z` (2P,) errors ÷ sigma, where
+    there is one. `error`: the exception, if the detector failed.
     """
 
     corners: int
@@ -41,7 +42,8 @@ class Score:
 
 
 class Answers:
-    """The true corners of a picture, in one list: `xy`, `board` (number), `ij`, `radius` of a hit, `bound`; `ignore`."""
+    """The true corners of a picture, in one list: `xy`, `board` (number), `ij`, `radius` of a hit, `bound`;
+    `ignore`."""
 
     def __init__(self, boards: Sequence[BoardTruth], bound: Sequence[Array]) -> None:
         def join(parts: list[Array], tail: tuple[int, ...] = ()) -> Array:
@@ -58,10 +60,10 @@ class Answers:
 
 
 def score(grids: Sequence[Grid], truth: Answers, raw: bool = False) -> Score:
-    """How `grids` compare with the truth. `raw`: they are corners without boards, and can't be a success.
+    """Score of `grids` against the truth. `raw`: they are corners without boards, and cannot be a success.
 
-    Success: each true board is one grid that has all its visible corners, no other, and right labels (relative to a
-    symmetry of the lattice), and there is no further grid. Corners on an ignored spot count neither way.
+    Success: each true board is one grid that has all its visible corners, no other, and correct labels (relative to a
+    symmetry of the lattice), and there is no further grid. Corners at an ignored position do not count.
     """
     kept = [_counted(grid, truth) for grid in grids]
     kept = [(grid, pairs) for grid, pairs in kept if len(grid.xy)]
@@ -74,7 +76,7 @@ def score(grids: Sequence[Grid], truth: Answers, raw: bool = False) -> Score:
         for (grid, pairs), fits in zip(kept, good, strict=True)
     ]
     demanded = len(np.unique(truth.board))
-    # boards found twice are no success: as many grids as boards, and hits everywhere, leave none for a second one
+    # duplicate boards are no success: with as many grids as boards, and hits everywhere, there is no duplicate
     success = None if raw else all(whole) and len(whole) == demanded and hits == len(truth.xy)
     parts = [_errors(grid, pairs, truth) for grid, pairs in kept]
     gap, bound, z = (np.concatenate([np.zeros(0), *[p[k] for p in parts]]) for k in range(3))
@@ -86,12 +88,14 @@ def score(grids: Sequence[Grid], truth: Answers, raw: bool = False) -> Score:
 
 
 def broken(truth: Answers, raw: bool, error: str) -> Score:
-    """The score of a detector that broke down: it found nothing, and that is no success, even where there is nothing."""
+    """The score of a detector that failed with an exception: nothing found and no success, even in a picture without
+    boards."""
     return replace(score([], truth, raw), success=None if raw else False, error=error)
 
 
 def _counted(grid: Grid, truth: Answers) -> tuple[Grid, Array]:
-    """The grid without what lies on an ignored spot and hits nothing, and its hits (P, 2): index in grid, in truth."""
+    """The grid without corners at an ignored position that match nothing, and its hits (P, 2): index in grid, in
+    truth."""
     pairs, gaps = match(grid.xy, truth.xy, MOST)
     pairs = pairs[gaps < truth.radius[pairs[:, 1]]]
     if not len(truth.ignore) or not len(grid.xy):
@@ -105,7 +109,8 @@ def _counted(grid: Grid, truth: Answers) -> tuple[Grid, Array]:
 
 
 def _labels_right(grid: Grid, pairs: Array, truth: Answers) -> bool:
-    """Do all hits lie on one true board, with labels that one symmetry and one shift take to the true ones?"""
+    """Whether all hits are on one true board, with labels that one symmetry and one translation take to the true
+    ones."""
     if not len(pairs) or grid.ij is None:
         return True
     if len(np.unique(truth.board[pairs[:, 1]])) > 1:
@@ -120,10 +125,10 @@ def _errors(grid: Grid, pairs: Array, truth: Answers) -> tuple[Array, Array, Arr
 
 
 def row(scores: Sequence[Score]) -> dict[str, Any]:
-    """The figures of many pictures: shares, counts, and errors of all hits together; None where there is nothing to tell.
+    """The figures of many pictures: shares, counts, and errors of all hits together; None where undefined.
 
-    `bound`: mean of what an efficient estimator would err on the same corners; `ratio`: mean error ÷ bound; `z`: root mean
-    square of error ÷ sigma, by coordinate: 1 if sigma is honest.
+    `bound`: mean error of an efficient estimator on the same corners; `ratio`: mean error ÷ bound; `z`: root mean
+    square of error ÷ sigma, by coordinate: 1 if sigma is correct.
     """
     judged = [s.success for s in scores if s.success is not None]
     corners, hits = sum(s.corners for s in scores), sum(s.hits for s in scores)

@@ -1,4 +1,5 @@
-"""What is swept: a setting is one row of the table, a factor a column of settings that differ from the base in one thing."""
+"""Settings of the sweep: a setting is one row of the table, a factor a list of settings that differ from the base in
+one respect."""
 
 from __future__ import annotations
 
@@ -8,15 +9,17 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Setting:
-    """How pictures of one row are made. The defaults are the base: a plain picture of one 9×6 board, 25-px squares.
+    """Parameters of the pictures of one row. The defaults are the base: a plain picture of one 9×6 board, 25-px
+    squares.
 
     `noise`: σ, grey levels; `blur`: σ, px; `motion`: length, px; `tilt`: degrees between the board's normal and the
-    line of sight to its middle, None: 0 to 20 by chance; `barrel`: k of x ÷ (1 − k r²), r in widths of the picture (a
+    line of sight to its centre, None: 0 to 20 at random; `barrel`: k of x ÷ (1 − k r²), r in widths of the picture (a
     lens of 180° from corner to corner has 2.56); `fisheye`: degrees across the picture's width, equidistant;
     `contrast`: grey levels from black to white; `falloff`: brightest ÷ darkest light across the picture; `shadow`:
-    light that is left in the half of the board that lies in shadow; `penumbra`: px that its rim takes; `jpeg`: quality,
-    0: none; `square`: px, face on; `cover`: what lies over the board; `bar`: width of the bar, squares; `cut`: share of
-    the corners beyond the frame; `bend`: how the sheet bends; `boards`: how many; `clutter`: what is behind.
+    share of light in the half of the board that lies in shadow; `penumbra`: width of its edge, px; `jpeg`: quality, 0:
+    none; `square`: px, seen frontally; `cover`: an object over the board; `bar`: width of the bar, squares; `cut`:
+    share of the corners beyond the frame; `bend`: how the sheet bends; `boards`: number of boards; `clutter`: the
+    background.
     """
 
     noise: float = 3.0
@@ -39,7 +42,7 @@ class Setting:
     """`cylinder R` (radius), `wave A` (height over the plane), both in squares, or nothing"""
     boards: int = 1
     clutter: str = ""
-    """a kind of `rcdn.synthetic.background`; nothing: noise, shapes and text in turn"""
+    """a kind of `rcdn.synthetic.background`; empty: noise, shapes and text in turn"""
 
 
 BASE = Setting()
@@ -103,4 +106,4 @@ FACTORS: dict[str, Factor] = {
         "cylinder 6, quadrant": replace(BASE, bend="cylinder 6", cover="quadrant"),
     },
 }
-"""Factor → level → setting: all that `rcdn evaluate sweep` measures."""
+"""Factor → level → setting: everything measured by `rcdn evaluate sweep`."""

@@ -1,1 +1,2 @@
-"""The longest that detection takes: pictures made to cost much (`pictures`), and their time a megapixel beside that of photographs (`run`)."""
+"""The longest detection times: pictures designed to be slow (`pictures`), and their time per megapixel relative to
+photographs (`run`)."""

@@ -1,4 +1,5 @@
-"""Checkers as no printer makes them: tiny squares, hundreds of boards, bent and broken ones. Analytic and with soft edges; grey (H, W) uint8."""
+"""Synthetic checkerboards that are slow to detect: tiny squares, hundreds of boards, bent and broken ones. Analytic,
+with soft edges; grey (H, W) uint8."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ F32 = np.float32
 
 
 def wave(phase: Array, pitch: float | Array) -> Array:
-    """A square wave of period 2 in `phase`, −1 to 1, each change one pixel wide where a square has `pitch` px."""
+    """A square wave of period 2 in `phase`, −1 to 1, with transitions one pixel wide if a square has `pitch` px."""
     distance = 0.5 - np.abs(phase % 2 - 1)
     return np.asarray(np.clip(2 * distance * pitch, -1, 1), F32)
 
@@ -30,7 +31,7 @@ def grey(contrast: Array) -> Array:
 
 
 def board(size: tuple[int, int], pitch: float, angle: float = 0.0) -> Array:
-    """The largest board of squares of `pitch` px that fits, turned by `angle` rad, on white."""
+    """The largest board of squares of `pitch` px that fits, rotated by `angle` rad, on white."""
     x, y = grid(size)
     c, s = float(np.cos(angle)), float(np.sin(angle))
     u, v = (
@@ -44,7 +45,7 @@ def board(size: tuple[int, int], pitch: float, angle: float = 0.0) -> Array:
 
 
 def cut(size: tuple[int, int], pitch: float, angle: float, margin: int = 12) -> Array:
-    """A turned board that is larger than the picture, behind a bright frame."""
+    """A rotated board that is larger than the picture, behind a bright frame."""
     x, y = grid(size)
     c, s = np.cos(angle), np.sin(angle)
     u, v = (c * x + s * y) / F32(pitch) + F32(0.31), (c * y - s * x) / F32(pitch) + F32(0.27)
@@ -61,7 +62,7 @@ def _on_white(u: Array, v: Array, columns: int, rows: int, pitch: float) -> Arra
 
 
 def screen(size: tuple[int, int], columns: int, rows: int) -> Array:
-    """A board of `columns` × `rows` squares as a monitor shows it, almost filling the picture."""
+    """A board of `columns` × `rows` squares as shown on a monitor, almost filling the picture."""
     x, y = grid(size)
     pitch = min(size[0] / (columns + 1.5), size[1] / (rows + 1.5))
     return _on_white(
@@ -77,7 +78,7 @@ def many(size: tuple[int, int], squares: int, pitch: int, gap: int) -> Array:
 
 
 def turned(size: tuple[int, int], squares: int, pitch: int, gap: int, seed: int) -> Array:
-    """As `many`, each board turned by an angle of its own."""
+    """As `many`, each board rotated by an angle of its own."""
     rng = np.random.default_rng(seed)
     x, y = grid(size)
     cell = squares * pitch + gap
@@ -89,7 +90,7 @@ def turned(size: tuple[int, int], squares: int, pitch: int, gap: int, seed: int)
 
 
 def touching(size: tuple[int, int], pitch: int, cell: int) -> Array:
-    """Boards without margins side by side, each shifted against its neighbours."""
+    """Adjacent boards without margins, each shifted relative to its neighbours."""
     x, y = grid(size)
     column, row = x // cell, y // cell
     u, v = (x + 3 * row) / pitch, (y + 5 * column) / pitch
@@ -113,7 +114,7 @@ def holed(size: tuple[int, int], pitch: int, hole: int, every: int) -> Array:
 
 
 def nested(size: tuple[int, int], pitch: float, levels: int) -> Array:
-    """A board in whose bright squares there are boards in whose bright squares there are boards …"""
+    """A board whose bright squares contain boards, recursively."""
     x, y = grid(size)
     out = np.ones((size[1], size[0]), F32)
     for level in range(levels):
@@ -124,14 +125,14 @@ def nested(size: tuple[int, int], pitch: float, levels: int) -> Array:
 
 
 def warped(size: tuple[int, int], pitch: float, bend: Callable[[Array, Array], tuple[Array, Array]]) -> Array:
-    """A checker of squares of about `pitch` px in the coordinates that `bend` makes of columns and rows, px."""
+    """A checker of squares of about `pitch` px in the coordinates to which `bend` maps columns and rows, px."""
     x, y = grid(size)
     u, v = bend(x - F32(size[0] / 2), y - F32(size[1] / 2))
     return grey(wave(u / F32(pitch), pitch) * wave(v / F32(pitch), pitch))
 
 
 def spiral(x: Array, y: Array) -> tuple[Array, Array]:
-    """Logarithmic spirals, 96 squares a turn."""
+    """Logarithmic spirals, 96 squares per turn."""
     u, v = F32(96 / np.pi) * np.log(np.hypot(x, y) + 1), F32(96 / np.pi) * np.arctan2(y, x)
     return 8 * (u + v), 8 * (v - u)
 
@@ -142,7 +143,7 @@ def rings(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def waves(x: Array, y: Array) -> tuple[Array, Array]:
-    """Lines that wave by 6 px over 150 px."""
+    """Lines that undulate by 6 px over 150 px."""
     return x + 6 * np.sin(y / 24), y + 6 * np.sin(x / 24)
 
 
@@ -155,7 +156,7 @@ def triangles(size: tuple[int, int], edge: float) -> Array:
 
 
 def tiled(size: tuple[int, int], tile: Array) -> Array:
-    """The `tile` (h, w) side by side over the whole picture."""
+    """The `tile` (h, w) repeated over the whole picture."""
     height, width = tile.shape
     repeats = -(-size[1] // height), -(-size[0] // width)
     return np.tile(tile, repeats)[: size[1], : size[0]]

@@ -1,4 +1,4 @@
-"""Pictures that cost more than photographs do, by name. The same name gives the same bytes."""
+"""Pictures that take longer than photographs, by name. The same name gives the same bytes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _boards() -> dict[str, Callable[[], Array]]:
 
 
 def _several() -> dict[str, Callable[[], Array]]:
-    """Many boards, and boards that are torn, bent or not quite boards."""
+    """Many boards, and boards that are broken, bent or not quite boards."""
     kinds: dict[str, tuple[_Make, tuple[object, ...]]] = {
         "boards of 3 × 3 squares of 8 px": (checkers.many, (3, 8, 8)),
         "boards of 4 × 4 squares of 8 px": (checkers.many, (4, 8, 6)),
@@ -61,7 +61,7 @@ def _several() -> dict[str, Callable[[], Array]]:
 
 
 def _textures() -> dict[str, Callable[[], Array]]:
-    """Without a board."""
+    """Pictures without a board."""
     kinds: dict[str, tuple[_Make, tuple[object, ...]]] = {
         "white noise": (textures.white_noise, ()),
         "noise blurred by 1 px": (textures.smooth_noise, (1.0,)),
@@ -105,7 +105,7 @@ def _textures() -> dict[str, Callable[[], Array]]:
 
 
 def _shapes() -> dict[str, Callable[[], Array]]:
-    """Odd sizes and empty pictures."""
+    """Unusual sizes and uniform pictures."""
     made: dict[str, Callable[[], Array]] = {
         "1 × 1 px": partial(textures.constant, (1, 1), 255),
         "2 × 2 px of noise": partial(textures.white_noise, (2, 2)),
@@ -121,5 +121,5 @@ def _shapes() -> dict[str, Callable[[], Array]]:
 
 
 def pictures() -> dict[str, Callable[[], Array]]:
-    """All of them: what makes each, by its name."""
+    """All of them: name → the function that makes the picture."""
     return _boards() | _several() | _textures() | _shapes()

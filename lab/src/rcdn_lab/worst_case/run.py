@@ -1,4 +1,5 @@
-"""CPU time a megapixel of pictures made to cost much, beside the median of photographs. Each in a process of its own, which is ended at a limit."""
+"""CPU time per megapixel of pictures designed to be slow, relative to the median of photographs. Each in a process of
+its own with a time limit."""
 
 from __future__ import annotations
 
@@ -21,13 +22,13 @@ from rcdn_lab.worst_case.checkers import screen
 from rcdn_lab.worst_case.pictures import pictures
 
 LEAST = 0.1
-"""megapixels that a smaller picture counts as"""
+"""megapixels; smaller pictures count as this"""
 GOAL = 10.0
-"""times the median of the photographs"""
+"""× the median of the photographs"""
 PATIENCE, OUT_OF_TIME = 10, 24
-"""see `measured`; the signal SIGXCPU"""
+"""see `measured`; the number of the signal SIGXCPU"""
 MOST_PHOTOGRAPHS = 100
-"""of a folder's, evenly spaced"""
+"""most photographs of a folder, evenly spaced"""
 PHOTOGRAPHS = "photographs, median"
 Answer = dict[str, Any]
 
@@ -38,9 +39,11 @@ def table(
     limit: float = 120.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """One row for the photographs in a folder, then one for each picture whose name contains one of `names` (none: all), the slowest first.
+    """One row for the photographs in a folder, then one for each picture whose name contains one of `names` (empty:
+    all), the slowest first.
 
-    `limit`: seconds of computing after which a picture is given up. Raises ConfigError if there are no photographs, or nothing has such a name.
+    `limit`: seconds of computing after which a picture is aborted. Raises ConfigError if there are no photographs, or
+    no picture has such a name.
     """
     chosen = [n for n in pictures() if not names or any(part in n for part in names)]
     if not chosen:
@@ -56,7 +59,7 @@ def table(
 
 
 def settings_of(photographs: Path, limit: float) -> dict[str, Any]:
-    """What to write beside the figures."""
+    """Settings recorded with the figures."""
     return {
         "photographs": photographs.name, "most photographs": MOST_PHOTOGRAPHS, "limit s": limit, "threads": 1, "least megapixels": LEAST,
         "goal": GOAL,
@@ -71,7 +74,7 @@ def _row(name: str, answer: Answer, usual: float) -> dict[str, Any]:
 
 
 def _usual(folder: Path) -> float:
-    """Median CPU time of photographs, ms a megapixel."""
+    """Median CPU time of photographs, ms per megapixel."""
     from rcdn.io import expand, is_video, read_image
 
     paths = [p for p in expand([str(folder)])[0] if not is_video(p)]
@@ -83,8 +86,8 @@ def _usual(folder: Path) -> float:
 
 
 def measured(name: str, limit: float) -> Answer:
-    """What detection takes, and finds, on the picture called `name`. After `limit` s of computing it is given up, and counts as if it had just ended;
-    so it is after `PATIENCE` times as long by the clock."""
+    """Time and result of detection on the picture called `name`. After `limit` s of computing it is aborted, and counts
+    as if it had just ended; the same after `PATIENCE` times as long by the clock."""
     context = multiprocessing.get_context("spawn")
     receive, send = context.Pipe(duplex=False)
     process = context.Process(target=_child, args=(name, limit, send), daemon=True)
@@ -92,7 +95,7 @@ def measured(name: str, limit: float) -> Answer:
     send.close()
     answer: Answer = {}
     try:
-        answer = receive.recv()  # the picture's size, once it is drawn
+        answer = receive.recv()  # the picture's size, sent when it is drawn
         if receive.poll(PATIENCE * limit):
             return answer | receive.recv()
         return _given_up(answer, limit)
@@ -132,7 +135,7 @@ def _answer(time_taken: float, found: Any) -> Answer:
 
 
 def _warm() -> Any:
-    """A detector that has loaded all it needs."""
+    """A detector that has loaded everything it needs."""
     import cv2
 
     from rcdn.detector import Detector
@@ -144,7 +147,7 @@ def _warm() -> Any:
 
 
 def _timed(detector: Any, image: Array) -> tuple[float, Any]:
-    """CPU time, ms a megapixel, and what was found."""
+    """CPU time, ms per megapixel, and the result."""
     start = time.process_time()
     found = detector.detect(image)
     return 1e3 * (time.process_time() - start) / max(image.size / 1e6, LEAST), found

@@ -1,4 +1,4 @@
-"""Pictures without a board: noise, dots, lines, waves, clutter, and what isn't a picture at all. Grey (H, W), from seeds."""
+"""Pictures without a board: noise, dots, lines, waves, clutter, and unusual data types. Grey (H, W), from seeds."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ def salt_and_pepper(size: Size, share: float, seed: int = 2) -> Array:
 
 
 def checker_noise(size: Size, pitch: int, seed: int = 3) -> Array:
-    """Squares of `pitch` px, each black or white by chance."""
+    """Squares of `pitch` px, each randomly black or white."""
     cells = _rng(seed).random((size[1] // pitch + 1, size[0] // pitch + 1)) < 0.5
     large = np.where(cells, BRIGHT, DARK).astype(np.uint8).repeat(pitch, 0).repeat(pitch, 1)
     return np.ascontiguousarray(large[: size[1], : size[0]])
 
 
 def saddles(size: Size, period: float) -> Array:
-    """The product of two sines of `period` px: nothing but saddles."""
+    """The product of two sines of `period` px: saddles everywhere."""
     x, y = grid(size)
     k = F32(2 * np.pi / period)
     return grey(np.sin(k * x) * np.sin(k * y + F32(0.4)))
 
 
 def halftone(size: Size, period: float, angle: float = 0.4) -> Array:
-    """A ramp as printed: round dots `period` px apart that grow, touch and become holes."""
+    """A ramp as printed: round dots with a spacing of `period` px that grow, touch and become holes."""
     x, y = grid(size)
     k, c, s = F32(np.pi / period), F32(np.cos(angle)), F32(np.sin(angle))
     screen = np.sin(k * (c * x + s * y)) * np.sin(k * (c * y - s * x))
@@ -55,7 +55,7 @@ def halftone(size: Size, period: float, angle: float = 0.4) -> Array:
 
 
 def moire(size: Size) -> Array:
-    """Two gratings of nearly equal periods, turned against each other."""
+    """Two gratings of nearly equal periods, rotated relative to each other."""
     x, y = grid(size)
     one, two = np.sin(x * F32(0.9) + y * F32(0.05)), np.sin(x * F32(0.05) + y * F32(0.87))
     three = np.sin(x * F32(0.95) - y * F32(0.04))
@@ -63,14 +63,14 @@ def moire(size: Size) -> Array:
 
 
 def zone_plate(size: Size) -> Array:
-    """Rings whose frequency rises to half a cycle a pixel at the rim."""
+    """Rings whose frequency rises to half a cycle per pixel at the border."""
     x, y = grid(size)
     square = (x - F32(size[0] / 2)) ** 2 + (y - F32(size[1] / 2)) ** 2
     return grey(np.cos(F32(np.pi / max(size)) * square))
 
 
 def stripes(size: Size, period: int) -> Array:
-    """Upright stripes."""
+    """Vertical stripes."""
     x, y = grid(size)
     return np.where((x + 0 * y) % period < period / 2, DARK, BRIGHT).astype(np.uint8)
 
@@ -96,7 +96,7 @@ def bricks(size: Size, width: int, height: int) -> Array:
 
 
 def text(size: Size, height: int, seed: int = 4) -> Array:
-    """Letters by chance, `height` px high, line below line."""
+    """Random letters, `height` px high, line by line."""
     rng = _rng(seed)
     out = np.full(size[::-1], BRIGHT, np.uint8)
     letters = np.array(list("#+XxHKM8%&@EFAWZkz*=0123456789"))
@@ -107,7 +107,7 @@ def text(size: Size, height: int, seed: int = 4) -> Array:
 
 
 def blocks(size: Size, quality: int, seed: int = 5) -> Array:
-    """Smooth noise after a JPEG of low `quality`."""
+    """Smooth noise after JPEG compression of low `quality`."""
     _, data = cv2.imencode(".jpg", smooth_noise(size, 3.0, seed), [cv2.IMWRITE_JPEG_QUALITY, quality])
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 

@@ -1,4 +1,5 @@
-"""Guided calibration: the next picture that helps most, which frames to take, and when it is enough."""
+"""Guided calibration: the most informative next picture, which frames to take, and when the calibration is
+sufficient."""
 
 from rcdn.calibration.guidance.guide import Guide, Look
 from rcdn.calibration.guidance.progress import Progress

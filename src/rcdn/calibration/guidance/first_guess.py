@@ -1,7 +1,8 @@
-"""A camera before there is one: what is known of any camera beforehand, and what one or two views of a board add to it.
+"""A provisional camera from a prior, refined by the first one or two views of a board.
 
-A Gaussian prior on focal length, principal point and distortion, and its maximum a posteriori estimate from the views there are. It is
-good enough to plan the first views by (where a board must be held to tell what), and is given up as soon as the views alone settle a camera.
+A Gaussian prior on focal length, principal point and distortion, and the maximum a posteriori estimate from the
+available views. It is accurate enough to plan the first views (where the board must be held), and is replaced as soon
+as the views alone determine a camera.
 """
 
 from __future__ import annotations
@@ -21,23 +22,25 @@ from rcdn.calibration.usable import FEWEST_CORNERS, sigma_of
 from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
 
 MODELS: tuple[tuple[CameraModel, int], ...] = (("brown", 5), ("fisheye", 4))
-"""lens models and their coefficients: a usual lens, and a wide one"""
+"""lens models and the number of their coefficients: a normal lens, and a wide-angle one"""
 FOCALS = (0.8, 0.45, 1.4)
-"""focal lengths to start from, widths of the frame; the prior's mean is the first"""
+"""initial focal lengths, in widths of the frame; the first is the prior's mean"""
 FOCAL, ASPECT, CENTRE = 0.4, 0.02, 0.05
-"""prior standard deviations: of the focal length as a share of it, of fy ÷ fx, of the principal point as a share of the width"""
+"""prior standard deviations: of the focal length (relative), of fy ÷ fx, of the principal point as a share of the
+width"""
 RADIAL, TANGENTIAL = 0.3, 0.01
-"""and of the coefficients of the lens"""
+"""prior standard deviations of the radial and the tangential coefficients"""
 SCATTER = 0.2
-"""px along one axis that corners are taken to scatter: nothing is known yet of how they do"""
+"""px along one axis, the assumed noise of corners: there is no estimate of it yet"""
 
 
 def first_guess(
     image_size: tuple[int, int], boards: Sequence[Board], names: Sequence[str], spacing: Spacing, size: Size | None
 ) -> Calibration:
-    """The camera that a prior and `boards` (none will do) make likely, as a calibration whose covariance is the posterior's.
+    """The maximum a posteriori camera from a prior and `boards` (possibly none), as a calibration with the posterior
+    covariance.
 
-    `image_size` (width, height) px; `spacing` m and `size` as in `calibrate`. Boards that no pose fits are left out.
+    `image_size` (width, height) px; `spacing` m and `size` as in `calibrate`. Boards that cannot be used are left out.
     """
     seen, labels, kept = _seen(boards, spacing, size)
     side = labels[0].spacing if labels else spacing if isinstance(spacing, float) else next(iter(spacing.values()))
@@ -61,7 +64,7 @@ def first_guess(
 
 
 def nominal(image_size: tuple[int, int], model: CameraModel, many: int, focal: float) -> Camera:
-    """A camera of a focal length of `focal` widths of the frame whose lens of `many` coefficients bends nothing."""
+    """A camera with a focal length of `focal` widths of the frame and a lens of `many` coefficients, all zero."""
     width, height = image_size
     K = np.array([[focal * width, 0, (width - 1) / 2], [0, focal * width, (height - 1) / 2], [0, 0, 1]])
     return Camera(K, np.zeros(many), image_size, model)
@@ -69,7 +72,8 @@ def nominal(image_size: tuple[int, int], model: CameraModel, many: int, focal: f
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A `state` that was fitted to `corners` with `weight` (N,) 1 / px; twice the negative logarithm of its posterior density, `cost`."""
+    """A `state` fitted to `corners` with `weight` (N,) 1 / px; `cost`, twice the negative logarithm of its posterior
+    density."""
 
     state: State
     corners: Corners3
@@ -78,7 +82,7 @@ class _Fit:
 
 
 def _seen(boards: Sequence[Board], spacing: Spacing, size: Size | None) -> tuple[list[Seen], list[Labelled], list[int]]:
-    """The boards that tell something, their labels, and their indices."""
+    """The usable boards, their labels, and their indices."""
     if not boards:
         return [], [], []
     every = Geometries.of(boards, spacing, size).labelled(boards, strict=False)
@@ -117,7 +121,7 @@ def _fit(
 
 
 def _prior(camera: Camera) -> Prior:
-    """Of the parameters of `camera`, with its own as the mean."""
+    """The prior of the parameters of `camera`, with its own values as the mean."""
     focal, width = camera.K[0, 0], camera.image_size[0]
     names = camera.parameter_names[4:]
     lens = [TANGENTIAL if name.startswith("p") else RADIAL for name in names]
@@ -128,7 +132,7 @@ def _prior(camera: Camera) -> Prior:
 
 
 def _without_views(covariance: Array) -> Array:
-    """(P + 6, P + 6): boards that were never seen have no motion to be wrong in."""
+    """(P + 6, P + 6): without boards, their mean motion has no uncertainty."""
     out = np.zeros((len(covariance) + 6, len(covariance) + 6))
     out[:-6, :-6] = covariance
     return out

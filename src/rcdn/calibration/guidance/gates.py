@@ -1,4 +1,5 @@
-"""Why a frame can't be taken: too far, moving, dark, overexposed, blurred, or there already. Each gate gives a sentence, "" if it is passed."""
+"""Reasons for rejecting a frame: too far, moving, dark, overexposed, blurred, or redundant. Each check returns a
+sentence, "" if it is passed."""
 
 from __future__ import annotations
 
@@ -14,27 +15,28 @@ from rcdn.types import Array, Board
 PITCH = 8.0
 """px between neighbouring corners, below which a board is too far away"""
 MOVING = 0.03
-"""diagonals of the frame a second: a board that moves faster isn't still"""
+"""diagonals of the frame per second above which a board is moving"""
 HOLD = 0.3
-"""s that it must be still"""
+"""s for which it must be still"""
 GAP = 1.0
-"""s without a frame, after which nothing is known of what the board did"""
+"""s without a frame, after which the motion of the board is unknown"""
 BLUR, BLUR_SHARE = 1.5, 0.12
-"""px of blur (more where the frame is larger than 1280 px), and share of a square's side: a frame that exceeds both is blurred"""
+"""px of blur (more if the frame is larger than 1280 px), and share of a square's side: a frame that exceeds both is
+blurred"""
 CONTRAST, CLIPPED = 25.0, 0.6
-"""grey levels between black and white squares, and share of overexposed white ones"""
+"""least difference between black and white squares, grey levels, and largest share of overexposed white squares"""
 SAME = 0.02
-"""diagonals by which a board's outline must differ from all that were taken"""
+"""diagonals by which a board's outline must differ from those of all accepted pictures"""
 
 
 def too_small(board: Board) -> str:
-    """The detector finds smaller squares, but less precisely."""
+    """Squares that are too small: the detector finds them, but less precisely."""
     side = pitch(board)
     return f"The board is too far away: its squares have only {side:.0f} px." if side < PITCH else ""
 
 
 def poor(board: Board, found: Quality) -> str:
-    """Too dark or too bright."""
+    """Too dark, too little contrast, or overexposed."""
     if np.isfinite(found.contrast) and found.contrast < CONTRAST:
         return "The board is too dark, or has too little contrast: more light."
     if found.clipped > CLIPPED:
@@ -50,7 +52,7 @@ def blurred(board: Board, found: Quality) -> str:
 
 
 def taken(board: Board, others: Collection[Board]) -> str:
-    """A board that lies as one of the `others` tells nothing new, and its errors are the same."""
+    """A board in the same position as one of the `others` adds no information, and has the same errors."""
     if not others:
         return ""
     gaps = distances(np.stack([outline(b) for b in others]), outline(board))
@@ -58,18 +60,18 @@ def taken(board: Board, others: Collection[Board]) -> str:
 
 
 class Stillness:
-    """Whether the board has been still for HOLD seconds, frame by frame."""
+    """Tracks, frame by frame, whether the board has been still for HOLD seconds."""
 
     def __init__(self) -> None:
         self._last: tuple[float, Array] | None = None
         self._since = 0.0
 
     def lost(self) -> None:
-        """A frame without the board: begin anew."""
+        """Handle a frame without the board: start again."""
         self._last = None
 
     def moving(self, board: Board, time: float) -> str:
-        """The gate, of the `board` at `time` s."""
+        """The check for the `board` at `time` s."""
         here, last = outline(board), self._last
         if last is None or not 0 < time - last[0] <= GAP or _speed(last, (time, here)) > MOVING:
             self._since = time
@@ -78,12 +80,12 @@ class Stillness:
 
 
 def _speed(before: tuple[float, Array], after: tuple[float, Array]) -> float:
-    """Diagonals a second, of outlines (4, 2) at times s."""
+    """Diagonals per second between outlines (4, 2) at times in s."""
     return float(distances(before[1][None], after[1])[0]) / (after[0] - before[0])
 
 
 def pitch(board: Board) -> float:
-    """Median px between neighbouring corners of a row; 0 if there are none."""
+    """Median distance between neighbouring corners of a row, px; 0 if there are none."""
     order = np.lexsort((board.ij[:, 0], board.ij[:, 1]))
     ij, xy = board.ij[order], board.xy[order]
     near = (np.diff(ij[:, 0]) == 1) & (np.diff(ij[:, 1]) == 0)

@@ -1,4 +1,5 @@
-"""Guidance while a camera is being calibrated: where to hold the board next, which frame to take, when it is enough."""
+"""Guidance during the calibration of a camera: where to hold the board next, which frame to take, when the calibration
+is sufficient."""
 
 from __future__ import annotations
 
@@ -22,26 +23,27 @@ from rcdn.calibration.start import Seen, poses
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 from rcdn.types.ranges import grid_size, whole_size
 
 FEWEST_CORNERS = 12
-"""that a board must show"""
+"""least number of corners of a board"""
 FIT = 0.85
-"""how near the board must be to the wanted pose"""
+"""least agreement with the wanted pose"""
 ENOUGH = 0.7
-"""share of what the wanted view would bring (in the logarithm of the worst uncertainty) that makes any view worth taking"""
+"""share of the wanted view's gain (in the logarithm of the worst uncertainty) above which any view is taken"""
 OFF = 0.25
-"""of the board's size in the picture: an outline that is off by as much doesn't fit at all"""
+"""share of the board's size in the picture: an outline that deviates by as much has an agreement of 0"""
 BEYOND = 1.1
-"""× the distance at which a still board is blurred: the board isn't wanted nearer"""
+"""× the distance at which a still board is blurred: least distance of wanted poses afterwards"""
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What a frame shows. `refused`: why it can't be taken, in a sentence, "" if it can. `hint`: what to do next. `take`: it is good, and
-    worth taking now. `fit`: how near the board is to the wanted pose, 0 to 1. `gain`: share of what the wanted view would bring that this one
-    would. `arrow`: from the board's middle to where it is wanted, (2, 2) px, or None."""
+    """The assessment of a frame. `refused`: the reason why it cannot be taken, in a sentence, "" if it can. `hint`:
+    what to do next. `take`: it is good, and should be taken now. `fit`: agreement of the board with the wanted pose, 0
+    to 1. `gain`: share of the wanted view's gain that this one would bring. `arrow`: from the board's centre to the
+    wanted one, (2, 2) px, or None."""
 
     refused: str
     hint: str
@@ -54,14 +56,15 @@ class Look:
 class Guide:
     """Guides a person who holds a board in front of a camera, or the camera in front of a board.
 
-    `look` judges every frame, in order, and says when one should be taken; `add` takes its board and calibrates again; `progress` says where the
-    board is wanted next and how far it is. The wanted view is the one that lowers the worst projection uncertainty over the frame most
-    (`rcdn.calibration.next_view`); before there is a camera, under a prior of cameras (`first_guess`). The same frames give the same answers.
-    `look` may be called while another thread is in `add` or `remove`; those wait for one another.
+    `look` judges every frame, in order, and reports when one should be taken; `add` takes its board and calibrates
+    again; `progress` contains the next wanted pose of the board and how far the calibration is. The wanted view is the
+    one that reduces the worst projection uncertainty over the frame most (`rcdn.calibration.next_view`); as long as
+    there is no camera, under a prior (`first_guess`). The same frames give the same answers. `look` may be called while
+    another thread is in `add` or `remove`; calls of these two wait for one another.
 
-    `image_size` (width, height) px; `spacing` m, lens `model` and board `size` (columns, rows) in corners as in `rcdn.calibrate` (`size` is
-    learned from the first whole board by default); `target` px: the worst projection uncertainty to reach.
-    Raises RcdnError for a wrong argument.
+    `image_size` (width, height) px; `spacing` m, lens `model` and board `size` (columns, rows) in corners as in
+    `rcdn.calibrate` (by default `size` is taken from the first whole board); `target` px: the worst projection
+    uncertainty to reach. Raises RcdnError for a wrong argument.
     """
 
     def __init__(
@@ -89,15 +92,16 @@ class Guide:
 
     @property
     def progress(self) -> Progress:
-        """How far it is."""
+        """The present state of the calibration."""
         return self._plan.progress
 
     def add(self, board: Board, name: str) -> Progress:
-        """Take `board` of the picture `name`, and calibrate again; a name that is there already is replaced. Takes up to seconds."""
+        """Take `board` of the picture `name`, and calibrate again; an existing picture of that name is replaced. Takes
+        up to seconds."""
         return self.add_all({name: board})
 
     def add_all(self, boards: Mapping[str, Board]) -> Progress:
-        """`add` of several pictures by name, those of an earlier session, say, at the price of one calibration."""
+        """`add` for several pictures by name, such as those of an earlier session, with a single calibration."""
         for board in boards.values():
             check_board(board)
             if board.image_size != self._wish.image_size:
@@ -112,7 +116,7 @@ class Guide:
             return self._replanned(*known[0])
 
     def remove(self, name: str) -> Progress:
-        """Give up the picture `name`. Raises ConfigError if it isn't there."""
+        """Remove the picture `name`. Raises ConfigError if there is none."""
         with self._writing:
             if name not in self._boards:
                 raise ConfigError(f"name must be one of the accepted pictures, not {shown(name)}")
@@ -120,8 +124,8 @@ class Guide:
             return self._replanned(self._plan.known.size, self._plan.known.plane)
 
     def look(self, board: Board | None, time: float, grey: Shaped[Array, "h w"] | None = None) -> Look:
-        """Judge the board of the frame at `time` s (rising), None if there is none; `grey` (H, W) uint8: the frame, in whose pixels
-        the board's corners count, for its sharpness and exposure (None: they aren't judged)."""
+        """Judge the board of the frame at `time` s (ascending), None if there is none; `grey` (H, W) uint8: the frame,
+        in whose pixels the board's corners are given, for its sharpness and exposure (None: they are not judged)."""
         if board is None or len(board) < FEWEST_CORNERS:
             self._stillness.lost()
             why = "No board is seen." if board is None else "Too little of the board is seen."
@@ -143,7 +147,8 @@ class Guide:
         return Look(refused, said or state.progress.sentence, not refused and worth, fit, gain, arrow)
 
     def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
-        """Of a board that is still: one that is blurred, nearer than all that were sharp, is below the depth of field."""
+        """Blur and exposure of a board that is still; if it is blurred and nearer than all sharp ones, it is closer
+        than the depth of field."""
         if grey is None:
             return ""
         found = quality(grey, board)
@@ -164,7 +169,7 @@ class Guide:
                 self._plan = planned(self._wish, known, self._nearest)
 
     def _learn(self, board: Board) -> None:
-        """The board's size, from the first that is whole or whose codes say it."""
+        """Set the board's size, from the first board that is whole or whose codes contain it."""
         if self._plan.known.size is not None or self._writing.locked():
             return
         size, plane = self._printed(board)
@@ -173,7 +178,7 @@ class Guide:
                 self._replanned(size, plane)
 
     def _printed(self, board: Board) -> tuple[Size | None, Plane]:
-        """Size and plane of the whole board as far as this one, or one before, tells."""
+        """Size and plane of the whole board, from this board or an earlier one; size None if unknown."""
         if self._plan.known.size is not None:
             return self._plan.known.size, self._plan.known.plane
         if self._given is not None:
@@ -190,7 +195,7 @@ class Guide:
 
 @dataclass(frozen=True, eq=False)
 class _Now:
-    """How a board is `held`, as far as the camera is known, and its `gain` as in `Look`."""
+    """The present pose of the board, `held`, under the current camera, and its `gain` as in `Look`."""
 
     held: Held
     gain: float
@@ -208,8 +213,8 @@ class _Now:
         return cls(Held.of(middle, centre, T[:3, :3]), _gain(seen, state))
 
 
-def _gain(points: Float[Array, "n 3"], state: Plan) -> float:
-    """Share of the wanted view's gain that a view which sees `points` (N, 3) would bring."""
+def _gain(points: Real[Array, "n 3"], state: Plan) -> float:
+    """Share of the wanted view's gain that a view of `points` (N, 3) would bring."""
     forecast, wanted = state.forecast, state.progress.wanted
     if forecast is None or wanted is None or not 0 < wanted.after < wanted.before:
         return 0.0
@@ -218,7 +223,8 @@ def _gain(points: Float[Array, "n 3"], state: Plan) -> float:
 
 
 def _fit(board: Board, wanted: NextView, state: Plan) -> float:
-    """1 for a board that lies where it is wanted, 0 for one that is off by OFF of its size, or that isn't seen whole."""
+    """Agreement with the wanted pose: 1 for the same outline, 0 for one that deviates by OFF of its size, and for a
+    board that is not seen whole."""
     if sorted(board.size) != sorted(state.known.size or ()):
         return 0.0
     diagonal = float(np.hypot(*board.image_size))

@@ -1,4 +1,4 @@
-"""What to do with the board, in words: from how it is held to how it is wanted."""
+"""Instructions for the person with the board: from its present pose to the wanted one."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ import numpy as np
 
 from rcdn.calibration.next_view import NEARER
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 NEAR = 1.15
-"""× the wanted distance, or a part of it, within which the distance is right"""
+"""ratio of the distances, in either direction, up to which the distance is right"""
 ASIDE = 0.08
-"""of the frame's diagonal that the board's middle may lie off"""
+"""tolerance of the position of the board's centre, share of the frame's diagonal"""
 LEAN = 12.0
-"""degrees by which its tilt may be off"""
+"""tolerance of the tilt, degrees"""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """How a board is held: `middle` (2,) px of it, `distance` m, and `lean` (2,) degrees: its tilt against the line of sight, towards the side
-    of the picture (x, y) at which it is nearer."""
+    """Pose of a board in the terms of the instructions: `middle` (2,) px, its centre, `distance` m, and `lean` (2,)
+    degrees: its tilt against the line of sight, in the direction of the picture (x, y) in which it is nearer."""
 
     middle: Array
     distance: float
     lean: Array
 
     @classmethod
-    def of(cls, middle: Array, centre: Float[Array, " 3"], R: Float[Array, "3 3"]) -> Held:
-        """Of a board whose middle is at `centre` (3,) m, camera coordinates, and at `middle` px; `R` (3, 3) takes its axes to the camera's."""
+    def of(cls, middle: Array, centre: Real[Array, " 3"], R: Real[Array, "3 3"]) -> Held:
+        """For a board whose centre is at `centre` (3,) m, camera coordinates, and at `middle` px; `R` (3, 3) takes its
+        axes to the camera's."""
         distance = float(np.linalg.norm(centre))
         sight, normal = centre / max(distance, 1e-12), R[:, 2]
         aside = (normal - (normal @ sight) * sight)[:2]
@@ -38,7 +39,7 @@ class Held:
 
 
 def hint(held: Held, wanted: Held, camera: Camera) -> str:
-    """One thing to do next: the place first, then the distance, then the tilt; "" if the board is held as wanted.
+    """One instruction: the place first, then the distance, then the tilt; "" if the board is in the wanted pose.
 
     Directions are those of the picture as the camera sees it: right is its right.
     """

@@ -1,4 +1,4 @@
-"""How far a guided calibration is, what is wanted next, and when it is enough."""
+"""Progress of a guided calibration: the next wanted view, and the criterion for completion."""
 
 from __future__ import annotations
 
@@ -18,28 +18,32 @@ from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.errors import CalibrationError, present
 from rcdn.geometry import unproject
 from rcdn.types import Array, Board, Calibration, Camera, Plane
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 FILLS = (0.85, 0.55, 0.35)
-"""shares of the frame that the board may span where it is held facing the camera: the larger of those of width and height"""
+"""shares of the frame that a board facing the camera spans at the candidate distances: the larger of those of width and
+height"""
 NEAREST = 0.6
-"""of the board's longer side: nearer it hides the light, and no lens is sharp from its middle to its rim"""
+"""least distance, as a share of the board's longer side: closer it blocks the light, and no lens is sharp from its
+centre to its border"""
 FEWEST = 8
-"""views, below which it is never enough"""
+"""least number of views for completion"""
 ENDLESS = 60
-"""pictures that may still be needed, beyond which more of them aren't the way"""
+"""number of further pictures above which more pictures are not the remedy"""
 SETTLED = 10
-"""views from which on that can be told"""
+"""least number of views for that decision"""
 HINDRANCES = ("bent", "smooth", "systematic", "rms", "uneven")
-"""checks of the verdict that say what more pictures won't mend"""
+"""checks of the verdict whose causes more pictures do not remove"""
 
 
 @dataclass(frozen=True, eq=False)
 class Progress:
-    """How far it is. `views`: the names of the accepted pictures. `calibration` from them, None until they settle a camera. `wanted`: where to
-    hold the board for the next one, None before a board was seen and where no pose can be seen. `worst` px: the worst projection uncertainty
-    over the frame (infinite before there is a camera), and `map` (rows, columns) of it over a grid from rim to rim, None before; `target` px to
-    reach. `done`: it is reached. `stuck`: more pictures like these won't reach it. `sentence`: what to do, or why it is enough."""
+    """State of a guided calibration. `views`: the names of the accepted pictures. `calibration` from them, None until
+    they determine a camera. `wanted`: the pose of the board for the next picture, None before a board was seen and if
+    no candidate is visible. `worst` px: the worst projection uncertainty over the frame (infinite before there is a
+    camera), and `map` (rows, columns) of it over a grid that includes the border, None before; `target` px to reach.
+    `done`: it is reached. `stuck`: more pictures of this kind will not reach it. `sentence`: what to do, or why the
+    calibration is sufficient."""
 
     views: tuple[str, ...]
     calibration: Calibration | None
@@ -54,8 +58,9 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is known: `found`, the calibration of the accepted pictures, None until they settle a camera; `guess` instead of it until then;
-    the pictures' `names`; the board's `size` (columns, rows) in corners, None until it was seen whole, and the `plane` it counts on."""
+    """The current estimate: `found`, the calibration from the accepted pictures, None until they determine a camera;
+    `guess`, the provisional one until then; the pictures' `names`; the board's `size` (columns, rows) in corners, None
+    until it was seen whole, and the `plane` of its labels."""
 
     found: Calibration | None
     guess: Calibration | None
@@ -65,13 +70,14 @@ class Known:
 
     @property
     def calibration(self) -> Calibration:
-        """The best there is."""
+        """The best available estimate."""
         return present(self.found or self.guess, "a camera")
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A `progress` with what judging a frame needs: what is `known`, and the `forecast` of one view more under it."""
+    """A `progress` with what the assessment of a frame needs: the estimate `known`, and the `forecast` for one more
+    view under it."""
 
     progress: Progress
     known: Known
@@ -80,7 +86,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Wish:
-    """What a guided calibration is to be: `image_size` (width, height) px, `spacing` m, lens `model`, `target` px."""
+    """Settings of a guided calibration: `image_size` (width, height) px, `spacing` m, lens `model`, `target` px."""
 
     image_size: tuple[int, int]
     spacing: Spacing
@@ -89,14 +95,14 @@ class Wish:
 
 
 def learned(wish: Wish, boards: Sequence[Board], names: Sequence[str], size: Size | None, plane: Plane) -> Known:
-    """What the accepted `boards` tell."""
+    """The estimate from the accepted `boards`."""
     found = _calibrated(wish, boards, names, size)
     guess = None if found else first_guess(wish.image_size, boards, names, wish.spacing, size)
     return Known(found, guess, tuple(names), size, plane)
 
 
 def planned(wish: Wish, known: Known, nearest: float = 0.0) -> Plan:
-    """The plan for what is `known`; `nearest` m: the board isn't wanted nearer."""
+    """The plan for the estimate `known`; `nearest` m: least distance of the wanted pose."""
     best, wanted = known.calibration, None
     if known.size is not None:
         distances = np.maximum(reach_of(best.camera, known.size, known.plane, best.spacing), nearest)
@@ -105,8 +111,8 @@ def planned(wish: Wish, known: Known, nearest: float = 0.0) -> Plan:
     return Plan(_progress(wish, known, wanted), known, Forecast.of(best))
 
 
-def reach_of(camera: Camera, size: Size, plane: Plane, spacing: float) -> Float[Array, " d"]:
-    """(D,) m, rising: distances at which a board that faces the `camera` spans a good part of the frame."""
+def reach_of(camera: Camera, size: Size, plane: Plane, spacing: float) -> Real[Array, " d"]:
+    """(D,) m, ascending: distances at which a board that faces the `camera` spans a large part of the frame."""
     width, height = camera.image_size
     cols, rows = _along(size, camera.image_size)
     extent = np.abs(plane.points(np.array([cols - 1, rows - 1]))) * spacing
@@ -154,9 +160,9 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
 
 
 def _hopeless(found: Calibration, worst: float, target: float) -> str:
-    """Why more pictures like these won't reach `target` px, or ""."""
+    """The reason why more pictures of this kind will not reach `target` px, or ""."""
     n = len(found.used_views)
-    needed = n * ((worst / target) ** 2 - 1)  # a mean's variance falls with the number of views
+    needed = n * ((worst / target) ** 2 - 1)  # the variance of a mean is inversely proportional to the number of views
     if n < SETTLED or needed <= ENDLESS or found.verdict is None:
         return ""
     cause = next((r for r in found.verdict.against if r.key in HINDRANCES), None)

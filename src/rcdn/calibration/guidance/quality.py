@@ -1,8 +1,8 @@
-"""Is a frame good enough to calibrate from? Blur and exposure, measured at the edges of the board's squares.
+"""Blur and exposure of a frame, measured at the edges of the board's squares.
 
-Between two neighbouring corners runs the edge of a black square and a white one: a slanted-edge target (ISO 12233) at dozens of places. The
-mean profile across the edges that run along columns, and that across those along rows, give the blur in both directions; motion blurs one
-more than the other.
+Between two neighbouring corners runs the edge of a black square and a white one: a slanted-edge target (ISO 12233) at
+dozens of places. The mean profile across the edges that run along columns, and that across those along rows, give the
+blur in both directions; motion blurs one more than the other.
 """
 
 from __future__ import annotations
@@ -13,26 +13,28 @@ import cv2
 import numpy as np
 
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Float, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 REACH, LONGEST = 0.4, 12.0
-"""how far a profile reaches to both sides of an edge: a share of the edge's length, and px at most"""
+"""half length of a profile across an edge: a share of the edge's length, and at most in px"""
 SAMPLES = 49
-"""of a profile"""
+"""number of samples of a profile"""
 PLATEAU = 0.2
-"""share of a profile at either end that tells how dark and how bright its squares are"""
+"""share of a profile at either end that gives the grey levels of the dark and of the bright square"""
 LOW, HIGH, NORMAL = 0.2, 0.8, 2 * 0.8416
-"""the levels between which an edge's width is measured, and how many standard deviations of a Gaussian lie between them"""
+"""the levels between which an edge's width is measured, and the distance between them in standard deviations of a
+Gaussian"""
 SATURATED = 254
-"""grey level from which on a pixel says no more than that it is bright"""
+"""grey level from which a pixel counts as overexposed"""
 MOST_EDGES = 60
-"""of one direction that are looked at"""
+"""most edges of one direction that are measured"""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Of a board's picture: `blur`, standard deviation of the Gaussian that would blur its edges as much, px, in the worse of both directions;
-    `contrast` of its squares, grey levels; `clipped`, share of the white squares that are overexposed. NaN where there is no edge to measure."""
+    """Quality of a board's picture: `blur`, standard deviation of the Gaussian that would blur its edges equally, px,
+    in the worse of both directions; `contrast` of its squares, grey levels; `clipped`, share of overexposed white
+    squares. NaN where there is no edge to measure."""
 
     blur: float
     contrast: float
@@ -40,7 +42,7 @@ class Quality:
 
 
 def quality(grey: Shaped[Array, "h w"], board: Board) -> Quality:
-    """Of `board` in the picture `grey` (H, W) uint8, whose pixels its corners count in."""
+    """The quality of `board` in the picture `grey` (H, W) uint8, in whose pixels its corners are given."""
     measured = [_across(grey, *_edges(board, step)) for step in ((1, 0), (0, 1))]
     blurs = [m.blur for m in measured if np.isfinite(m.blur)]
     known = [m for m in measured if np.isfinite(m.contrast)]
@@ -59,8 +61,8 @@ def _edges(board: Board, step: tuple[int, int]) -> tuple[Array, Array]:
     return board.xy[index[:, 0]], board.xy[index[:, 1]]
 
 
-def _across(grey: Array, start: Array, end: Float[Array, "e 2"]) -> Quality:
-    """The mean profile across the edges from `start` to `end` (E, 2)."""
+def _across(grey: Array, start: Array, end: Real[Array, "e 2"]) -> Quality:
+    """The quality from the profiles across the edges from `start` to `end` (E, 2)."""
     if not len(start):
         return Quality(float("nan"), float("nan"), float("nan"))
     length = np.linalg.norm(end - start, axis=1)
@@ -84,7 +86,8 @@ def _across(grey: Array, start: Array, end: Float[Array, "e 2"]) -> Quality:
 
 
 def _width(t: Array, profile: Array) -> float:
-    """Distance between where a rising `profile` at `t` last leaves LOW and first reaches HIGH."""
+    """Distance between the last position at which a rising `profile` at `t` is below LOW and the first at which it
+    reaches HIGH."""
     below, above = np.flatnonzero(profile <= LOW), np.flatnonzero(profile >= HIGH)
     if not len(below) or not len(above) or above[-1] <= below[0]:
         return float("nan")

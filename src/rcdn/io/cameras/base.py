@@ -14,7 +14,7 @@ from rcdn.geometry.fit_lens import nearest
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import take
 from rcdn.types import Array, Camera, CameraModel
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import whole_size
 
 HOLDERS = {
@@ -99,7 +99,7 @@ def usable(camera: Camera, where: str) -> Camera:
     return camera
 
 
-def matrix(fx: float, fy: float, cx: float, cy: float) -> Float[Array, "3 3"]:
+def matrix(fx: float, fy: float, cx: float, cy: float) -> Real[Array, "3 3"]:
     """(3, 3) K."""
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
 
@@ -118,7 +118,7 @@ def opencv_lens(where: str, values: Sequence[float] | Array) -> tuple[CameraMode
     return ("brown" if len(d) < 8 else "rational"), d[:8]
 
 
-def pinhole_numbers(camera: Camera, title: str) -> Float[Array, " 4"]:
+def pinhole_numbers(camera: Camera, title: str) -> Real[Array, " 4"]:
     """(4,) fx, fy, cx, cy for a format that knows no more. Raises FormatError for skew, and for numbers that aren't finite."""
     if camera.K[0, 1] != 0:
         raise FormatError(

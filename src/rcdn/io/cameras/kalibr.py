@@ -23,7 +23,7 @@ from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow, load
 from rcdn.io.fields import numbers, rigid, take, two_whole_numbers
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TITLE = "Kalibr's camchain"
 _OTHERS = "opencv, ros, colmap, mrcal or json"
@@ -48,7 +48,7 @@ def _lens(camera: Camera, others: str) -> tuple[str, Array]:
 
 
 def entry(
-    camera: Camera, index: int, overlaps: Sequence[int], T: Float[Array, "4 4"] | None = None, others: str = _OTHERS
+    camera: Camera, index: int, overlaps: Sequence[int], T: Real[Array, "4 4"] | None = None, others: str = _OTHERS
 ) -> str:
     """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own.
 

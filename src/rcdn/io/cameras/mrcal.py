@@ -17,7 +17,7 @@ from rcdn.io.cameras.rig import StereoCameras, motion
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, take, two_whole_numbers
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TITLE = "mrcal's .cameramodel"
 _LENGTHS = {
@@ -68,7 +68,7 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
     return _file(pair.left, np.zeros(6)), _file(pair.right, rt)
 
 
-def _rotation_vector(R: Array) -> Float[Array, " 3"]:
+def _rotation_vector(R: Array) -> Real[Array, " 3"]:
     """(3,) of a rotation (3, 3): exact near no turn and near half a turn, where cv2.Rodrigues isn't."""
     a, b, c = R
     # the quaternion (x, y, z, w) is the eigenvector of the largest eigenvalue
@@ -126,7 +126,7 @@ def _splined_camera(data: Any, path: str, numbers_of_name: list[int]) -> Camera:
         raise FormatError(f"{path}: {error}") from error
 
 
-def _pose(data: Any, path: str) -> Float[Array, "4 4"]:
+def _pose(data: Any, path: str) -> Real[Array, "4 4"]:
     """T_cam_ref (4, 4)."""
     key = next((k for k in _POSE if k in data), _POSE[0])
     rt = numbers({key: list(data.get(key, ()))}, key, path, finite=True, shape=(6,))

@@ -22,7 +22,7 @@ from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
 from rcdn.io.cameras.yaml_text import Matrix, block_matrix, load
 from rcdn.io.fields import number
 from rcdn.types import Array, Camera
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 TITLE = "OpenCV's YAML"
 _TURNS = ("R1", "R2", "P1", "P2", "Q")
@@ -34,7 +34,7 @@ def _matrix(key: str, array: Array) -> str:
     return block_matrix(key, array, " !!opencv-matrix")
 
 
-def _lens(camera: Camera) -> Float[Array, "n 1"]:
+def _lens(camera: Camera) -> Real[Array, "n 1"]:
     """(N, 1) distortion; five zeros for a pinhole, which OpenCV's programs expect."""
     pinhole_numbers(camera, TITLE)
     if camera.model == "division":

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Camera, StereoCalibration
-from rcdn.types.arrays import Float
+from rcdn.types.arrays import Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class StereoCameras:
         return cls(found.left.camera, found.right.camera, found.T_right_left, turns)
 
 
-def motion(R: Array, t: Array) -> Float[Array, "4 4"]:
+def motion(R: Array, t: Array) -> Real[Array, "4 4"]:
     """(4, 4) of a rotation (3, 3) and a translation (3,)."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, np.ravel(t)

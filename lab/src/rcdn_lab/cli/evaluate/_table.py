@@ -1,4 +1,4 @@
-"""What all suites share: a progress bar, the table on the terminal, files of figures."""
+"""Helpers shared by all suites: a progress bar, the table on the terminal, files of figures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Workers = Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")]
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[int, int], None] | None]:
-    """What to call with (done, total), to be shown as a bar on a terminal; None where there is no terminal."""
+    """A function to call with (done, total), which updates a bar on a terminal; None if there is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -40,8 +40,8 @@ def bar(title: str) -> Iterator[Callable[[int, int], None] | None]:
 
 
 def check_files(*paths: Path | None, plots: Path | None = None) -> None:
-    """Before the work: can the files be written, and, into the folder `plots`, pictures be drawn? What is said goes to standard error where one
-    of them is standard output."""
+    """Check before the work that the files can be written, and that figures can be drawn in the folder `plots`.
+    Messages go to standard error if one of the files is standard output."""
     from rcdn.io import check_writable
 
     talk.begin(outputs=paths)
@@ -51,7 +51,7 @@ def check_files(*paths: Path | None, plots: Path | None = None) -> None:
 
 
 def write_png(figure: Any, path: Path) -> None:
-    """A matplotlib figure, whole or not at all."""
+    """Write a matplotlib figure, whole or not at all."""
     from rcdn.io import write_bytes
 
     data = BytesIO()
@@ -79,7 +79,7 @@ def _cell(column: str, value: Any) -> str:
 
 
 def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: dict[str, Any]) -> None:
-    """Print a table, and save it if wanted; on standard error if standard output is for the file."""
+    """Print a table, and save it if requested; on standard error if standard output is used for the file."""
     from rcdn.provenance import provenance
     from rcdn_lab.results import save
 

@@ -1,4 +1,5 @@
-"""`rcdn evaluate calibration`, `repeatability` and `trust`: cameras, and whether their deviations hold."""
+"""`rcdn evaluate calibration`, `repeatability` and `trust`: accuracy of cameras, and validity of their standard
+deviations."""
 
 from __future__ import annotations
 
@@ -149,7 +150,7 @@ def trust(
 
 
 def _listed(option: str, text: str, known: Sequence[str]) -> list[str]:
-    """The names in `text`, comma between them; ConfigError for one that isn't `known`."""
+    """The comma-separated names in `text`; ConfigError for one that is not `known`."""
     from rcdn.errors import ConfigError
 
     names = [name.strip() for name in text.split(",") if name.strip()]

@@ -1,4 +1,4 @@
-"""`rcdn evaluate coded`: numbers on ChArUco boards, AprilGrids and PuzzleBoards."""
+"""`rcdn evaluate coded`: corner ids on ChArUco boards, AprilGrids and PuzzleBoards."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def coded(
         if own:
             show(suite.shown(name, own), None, "coded", {})
         last = name == wanted[-1]
-        if json is not None and (last or not is_stream(json)):  # a file after each part: what was measured isn't lost
+        if json is not None and (last or not is_stream(json)):  # after each part, so that nothing measured is lost
             goals = [suite.record(goal) for goal in suite.goals(rows)]
             save(json, "coded", suite.settings_of(plan, done) | {"skipped": lacking, "goals": goals}, rows)
     for goal in suite.goals(rows):

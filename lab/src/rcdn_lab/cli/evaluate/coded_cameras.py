@@ -1,4 +1,4 @@
-"""`rcdn evaluate coded-cameras`: cameras from ChArUco boards, ours and OpenCV's, on pictures held out."""
+"""`rcdn evaluate coded-cameras`: cameras from ChArUco boards, ours and OpenCV's, on held-out pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rcdn.terminal.spacing import Spacing
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 LIMIT = 0.7
-"""× OpenCV's held-out RMS: the goal"""
+"""the goal, × OpenCV's held-out RMS"""
 
 
 def coded_cameras(

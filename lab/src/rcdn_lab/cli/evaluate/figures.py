@@ -153,7 +153,7 @@ def _write(
     files: tuple[Path | None, Path | None, Path | None, Path | None],
     tables: Callable[[Sequence[dict[str, Any]]], str],
 ) -> None:
-    """All rows as JSON and CSV, the figure, and the short tables."""
+    """Write all rows as JSON and CSV, the figure, and the short tables."""
     from rcdn.io import write_text
     from rcdn_lab.results import save
 

@@ -1,4 +1,4 @@
-"""`rcdn evaluate guided`: simulated people who hold a board where they are told, and others."""
+"""`rcdn evaluate guided`: simulated people who hold a board according to the guide, and others."""
 
 from __future__ import annotations
 

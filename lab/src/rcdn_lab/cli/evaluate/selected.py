@@ -1,4 +1,4 @@
-"""`rcdn evaluate selected`: cameras from few selected photographs beside those from as many at random."""
+"""`rcdn evaluate selected`: cameras from a few selected photographs compared with those from as many random ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rcdn evaluate sieve`: what the sieve before the network loses."""
+"""`rcdn evaluate sieve`: corners lost by the sieve before the network."""
 
 from __future__ import annotations
 

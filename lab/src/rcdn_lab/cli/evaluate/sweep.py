@@ -60,7 +60,7 @@ def sweep(
 
 
 def _plot(rows: Sequence[dict[str, Any]], folder: Path) -> None:
-    """One PNG a factor."""
+    """One PNG for each factor."""
     from matplotlib.figure import Figure
 
     from rcdn_lab.plots.sweep_plot import draw_factor

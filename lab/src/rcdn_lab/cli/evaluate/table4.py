@@ -1,4 +1,4 @@
-"""`rcdn evaluate table4`: calibration and pose errors beside the paper's."""
+"""`rcdn evaluate table4`: calibration and pose errors compared with the paper's."""
 
 from __future__ import annotations
 
@@ -91,7 +91,8 @@ def table4(
 
 
 def _new(folder: Path | None) -> Path | None:
-    """`folder`, made if it isn't there. Raises ConfigError if it isn't empty: other pictures would count."""
+    """`folder`, created if it does not exist. Raises ConfigError if it is not empty: existing pictures would be
+    counted."""
     from rcdn.errors import ConfigError
 
     if folder is None:
@@ -105,7 +106,7 @@ def _new(folder: Path | None) -> Path | None:
 def _tell(
     rows: list[dict[str, Any]], settings: dict[str, Any], json: Path | None, csv: Path | None, markdown: Path | None
 ) -> None:
-    """Print, and write the files that are wanted."""
+    """Print the tables, and write the requested files."""
     from dataclasses import asdict
 
     from rcdn.io import write_text

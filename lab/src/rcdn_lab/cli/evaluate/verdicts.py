@@ -1,4 +1,4 @@
-"""`rcdn evaluate verdicts`: good sets of pictures told from bad ones."""
+"""`rcdn evaluate verdicts`: whether the verdict distinguishes good sets of pictures from bad ones."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def verdicts(
 
 
 def _real(data: Path, cache: Path | None) -> Iterator[Outcome]:
-    """The public sets, one by one, and pictures of two cameras mixed."""
+    """The public sets, one by one, and mixed pictures of two cameras."""
     from rcdn_lab import verdicts as suite
 
     boards = {name: _boards(data, name, cache) for name in dict.fromkeys([*suite.REAL, *sum(suite.MIXED, ())])}

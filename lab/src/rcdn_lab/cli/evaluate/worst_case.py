@@ -1,4 +1,4 @@
-"""`rcdn evaluate worst-case`: the longest that detection takes."""
+"""`rcdn evaluate worst-case`: the longest detection times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The package aprilgrid: tags of AprilGrids, without AprilTag's library. It is told the family and the border."""
+"""The package aprilgrid: tags of AprilGrids, without AprilTag's library. It is given the family and the border."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rcdn_lab.peers.coded.base import CodedPeer, Labelled, Read, boards_of, corn
 
 FAMILIES = ("tag16h5", "tag25h9", "tag36h11")
 BORDERS = {1: "b1", 2: ""}
-"""width of the border, bits, and the end of the package's name for it"""
+"""width of the border, bits, and the suffix of the package's name for it"""
 
 
 def _reads(target: Target) -> bool:
@@ -33,7 +33,7 @@ def _detector(family: str, border: int) -> Any:
 
 
 def read(image: Array, target: Target) -> list[Labelled]:
-    """The corners of all tags that it finds; [] for targets that it can't read."""
+    """The corners of all tags that it finds; [] for targets that it does not support."""
     if not isinstance(target, AprilGrid) or not _reads(target):
         return []
     ids: list[int] = []

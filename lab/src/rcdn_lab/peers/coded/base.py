@@ -1,4 +1,5 @@
-"""What every reader of codes is to the rest: what it can read, and a function from a picture and what it is told to numbered corners."""
+"""The interface of every reader of codes: the targets that it supports, and a function from a picture and its target to
+corners with ids."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from rcdn.types.target import AprilGrid, Charuco, Target
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """A board with numbers: `ids` (N,) as its target counts, `xy` (N, 2) px; `target`: what the reader says that it is, None where it was told."""
+    """A board with ids: `ids` (N,) as numbered on its target, `xy` (N, 2) px; `target`: the one that the reader
+    identified, None where it was given."""
 
     ids: Array
     xy: Array
@@ -21,14 +23,14 @@ class Labelled:
 
 
 Read = Callable[[Array, Target], list[Labelled]]
-"""(H, W) uint8 and the target, all of it known, → boards"""
+"""(H, W) uint8 and the complete target → boards"""
 
 
 @dataclass(frozen=True)
 class CodedPeer:
-    """Another reader of codes. `load` makes it, once a process; it raises nothing if `missing` gives None.
+    """Another reader of codes. `load` makes it, once per process; it does not raise if `missing` returns None.
 
-    `reads`: can it read such a target; `missing`: why it can't run here, or None.
+    `reads`: whether it supports a target; `missing`: the reason why it cannot run here, or None.
     """
 
     name: str
@@ -39,19 +41,20 @@ class CodedPeer:
 
 
 def boards_of(ids: list[int], xy: list[Array]) -> list[Labelled]:
-    """One board of all numbers, or none if there are none."""
+    """One board of all ids, or none if there are none."""
     return [Labelled(np.array(ids, int), np.array(xy, float).reshape(-1, 2))] if ids else []
 
 
 def board_size(target: Charuco | AprilGrid) -> tuple[int, int]:
-    """(columns, rows) of a target that is wholly known; a row that nobody told is an error of the caller."""
+    """(columns, rows) of a completely known target; an unknown number of rows is an error of the caller."""
     if target.rows is None:
         raise ValueError(f"a reader must be told the rows of {target}")
     return target.columns, target.rows
 
 
 def corners_of_tag(target: AprilGrid, tag: int) -> list[int]:
-    """Numbers of the corners of `tag`: bottom left, bottom right, top right, top left as it is printed; [] if the board hasn't that tag."""
+    """Ids of the corners of `tag`: bottom left, bottom right, top right, top left as it is printed; [] if the board
+    does not have that tag."""
     columns, rows = board_size(target)
     row, column = divmod(tag - target.first_id, columns)
     if not 0 <= row < rows:

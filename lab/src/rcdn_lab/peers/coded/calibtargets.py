@@ -1,6 +1,8 @@
-"""calib-targets: ChArUco boards and PuzzleBoards. It is told the board, but for where on the code a PuzzleBoard's part lies.
+"""calib-targets: ChArUco boards and PuzzleBoards. It is given the board, except for the position of a PuzzleBoard's
+part on the code.
 
-It knows no legacy boards, no first number but 0 and no inverted grey levels (which are given to it as their negative), and no AprilGrids.
+It does not support legacy boards, a first id other than 0, and AprilGrids; for inverted grey levels it is given the
+negative.
 """
 
 from __future__ import annotations
@@ -16,9 +18,9 @@ from rcdn_lab.peers.base import not_installed, version_of
 from rcdn_lab.peers.coded.base import CodedPeer, Labelled, Read, board_size, boards_of
 
 ORIGIN = 168
-"""columns and rows that its PuzzleBoard begins before that of the authors"""
+"""columns and rows by which the origin of its PuzzleBoard precedes that of the authors"""
 SIDE = 50
-"""squares of a PuzzleBoard that it is told where nobody knows how large it is"""
+"""squares of a PuzzleBoard that it is given, because the actual number is unknown"""
 
 
 def _reads(target: Target) -> bool:
@@ -32,7 +34,8 @@ def _missing() -> str | None:
 
 
 def read(image: Array, target: Target) -> list[Labelled]:
-    """The board's numbers; [] where it finds none, which it says by an exception, and for targets that it can't read."""
+    """The board's ids; [] if it finds none, which it reports by an exception, and for targets that it does not
+    support."""
     if not _reads(target):
         return []
     try:

@@ -1,4 +1,5 @@
-"""OpenCV: CharucoDetector for ChArUco boards, ArucoDetector and the corners of its tags for AprilGrids. It is told everything."""
+"""OpenCV: CharucoDetector for ChArUco boards, ArucoDetector and the corners of its tags for AprilGrids. It is given the
+complete target."""
 
 from __future__ import annotations
 
@@ -20,14 +21,15 @@ FAMILIES = {
 
 
 def read(image: Array, target: Target) -> list[Labelled]:
-    """The board's numbers as OpenCV reads them; [] for targets that it doesn't know."""
+    """The board's ids as read by OpenCV; [] for targets that it does not support."""
     if isinstance(target, Charuco):
         return _charuco(image, target)
     return _aprilgrid(image, target) if isinstance(target, AprilGrid) else []
 
 
 def _charuco(image: Array, target: Charuco) -> list[Labelled]:
-    """CharucoDetector, which refines with cornerSubPix. A board with inverted grey levels is given as an ordinary one, from the negative."""
+    """CharucoDetector, with refinement by cornerSubPix. For a board with inverted grey levels it is given the negative,
+    as an ordinary board."""
     columns, rows = board_size(target)
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, target.dictionary))
     odd = odd_markers(target)
@@ -44,7 +46,8 @@ def _charuco(image: Array, target: Charuco) -> list[Labelled]:
 
 
 def _aprilgrid(image: Array, target: AprilGrid) -> list[Labelled]:
-    """The corners of the tags that ArucoDetector finds. Printed tags are turned by 180° against OpenCV's pictures of them."""
+    """The corners of the tags that ArucoDetector finds. Printed tags are rotated by 180° relative to OpenCV's images of
+    them."""
     told = cv2.aruco.DetectorParameters()
     told.markerBorderBits = target.border
     told.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX

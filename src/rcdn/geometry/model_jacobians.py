@@ -1,4 +1,4 @@
-"""Derivatives of the parametric lens models."""
+"""Jacobians of the parametric lens models."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from rcdn.geometry.models import Brown
 from rcdn.types import Array, Camera
 
 NEAR_AXIS = 1e-7
-"""below this angle a fisheye's ray counts as on the axis"""
+"""rad; below this angle a fisheye's ray is treated as on the axis"""
 
 
-def distorted_with_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Distorted points (N, 2), in focal lengths, of camera points (N, 3), with their slopes in the points (N, 2, 3) and in the
-    distortion (N, 2, d); of every model but `division`."""
-    return (_fisheye_slopes if camera.model == "fisheye" else _central_slopes)(camera, points)
+def distorted_with_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """Distorted points (N, 2), in focal lengths, of camera points (N, 3), with their Jacobians with respect to the
+    points (N, 2, 3) and to the distortion (N, 2, d); for every model except `division`."""
+    return (_fisheye_jacobian if camera.model == "fisheye" else _central_jacobian)(camera, points)
 
 
-def _central_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """Of pinhole, brown and rational: distorted points (N, 2), their slopes in the points (N, 2, 3) and in the lens (N, 2, d)."""
+def _central_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """`distorted_with_jacobian` of the models pinhole, brown and rational."""
     z = np.where(points[:, 2] > 0, points[:, 2], np.nan)
     n = points[:, :2] / z[:, None]
     lens = Brown.of(camera.distortion)
-    a, b, c = lens.slopes(n)
+    a, b, c = lens.jacobian(n)
     by_n = np.stack([np.stack([a, b], -1), np.stack([b, c], -1)], axis=1)
     depth = -(by_n @ n[:, :, None])
     by_point = np.concatenate([by_n, depth], axis=2) / z[:, None, None]
@@ -30,7 +30,7 @@ def _central_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]
 
 
 def _brown_lens(lens: Brown, n: Array) -> Array:
-    """∂(distorted point)/∂(k1 k2 p1 p2 k3 k4 k5 k6), (N, 2, 8)."""
+    """Jacobian ∂(distorted point)/∂(k1 k2 p1 p2 k3 k4 k5 k6), (N, 2, 8)."""
     x, y = n.T
     r2 = x * x + y * y
     power = np.stack([r2, r2**2, r2**3], axis=-1)
@@ -46,8 +46,9 @@ def _brown_lens(lens: Brown, n: Array) -> Array:
     return out
 
 
-def _fisheye_slopes(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
-    """As `_central_slopes`, of the Kannala–Brandt model; on the axis the direction of a point doesn't matter."""
+def _fisheye_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
+    """`distorted_with_jacobian` of the Kannala–Brandt model; on the axis the Jacobian's limit is used, which doesn't
+    depend on the direction of approach."""
     xy, z = points[:, :2], points[:, 2]
     r = np.hypot(xy[:, 0], xy[:, 1])
     theta, square = np.arctan2(r, z), r * r + z * z
