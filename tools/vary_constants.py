@@ -100,7 +100,7 @@ def main() -> None:
         pictures.append((f"{factor} {level}", made.image, Answers(made.boards, bounds(made.scene))))
     pictures += [(str(path), read_image(path), None) for path in given.pictures]
     usual, boards = found(pictures, DetectorConfig.auto(threads=1))
-    print(json.dumps({"pictures": len(pictures), **usual}), flush=True)
+    print(json.dumps({**usual, "pictures": len(pictures)}), flush=True)
     for word in given.constants:
         place, name = word.split(":")
         module = importlib.import_module("rcdn." + place.replace("/", ".").removesuffix(".__init__"))
