@@ -65,6 +65,7 @@ def environments() -> dict[str, Environment]:
     for solver in ("lensboy", "aniposelib", "caliscope"):
         bare = tuple(line for line in requirements() if not line.startswith("opencv"))
         found[solver] = Environment((*bare, solver), (SOLVERS, RIG_FILES, "-k", solver))
+    found["pycolmap"] = Environment((*requirements(), "pycolmap"), (RIG_FILES, "-k", "pycolmap"))
     own = ("multical", "numpy<1.24")
     found["multical"] = Environment(tuple(requirements()), (SOLVERS, "-k", "multical"), own)
     return found
@@ -74,14 +75,24 @@ def made(folder: Path, packages: tuple[str, ...]) -> Path:
     """The Python of a new virtual environment with `packages`."""
     venv.create(folder, with_pip=True)
     python = folder / ("Scripts" if os.name == "nt" else "bin") / "python"
-    subprocess.run([python, "-m", "pip", "install", "-q", *packages], check=True)
+    install(python, *packages)
     return python
+
+
+def install(python: Path, *packages: str | Path) -> None:
+    """Let the environment's own pip install them."""
+    subprocess.run([python, "-m", "pip", "install", "-q", *packages], check=True, env=without_checkout())
+
+
+def without_checkout() -> dict[str, str]:
+    """This process's environment but for PYTHONPATH, in which pip would find this checkout, and install nothing."""
+    return {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
 
 def tried(name: str, environment: Environment, wheel: Path, folder: Path) -> bool:
     """Whether the tests pass in it; says with what they ran."""
     python = made(folder / name, (*environment.packages, "pytest>=8", "hypothesis>=6", "pillow>=10"))
-    subprocess.run([python, "-m", "pip", "install", "-q", "--no-deps", wheel], check=True)
+    install(python, "--no-deps", wheel)
     path = os.environ["PATH"]
     if environment.apart:
         own = made(folder / f"{name}-own", environment.apart)
@@ -90,7 +101,7 @@ def tried(name: str, environment: Environment, wheel: Path, folder: Path) -> boo
     code = (
         f"from rcdn.provenance import versions\nimport cv2\nprint(cv2.__version__, versions(*{sorted(set(known))!r}))"
     )
-    env = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"} | {"PATH": path}
+    env = without_checkout() | {"PATH": path}
     print(f"== {name}", flush=True)
     done = subprocess.run([python, "-c", code], env=env).returncode
     done = (

@@ -19,8 +19,10 @@ from rcdn.errors import RcdnError
 from rcdn.geometry import elementary, polygon
 from rcdn.native import bind
 from rcdn.synthetic import Background, BoardSpec, Scene, render
+from rcdn.targets.families import families
 
-edges, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "local"))
+edges, fragments, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "fragments", "local"))
+gains, rectify = (import_module(f"rcdn.targets.{name}") for name in ("gains", "rectify"))
 blurred_axes, orientation, sieve, symmetry = (
     import_module(f"rcdn.corners.{name}") for name in ("blurred_axes", "orientation", "sieve", "symmetry")
 )
@@ -93,6 +95,12 @@ def use_the_package():
     polygon.deeper(xy[:9], xy, 1.0)
     elementary.exp(xy), elementary.log(xy), elementary.erf(xy), elementary.cos_sin(xy), elementary.arctan2(xy, xy)
     symmetry._room.__wrapped__(5)
+    rectify.grid_with_ring(board)
+    fragments._quads(xy)
+    shown = np.zeros((3, 4, 6, 6))
+    gains.MarkedSquares(shown, np.indices((3, 4)).sum(axis=0) % 2 == 0, np.ones((3, 4), bool), 1).most_evidence(
+        families(4)[:1], 0.0
+    )
 
 
 def kept(value):

@@ -179,3 +179,12 @@ def test_a_used_detector_can_be_copied(preset, way):
     after = COPIES[way](detector).detect(PICTURE)
     assert np.array_equal(before.corners.xy, after.corners.xy)
     assert np.array_equal(before.corners.response, after.corners.response)
+
+
+def test_counts_and_boards_read_as_english():
+    from rcdn.errors import a_board, many
+
+    assert [many(1, "pair"), many(2, "pair"), many(0, "view")] == ["1 pair", "2 pairs", "0 views"]
+    assert [a_board(size) for size in ((9, 6), (8, 6), (11, 8), (18, 3))] == [
+        "a 9×6 board", "an 8×6 board", "an 11×8 board", "an 18×3 board",
+    ]  # fmt: skip

@@ -39,6 +39,21 @@ def test_corners_sort_and_take_keep_rows_together():
     assert corners(axes=None).take([0]).axes is None
 
 
+@pytest.mark.parametrize("index", [np.array([3, 0]), np.array([True, False, True, False]), slice(1, 4, 2), [2]])
+def test_corners_that_are_taken_are_values_of_their_own(index):
+    whole = corners()
+    picked = whole.take(index)
+    for name in ("xy", "response", "status", "axes", "sigma"):
+        one, other = getattr(whole, name), getattr(picked, name)
+        assert np.array_equal(other, one[index])
+        assert other.dtype == one.dtype
+        assert other.flags.c_contiguous
+        assert not other.flags.writeable
+        assert not np.shares_memory(one, other)
+    with pytest.raises(RcdnError):
+        whole.take(1)
+
+
 @pytest.mark.parametrize("empty", [[], np.zeros((0, 2)), np.zeros(0)])
 def test_no_corners(empty):
     none = Corners(empty, [], [], axes=empty)

@@ -15,6 +15,9 @@ import time
 from pathlib import Path
 
 FIRST_BOARD = Path(__file__).with_name("first_board.py")
+PROGRAMS = "Scripts" if os.name == "nt" else "bin"
+NEEDED = ("SYSTEMROOT", "TEMP", "TMP")
+"""without which Windows starts no program"""
 
 
 def run(*command: str | Path, environment: dict[str, str] | None = None) -> str:
@@ -24,8 +27,12 @@ def run(*command: str | Path, environment: dict[str, str] | None = None) -> str:
 
 def bare(folder: str) -> dict[str, str]:
     """An environment that knows no program but those in `folder`, and where to get packages from."""
-    kept = {key: value for key, value in os.environ.items() if key.startswith("PIP_") or key.lower().endswith("_proxy")}
-    return kept | {"PATH": f"{folder}/bin", "CC": "no-compiler", "LANG": "C.UTF-8"}
+    kept = {
+        key: value
+        for key, value in os.environ.items()
+        if key.startswith("PIP_") or key.lower().endswith("_proxy") or key in NEEDED
+    }
+    return kept | {"PATH": str(Path(folder, PROGRAMS)), "CC": "no-compiler", "LANG": "C.UTF-8"}
 
 
 def tell(wheel: Path, python: str) -> None:
@@ -33,7 +40,7 @@ def tell(wheel: Path, python: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         run(python, "-m", "venv", folder)
-        there, environment = Path(folder, "bin", "python"), bare(folder)
+        there, environment = Path(folder, PROGRAMS, "python"), bare(folder)
         options = ("--quiet", "--disable-pip-version-check", "--no-cache-dir", "--only-binary", ":all:")
         run(there, "-I", "-m", "pip", "install", *options, wheel, environment=environment)
         installed = time.perf_counter()

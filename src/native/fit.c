@@ -74,14 +74,17 @@ INLINE void invert(double m[ROWS][ROWS]) {
     rescale(m, size);
 }
 
-/* One pass over the pixels at `state`: the room's rows, and sums over them. */
-INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed) {
+/* One pass over the pixels at `state`: the room's rows, where `slopes` are wanted, and sums over them. */
+INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed, int slopes) {
     const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
     const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
+    const Window *w = &room->window;
     if (printed)
-        return model_rows(&room->window, state, limit, next, others, 1, &room->shade, room->rows);
-    return others ? model_rows(&room->window, state, limit, next, 1, 0, NULL, room->rows)
-                  : model_rows(&room->window, state, limit, next, 0, 0, NULL, room->rows);
+        return slopes ? model_rows(w, state, limit, next, others, 1, 1, &room->shade, room->rows)
+                      : model_rows(w, state, limit, next, others, 1, 0, &room->shade, room->rows);
+    if (!slopes)
+        return model_rows(w, state, limit, next, others, 0, 0, NULL, room->rows);
+    return others ? model_rows(w, state, limit, next, 1, 0, 1, NULL, room->rows) : model_rows(w, state, limit, next, 0, 0, 1, NULL, room->rows);
 }
 
 /* The inverse normal matrix `m` of the room's rows under a prior, and the step of the parameters towards the best fit. */
@@ -239,8 +242,9 @@ FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.cor
         const int others = board && crowded(&room->window, p, next);
         Sums sums = {0, 0, 0};
         for (index_t s = 0; s <= steps; s++) {
-            sums = look(room, p, noise, (int)robust, next, others, print.n > 0);
-            if (s == steps && !tell)
+            const int slopes = s < steps || tell;
+            sums = look(room, p, noise, (int)robust, next, others, print.n > 0, slopes);
+            if (!slopes)
                 break;
             solve(room, sums, p, mean + COUNT * k, tie + COUNT * k, noise, m, step);
             if (s < steps)

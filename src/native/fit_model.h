@@ -38,10 +38,10 @@ INLINE void next_edge(float z, float *wave, float *by_blur) {
 
 /* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the `next` (SIDES) corners;
  * `printed`: with what is printed,
- * `shade`. Levels beyond the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
+ * `shade`; `slopes`: without them, only the sums are made. Levels beyond the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
  * the pixel's squares ± next - push = 0: bleed moves edges by turns one way and the other. */
-INLINE Sums model_rows(const Window *w, const double *state, float limit, const float *next, const int others, const int printed, const Shade *shade,
-                       Rows rows) {
+INLINE Sums model_rows(const Window *w, const double *state, float limit, const float *next, const int others, const int printed, const int slopes,
+                       const Shade *shade, Rows rows) {
     float p[COUNT];
     for (int k = 0; k < COUNT; k++)
         p[k] = (float)state[k];
@@ -73,7 +73,12 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
             const float value = p[MEAN] + p[11] * u + p[12] * v + amplitude * shape;
             const float seen = value < 0 ? 0 : value > WHITE ? WHITE : value;
             const float off = w->value[i] - seen, share = off * strict, left = 1 - share * share;
-            const float root = w->mask[i] * (left > 0 ? left : 0), live = (value > 0) & (value < WHITE) ? root : 0;
+            const float root = w->mask[i] * (left > 0 ? left : 0), live = ((value > 0) & (value < WHITE)) ? root : 0;
+            square[lane] += off * off * w->mask[i];
+            heavy[lane] += off * off * root * root;
+            total[lane] += root * root;
+            if (!slopes)
+                continue;
             const float by_u = bell_u * scale_u * wave_v, by_v = bell_v * scale_v * wave_u;
             const float slope_u = printed ? by_u + shade->all[1][i] : by_u, slope_v = printed ? by_v + shade->all[2][i] : by_v;
             const float blur_u = amplitude * soft_u * wave_v, blur_v = amplitude * wave_u * soft_v;
@@ -94,9 +99,6 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
             rows[13][i] = u * shape * live;
             rows[14][i] = v * shape * live;
             rows[15][i] = off * root;
-            square[lane] += off * off * w->mask[i];
-            heavy[lane] += off * off * root * root;
-            total[lane] += root * root;
         }
     const Sums out = {lane_sum(square), lane_sum(heavy), lane_sum(total)};
     return out;

@@ -93,7 +93,7 @@ INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
 }
 
 /* H (3, 3) that takes from (count, 2) to `to` (count, 2). Returns 0 where they aren't finite. */
-KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2), (OUT, double, out, 3, 3)) {
+FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2), (OUT, double, out, 3, 3)) {
     double mean[2], other[2], scale, size, a[UNKNOWNS][ROWS + UNKNOWNS], upper[UNKNOWNS][UNKNOWNS], h[UNKNOWNS] = {0};
     if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
         return 0;

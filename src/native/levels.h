@@ -11,7 +11,7 @@ int level_taken(void);
 const char *find_level(void);
 
 /* x86-64, compiled by gcc or clang; on Windows by clang only, since gcc doesn't align the stack there as AVX needs it. ONE_LEVEL: tests. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
+#if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__)) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
 #define X86_LEVELS 1
 #define V3 "avx2,bmi,bmi2,f16c,fma,lzcnt,movbe"
 #define V4 V3 ",avx512f,avx512bw,avx512cd,avx512dq,avx512vl"

@@ -34,10 +34,20 @@ static int is_peak(const float *response, index_t height, index_t width, index_t
     return 1;
 }
 
+/* pixels of a row that are compared together: few have a response */
+enum { TOGETHER = 32 };
+
+INLINE int any_over(const float *row, index_t from, index_t to, float least) {
+    int any = 0;
+    for (index_t x = from; x < to; x++)
+        any |= row[x] >= least;
+    return any;
+}
+
 /* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by row, as far as `room` lets.
  * Returns how many there are. NaN is none. */
-KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0), (IN, float, response, height, width),
-       (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold), (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
+FAST_KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0), (IN, float, response, height, width),
+            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold), (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
     const index_t across = (width + CELL - 1) / CELL;
     const float least = (float)threshold;
     index_t count = 0;
@@ -45,14 +55,19 @@ KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1),
         const uint8_t *mask = cells + y / CELL * across;
         for (index_t i = 0, end; (i = next_run(mask, i, across, &end)) < across; i = end) {
             const index_t stop = CELL * end < width ? CELL * end : width;
-            for (index_t x = CELL * i; x < stop; x++)
-                if (response[y * width + x] >= least && (!peaks || is_peak(response, height, width, x, y))) {
-                    if (count < room) {
-                        xy[2 * count] = x;
-                        xy[2 * count + 1] = y;
+            for (index_t x = CELL * i, last; x < stop; x = last) {
+                last = stop - x < TOGETHER ? stop : x + TOGETHER;
+                if (!any_over(response + y * width, x, last, least))
+                    continue;
+                for (; x < last; x++)
+                    if (response[y * width + x] >= least && (!peaks || is_peak(response, height, width, x, y))) {
+                        if (count < room) {
+                            xy[2 * count] = x;
+                            xy[2 * count + 1] = y;
+                        }
+                        count++;
                     }
-                    count++;
-                }
+            }
         }
     }
     return count;

@@ -2,7 +2,7 @@
 #ifndef RCDN_H
 #define RCDN_H
 
-#ifndef __GNUC__
+#if !defined(__GNUC__) && !defined(__clang__)
 #error "rcdn's kernels are built with gcc or clang; no other compiler has been tried"
 #endif
 

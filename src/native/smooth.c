@@ -74,7 +74,7 @@ INLINE double weights(const double *cov, double rough, double *out) {
 
 /* base (count, 2): where the homography H (3, 3) takes labels ij (count, 2); tangent (count, 2, FREE): what its parameters move there, orthonormal
  * columns × √count. */
-KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3), (OUT, double, base, count, 2),
+FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3), (OUT, double, base, count, 2),
             (OUT, double, tangent, count, 2, FREE)) {
     for (index_t k = 0; k < count; k++) {
         const double i = ij[2 * k], j = ij[2 * k + 1], depth = 1 / (H[6] * i + H[7] * j + H[8]);
@@ -164,7 +164,7 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
  *
  * tangent (count, 2, FREE), bent (count, terms): what the coefficients move; off (count, 2): the data; cov (count, 2, 2) of their errors, to
  * which `rough`² is added along both axes. */
-KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (IN, double, tangent, count, 2, FREE),
+FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (IN, double, tangent, count, 2, FREE),
             (IN, double, bent, count, terms), (IN, double, off, count, 2), (IN, double, cov, count, 2, 2), (REAL, rough), (REAL, free),
             (OUT, double, gram, FREE + 2 * terms + 1, FREE + 2 * terms + PANEL), (OUT, double, rest, 2 * terms + 2, 2 * terms + PANEL), (OUT, double, fixed, 1)) {
     const index_t data = FREE + 2 * terms, stride = data + PANEL;
@@ -228,7 +228,7 @@ INLINE void scaled(const double *gram, const double *root, index_t rows, index_t
 /* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, 2 used), from the
  * normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms` polynomials, a multiple of PANEL, take part.
  * work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
-KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1), (LET, terms, rows / 2 - 1),
+FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1), (LET, terms, rows / 2 - 1),
             (LET, used, columns / 2), (WHERE, are_terms(terms) && are_terms(used) && used <= terms),
             (IN, double, rest, 2 * terms + 2, 2 * terms + PANEL), (IN, double, root, many, 2 * used),
             (ROOM, double, work, 2 * (2 * used + 2) * (2 * used + PANEL) + PANEL), (OUT, double, out, many)) {
@@ -293,7 +293,7 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
  *
  * moved (count, 2): their shifts from where they lie without coefficients; known (count, 2, 2): their covariances; off (count, 2): what the data
  * lie off the smooth board, and beyond (count,): its squared length, in standard deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
-KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (LET, size, FREE + 2 * terms),
+FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (LET, size, FREE + 2 * terms),
             (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms), (IN, double, data, count, 2), (IN, double, cov, count, 2, 2),
             (REAL, rough), (IN, double, gram, size + 1, size + PANEL), (IN, double, root, size),
             (ROOM, double, work, size * (size + PANEL + 2 * CHUNK) + PANEL), (OUT, double, moved, count, 2), (OUT, double, known, count, 2, 2),

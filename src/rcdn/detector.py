@@ -142,12 +142,11 @@ class Detector:
 
     def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
         """The board with what its codes say, if they say anything for certain."""
-        from rcdn.targets.mirror import mirrored_target  # here: few boards carry codes
-        from rcdn.targets.read import identified
+        from rcdn.targets.mirror import identified_or_mirrored  # here: few boards carry codes
 
-        known = identified(grey, board, self._told)
-        if known.target is None and (target := mirrored_target(grey, board, self._told)) is not None:
-            warnings.add("mirrored", MIRRORED.format(target))
+        known, mirrored = identified_or_mirrored(grey, board, self._told)
+        if mirrored is not None:
+            warnings.add("mirrored", MIRRORED.format(mirrored))
         return known
 
     @property

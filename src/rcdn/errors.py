@@ -22,6 +22,22 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 
 
+def many(count: int, thing: str, things: str = "") -> str:
+    """`1 picture`, `2 pictures`; `things` where it isn't `thing` and an s."""
+    return f"{count} {thing if count == 1 else things or thing + 's'}"
+
+
+def were_left_out(count: int) -> str:
+    """What `count` of several things did, and what was done to them."""
+    return f"{'disagrees' if count == 1 else 'disagree'} with the others and {'was' if count == 1 else 'were'} left out"
+
+
+def a_board(size: tuple[int, int]) -> str:
+    """`a 9×6 board`, `an 8×6 board`: of inner corners (columns, rows)."""
+    article = "an" if str(size[0])[0] == "8" or size[0] in (11, 18) else "a"
+    return f"{article} {size[0]}×{size[1]} board"
+
+
 class RcdnError(Exception):
     """Base of every error raised on purpose by rcdn."""
 

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from rcdn.types import Array
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 
-def match(found: Real[Array, "n 2"], truth: Real[Array, "m 2"], radius: float) -> tuple[Array, Array]:
+def match(found: Array, truth: Array, radius: float) -> tuple[Array, Array]:
     """One-to-one pairs closer than `radius` px, nearest first (greedy by distance, the strict protocol).
 
     `found` (N, 2), `truth` (M, 2). Returns index pairs (P, 2) into found and truth, and their distances (P,).
@@ -32,7 +32,7 @@ def match(found: Real[Array, "n 2"], truth: Real[Array, "m 2"], radius: float) -
     return np.array(pairs, int).reshape(-1, 2), np.array(gaps)
 
 
-def nearest(found: Array, truth: Array, radius: float) -> Real[Array, " n"]:
+def nearest(found: Array, truth: Array, radius: float) -> Bool[Array, " n"]:
     """(N,) True where a true corner is closer than `radius` px: as in the paper, a duplicate is a true positive."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):

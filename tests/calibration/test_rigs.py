@@ -151,32 +151,6 @@ def test_moments_are_told_by_name_number_or_order():
         moments_of([["x.png", "y.png"], ["p.png"]])
 
 
-def test_a_late_camera_is_told():
-    """A board that moves steadily, one camera a third of a moment late."""
-    from rcdn_lab.camera_scenes import board, see
-
-    rng, boards, moments = np.random.default_rng(3), {}, {}
-    late = {"c0": 0.0, "c1": 0.3, "c2": 0.0}
-    scene = row([0.15, 0.15], ("pinhole",))
-    middle = np.linalg.inv(scene.places["c1"])
-    for name, camera in scene.cameras.items():
-        boards[name], moments[name] = [], []
-        for m in range(40):
-            t = m + late[name]
-            T = np.eye(4)
-            T[:3, :3] = rotation(np.array([0.4 * np.sin(t / 3), 0.4 * np.cos(t / 4), 0.1]))
-            T[:3, 3] = [-0.12 + 0.1 * np.sin(t / 5), -0.08 + 0.06 * np.cos(t / 4), 0.6 + 0.1 * np.sin(t / 6)]
-            ij, xy = see(camera, scene.places[name] @ middle @ T)
-            if len(ij) == 54:
-                boards[name].append(board(ij, xy + rng.normal(0, 0.1, xy.shape), camera.image_size, np.full(54, 0.1)))
-                moments[name].append(str(m))
-    done = calibrate_rig(boards, SPACING, moments=moments, model="pinhole")
-    shift = done.shifts["c1"]
-    assert shift.moments == pytest.approx(0.3, abs=0.1)
-    assert shift.clear
-    assert any(r.key == "time_shift" for r in done.verdict.against)
-
-
 def test_the_calibrations_stay_frozen(found):
     assert replace(found, thin=("x",)).thin == ("x",)
     with pytest.raises(AttributeError):

@@ -156,3 +156,19 @@ def test_straight_edges_of_the_right_blur_fit_best():
     assert np.argmin(found[:, 0, 0]) == 2
     assert found[2, 0, 0] < 0.01
     np.testing.assert_allclose(found[2, 0, 1:], [120, 80], atol=0.05)
+
+
+def test_a_round_that_tells_nothing_finds_the_same():
+    maps_, w, state = maps(), np.array([[SIZE / 2 + 0.3, SIZE / 2 + 0.3]]), START[None].copy()
+    frame = frames(maps_, w, np.zeros((1, 2), bool), 1.0)
+    grey = (np.random.default_rng(2).normal(120, 20, (SIZE, SIZE))).clip(0, 255).astype(np.float32)
+    prior = Prior(state.copy(), np.full_like(state, 0.3))
+    for robust in (False, True):
+        one, other = (
+            fit_round(grey, frame, maps_, state, prior, 400.0, 2, robust=robust, tell=tell) for tell in (False, True)
+        )
+        assert np.array_equal(one.state, other.state)
+        assert np.array_equal(one.variance, other.variance)
+        assert np.array_equal(one.kept, other.kept)
+        assert (one.own == 0).all()
+        assert (other.own > 0).all()

@@ -16,10 +16,13 @@ NOISE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """`cameras` and T_cam_world (4, 4) by name; `near`: for each place of boards a camera before which they are, and one beside it or −1."""
+    """`cameras` and T_cam_world (4, 4) by name; `near`: for each place of boards a camera before which they are, and one beside it or −1.
+    Boards' middles are up to `tangent` off the axis (x, y) and `reach` m ahead of the camera before which they are."""
 
     cameras: dict[str, Camera]
     places: dict[str, Array]
+    tangent: tuple[float, float] = (0.55, 0.4)
+    reach: tuple[float, float] = (0.45, 1.1)
 
     def views(
         self, rng: np.random.Generator, between: list[tuple[int, int]], noise: float = NOISE
@@ -52,7 +55,8 @@ class Scene:
     def _board(self, rng: np.random.Generator, a: str, b: str) -> Array:
         """T_world_board of a board somewhere in the picture of `a`, turned to the middle of both cameras."""
         cam = np.linalg.inv(self.places[a])
-        ray = np.append(rng.uniform([-0.55, -0.4], [0.55, 0.4]), 1.0) * rng.uniform(0.45, 1.1)
+        across, down = self.tangent
+        ray = np.append(rng.uniform([-across, -down], [across, down]), 1.0) * rng.uniform(*self.reach)
         at = cam[:3, :3] @ ray + cam[:3, 3]
         eyes = (cam[:3, 3] + np.linalg.inv(self.places[b])[:3, 3]) / 2
         T = np.linalg.inv(looking(eyes, at))
@@ -82,6 +86,18 @@ def ring(count: int, inwards: float, kinds: tuple[str, ...] = ("brown",)) -> Sce
         cameras[f"c{k}"] = CAMERAS[kinds[k % len(kinds)]]
         places[f"c{k}"] = looking(eye, np.zeros(3) if inwards else out * 5)
     return Scene(cameras, places)
+
+
+def outwards(overlap: float = 0.1) -> Scene:
+    """Four cameras that look outwards from a ring of 0.15 m, whose neighbours share an `overlap` of their pictures' angle."""
+    focal = 320 / np.tan(np.radians(45) / (1 - overlap))
+    camera = Camera(
+        np.array([[focal, 0, 322], [0, focal, 238], [0, 0, 1.0]]),
+        np.array([-0.02, 0.002, 0.001, -0.0005, 0.0]),
+        (640, 480),
+    )
+    places = ring(4, 0.0).places
+    return Scene(dict.fromkeys(places, camera), places, (1.1, 0.6), (0.5, 3.2))
 
 
 def row(gaps: list[float], kinds: tuple[str, ...] = ("brown",)) -> Scene:

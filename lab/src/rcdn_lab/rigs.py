@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import calibrate_rig
 from rcdn.types import Array, RigCalibration
 from rcdn_lab.camera_scenes import SPACING
-from rcdn_lab.rig_scenes import Scene, chain, clusters, joined, room, row
+from rcdn_lab.rig_scenes import Scene, chain, clusters, joined, outwards, room, row
 
 Between = list[tuple[int, int]]
 LARGE = 8
@@ -29,6 +29,7 @@ def scenes() -> dict[str, tuple[Scene, Between]]:
         "row of 4": (row([0.45] * 3), two + [(k, k + 1) for k in range(3) for _ in range(3)]),
         "one camera little seen": (row([0.3, 0.45]), chain(2, 6) + last),
         "two clusters of 4": (clusters(4), joined(4, 4)),
+        "ring of 4, 10 % overlap": (outwards(), chain(4, 5, closed=True)),
         "16 around a room": (room(16), chain(16, 3, closed=True)),
     }
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rcdn.batch.cache import Cache, file_digest
 from rcdn.batch.work import make_detector
 from rcdn.config import DetectorConfig
+from rcdn.errors import many
 from rcdn.terminal import talk
-from rcdn.terminal.group import many
 
 if TYPE_CHECKING:
     from rcdn.batch.calibration_runs import Run

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.batch.camera_files import check_format, refusal
+from rcdn.batch.camera_files import check_format
 from rcdn.batch.paths import check_file
 from rcdn.batch.writing import say_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
@@ -50,7 +50,8 @@ CameraFiles = Annotated[
         metavar="FILE",
         help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, camchain.yaml: "
         "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap. "
-        "With --rig: camchain.yaml, .toml (aniposelib; camera_array.toml: caliscope), .json.",
+        "With --rig: camchain.yaml, .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .json, "
+        "and .yaml or camera_info.yaml, a file a camera.",
     ),
 ]
 CameraFileFormat = Annotated[
@@ -106,12 +107,12 @@ class Outputs:
             if count > 1:
                 raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
 
-    def without_refused(self, model: str, stereo: bool) -> Outputs:
-        """What is left without the camera files whose format can't hold a lens of this `model`, or no pair: they are told now, before the work.
+    def without_refused(self, refusal: Callable[[Path], str]) -> Outputs:
+        """What is left without the files of which `refusal` says why they can't hold the cameras to come: they are told now, before the work.
 
         Raises FormatError if nothing is left.
         """
-        refused = {p: r for p in self.cameras if (r := refusal(p, self.format, model, stereo))}
+        refused = {p: r for p in self.cameras if (r := refusal(p))}
         left = replace(self, cameras=[p for p in self.cameras if p not in refused], refused=bool(refused))
         if refused and not left.files:
             raise FormatError("; ".join(f"{path} can't be written: {reason}" for path, reason in refused.items()))

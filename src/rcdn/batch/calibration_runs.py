@@ -6,15 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.batch.cache import Cache
 from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.pair_file import PairFile
 from rcdn.config import DetectorConfig
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import many, one_line
+from rcdn.terminal.group import one_line
 from rcdn.terminal.options import GridSize
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_of
 
@@ -84,7 +85,8 @@ class Run:
 @dataclass(frozen=True)
 class Problem:
     """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, what to `fix`,
-    and how many pictures to `select`."""
+    and how many pictures to `select`; of a rig files of `cameras` whose lenses are known, and whether to
+    correct its time."""
 
     spacing: Length | Lengths
     model: str
@@ -92,6 +94,8 @@ class Problem:
     leave_out: tuple[str, ...] = ()
     fix: frozenset[str] = frozenset()
     select: int | None = None
+    cameras: tuple[Path, ...] = ()
+    correct_time: bool = False
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
@@ -112,7 +116,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
         outputs.kept(done),
         lambda path: camera_files.write_one(path, done.camera, outputs.format),
         lambda path: write_calibration(path, done),
-        lambda path: write_report(path, done, _pictures(done, got, outputs)),
+        lambda path: write_report(path, done, pictures_of(done, got, outputs)),
     )
     return done.verdict
 
@@ -159,7 +163,7 @@ def two_cameras(
         lambda path: camera_files.write_pair(path, done, outputs.format),
         lambda path: write_calibration(path, done),
         lambda path: write_stereo_report(
-            path, done, _pictures(done.left, left, outputs), _pictures(done.right, right, outputs)
+            path, done, pictures_of(done.left, left, outputs), pictures_of(done.right, right, outputs)
         ),
     )
     return done.verdict
@@ -212,7 +216,8 @@ def _starts(images: Sequence[ImageResult]) -> list[int]:
     return [0, *accumulate(len(image.boards) for image in images)]
 
 
-def _pictures(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
+def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
+    """The photographs of a calibration's views, for its report."""
     from rcdn.batch.pictures import Pictures
 
     pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,20 @@ def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> 
         return
     if not _maps(path, format):
         camera_format(path, format)
+
+
+def rig_refusal(
+    path: Path, format: CameraFormat | None, names: Sequence[str], model: str, known: Mapping[str, Camera]
+) -> str:
+    """Why a file of this format can't hold a rig of cameras of these `names`, some of them `known`, the others with the lens `model`; "" if it can,
+    or if that isn't known yet."""
+    from rcdn.io import check_rig
+
+    try:
+        check_rig(path, {name: known[name] if name in known else _example(model) for name in names}, format)
+    except FormatError as error:
+        return str(error)
+    return ""
 
 
 def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -> str:
@@ -85,9 +100,14 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
 
 def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
     """Write the cameras of a rig, and say what the file can't hold of them."""
-    from rcdn.io import write_rig
+    from rcdn.io import rig_paths, write_rig
 
-    _say(path, write_rig(path, rig, format))
+    for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
+        if fit is not None:
+            talk.note(f"{path}: camera {name}: {fit.text}")
+    files = rig_paths(path, rig.names, format)
+    if len(files) > 1:
+        talk.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:

@@ -26,7 +26,7 @@ from rcdn.batch.work import (
     make_detector,
     pictures_of,
 )
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, many
 from rcdn.terminal.group import say_error
 from rcdn.terminal.progress import Bar, progress
 
@@ -129,7 +129,7 @@ class _Run:
         images, errors = read_detections(path)
         if errors:
             names = ", ".join(name for name, _ in errors[:3]) + (", …" if len(errors) > 3 else "")
-            self._notes.append(f"{path}: {len(errors)} files could not be read when it was written: {names}")
+            self._notes.append(f"{path}: {many(len(errors), 'file')} could not be read when it was written: {names}")
         return images
 
     # ---- pictures and videos

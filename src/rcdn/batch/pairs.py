@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from rcdn.errors import ConfigError
-from rcdn.terminal.group import many
+from rcdn.errors import ConfigError, many
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
 """words that name a camera"""

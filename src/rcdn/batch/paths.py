@@ -12,9 +12,10 @@ from rcdn.errors import ConfigError
 
 def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
     """The files that `arguments` stand for, and a failure for each that stands for none, already said; says which of ours are passed over."""
+    from rcdn.errors import many
     from rcdn.io import find
     from rcdn.terminal import talk
-    from rcdn.terminal.group import many, one_line, say_error
+    from rcdn.terminal.group import one_line, say_error
 
     found = find(arguments)
     for _, message in found.errors:

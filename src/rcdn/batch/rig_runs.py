@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.batch.behind import seen_from_behind
 from rcdn.batch.calibration_outputs import Outputs
-from rcdn.batch.calibration_runs import Problem, Run, flat
-from rcdn.batch.camera_files import write_rig_files
+from rcdn.batch.calibration_runs import Problem, Run, flat, pictures_of
+from rcdn.batch.camera_files import rig_refusal, write_rig_files
+from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, moments_of
-from rcdn.errors import ConfigError, present
+from rcdn.errors import many
 from rcdn.terminal import talk
 from rcdn.terminal.spacing import metres
 
@@ -24,9 +24,14 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     """Calibrate the cameras of `inputs`, say what came out, and write it."""
     from rcdn.calibration import calibrate_rig
     from rcdn.io import write_rig_calibration
+    from rcdn.report.calibration import write_rig_report
     from rcdn.terminal.camera_text import verdict_line
 
     cameras = cameras_in(inputs)
+    known = known_cameras(problem.cameras, list(cameras))
+    outputs = outputs.without_refused(
+        lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
+    )
     found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
@@ -43,27 +48,28 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         names={n: pictures for n, (_, pictures) in sets.items()},
         model=problem.model,
         size=run.size,
+        cameras=known,
+        correct_time=problem.correct_time,
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
         talk.say(line)
-    kept = outputs.kept(*(done.cameras[name] for name in done.rig.names))
+    kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     run.failed |= not outputs.write(
         kept,
         lambda path: write_rig_files(path, done.rig, outputs.format),
         lambda path: write_rig_calibration(path, done),
-        _no_page,
+        lambda path: write_rig_report(
+            path, done, {n: pictures_of(done.cameras[n], got, outputs) for n, got in found.items()}
+        ),
     )
     return done.verdict
-
-
-def _no_page(path: Path) -> None:
-    raise ConfigError(f"{path}: a rig has no report; write everything with --json")
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
     """The boards of each camera; of videos the frames that were chosen of any of them."""
     found = {name: run.gather(inputs, cameras=len(cameras)) for name, inputs in cameras.items()}
     chosen = _together([got.frames for got in found.values()])
+    chosen = _with_neighbours(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
             found[name] = run.gather(inputs, chosen)
@@ -79,33 +85,43 @@ def _together(frames: Sequence[Numbers]) -> Numbers:
     return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
+def _with_neighbours(frames: Numbers) -> Numbers:
+    """The numbers of frames, and of those beside them, up to the last one: they tell how boards move."""
+    return tuple(
+        tuple(sorted({n + by for n in each for by in (-1, 0, 1) if 0 <= n + by <= max(each)})) for each in frames
+    )
+
+
 def rig_lines(done: RigCalibration) -> list[str]:
     """Where the cameras stand with deviations, the pairs, and what speaks against the rig."""
     rig, lines = done.rig, []
     lines.append(
-        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {len(done.boards)} boards; frame of {rig.names[0]}"
+        f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {many(len(done.boards), 'board')}; frame of {rig.names[0]}"
     )
-    for k, (name, camera, pose) in enumerate(zip(rig.names, rig.cameras, rig.poses, strict=True)):
-        centre = -pose.R.T @ pose.t
-        place = "at the origin" if not k else f"at {_triple(centre)} m ± {_spread(done, k)}"
-        lines.append(f"  {name}: {camera.model}, {place}")
+    for k, (name, camera) in enumerate(zip(rig.names, rig.cameras, strict=True)):
+        place = "at the origin" if not k else f"at {_triple(rig.centre(name))} m ± {_spread(done, k)}"
+        lens = f"{camera.model} as given" if name in done.given else camera.model
+        lines.append(f"  {name}: {lens}, {place}")
     for pair in done.pairs:
         lines.append(
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
+    lines += [
+        f"  {name}: brought into step, {done.shifts[name].moments:+.3f} ± {done.shifts[name].std:.3f} of a frame late"
+        for name in done.corrected
+        if done.shifts is not None
+    ]
     return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
 
 
 def _weakest(done: RigCalibration) -> list[str]:
     """Which of three cameras or more is known least, and before which two to hold the board."""
-    import numpy as np
+    from rcdn.calibration.rig_facts import least_known
 
-    if done.rig.covariance is None or len(done.rig) < 3:
+    found = least_known(done)
+    if found is None:
         return []
-    deviations = {name: np.sqrt(np.trace(_place_covariance(done, k))) for k, name in enumerate(done.rig.names) if k}
-    name = max(deviations, key=lambda n: deviations[n])
-    shared = {p.second if p.first == name else p.first: p.used for p in done.pairs if name in (p.first, p.second)}
-    partner = max(shared, key=lambda n: shared[n], default="")
+    name, partner = found
     film = f"; hold the board where it and {partner} both see it, tilted, near and far" if partner else ""
     return [f"  known least: {name}{film}"]
 
@@ -127,21 +143,13 @@ def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
 def _spread(done: RigCalibration, k: int) -> str:
     import numpy as np
 
-    cov = done.rig.covariance
-    if cov is None:
+    rig = done.rig
+    cov, place = rig.covariance, rig.centre_covariance(rig.names[k])
+    if cov is None or place is None:
         return "unknown"
-    far = np.sqrt(np.trace(_place_covariance(done, k)))
     turn = np.degrees(np.sqrt(np.trace(cov[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])))
-    return f"{1000 * far:.2g} mm, turned ± {turn:.2g}° (baseline {np.linalg.norm(done.rig.poses[k].t):.4g} m)"
-
-
-def _place_covariance(done: RigCalibration, k: int) -> Array:
-    """(3, 3) of where the centre of camera number `k` is, m²."""
-    import numpy as np
-
-    R = done.rig.poses[k].R
-    J = np.hstack([np.zeros((3, 3)), -R.T])  # a left turn moves t and R together: the centre keeps its place
-    return np.asarray(J @ present(done.rig.covariance, "covariance")[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T)
+    far = np.linalg.norm(rig.poses[k].t)
+    return f"{1000 * np.sqrt(np.trace(place)):.2g} mm, turned ± {turn:.2g}° (baseline {far:.4g} m)"
 
 
 def _triple(values: Array) -> str:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rcdn.batch.work import Failure
-from rcdn.terminal.group import many, one_line
+from rcdn.errors import many
+from rcdn.terminal.group import one_line
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult

@@ -15,7 +15,7 @@ from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Bool
 from rcdn.types.plane import plane_points
 
 UNEVEN = float(log(1.5))
@@ -59,16 +59,17 @@ def alternating(field: Field, grids: list[dict[Label, int]], free: Bool[Array, "
 
 def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] | None:
     """The grid with long steps at even labels, and the gap, short over long step; None if its steps don't alternate along both axes."""
-    ratios = [_ratios(xy, at, step) for step in ((1, 0), (0, 1))] if len(at) >= LEAST else []
-    if sum(map(len, ratios)) < TRIPLES:
-        return None
-    shift, size = [], 1.0
-    for ratio in ratios:
+    shift, size, told = [], 1.0, 0
+    for step in ((1, 0), (0, 1)) if len(at) >= LEAST else ():
+        ratio = _ratios(xy, at, step)
         usual = median(ratio) if len(ratio) > 1 else 0.0
         if abs(usual) < UNEVEN or (ratio * np.sign(usual) > UNEVEN).mean() < AGREE:
             return None
         shift.append(0 if usual > 0 else 1)
         size += abs(usual) / 2
+        told += len(ratio)
+    if told < TRIPLES:
+        return None
     gap = float(exp(1.0 - size))
     return {(u + shift[0], v + shift[1]): corner for (u, v), corner in at.items()}, gap
 
@@ -89,7 +90,7 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
     return log(np.maximum(one, 1e-9) / np.maximum(two, 1e-9)) * np.where(odd, 1.0, -1.0)
 
 
-def _completed(field: Field, at: dict[Label, int], gap: float, free: Real[Array, " n"]) -> dict[Label, int]:
+def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]) -> dict[Label, int]:
     """The grid with all corners that lie where it goes on, as far as they are `free` (N,), without those that don't lie where the others say."""
     at = dict(at)
     usable = np.flatnonzero(free & (field.fit > 0))

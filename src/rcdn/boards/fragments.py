@@ -12,8 +12,11 @@ from rcdn.boards.edges import edge_contrast
 from rcdn.boards.graph import Field, Label, label
 from rcdn.geometry.elementary import arctan2
 from rcdn.geometry.near import nearest
+from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real
+
+_three_of_quads = bind("rcdn_three_of_quads")
 
 AROUND = 10
 """neighbours of a corner that may be those of its cells"""
@@ -53,19 +56,18 @@ def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[La
 
 def _quads(xy: Real[Array, "n 2"]) -> Real[Array, "q 4"]:
     """Four corners each (Q, 4), rows of `xy` (N, 2), that stand like those of a square, clockwise on the screen, each once."""
-    near = nearest(xy, xy, min(AROUND, len(xy) - 1) + 1)[1][:, 1:]
-    side = xy[near] - xy[:, None]
-    length = np.linalg.norm(side, axis=2)
-    u, v = side[..., 0], side[..., 1]
-    cross = u[:, None] * v[..., None] - v[:, None] * u[..., None]  # of the second side and the first
-    short, long = (f(length[:, None], length[..., None]) for f in (np.minimum, np.maximum))
-    a, two, one = np.nonzero((cross > SKEW * short * long) & (long < RATIO * short))
-    b, c = near[a, one], near[a, two]
-    gap, d = nearest(xy, xy[b] + xy[c] - xy[a], 1)
-    close = gap[:, 0] < OFF * short[a, two, one]
-    quads = np.stack([a, b, d[:, 0], c], axis=1)[close]
+    xy, count = np.ascontiguousarray(xy, np.float64), len(xy)
+    length, near = (np.ascontiguousarray(a[:, 1:]) for a in nearest(xy, xy, min(AROUND, count - 1) + 1))
+    room = count * near.shape[1] ** 2
+    three, fourth, side = np.empty((room, 3), np.int64), np.empty((room, 2)), np.empty(room)
+    found = _three_of_quads(xy, near, length, SKEW, RATIO, three, fourth, side)
+    gap, d = nearest(xy, fourth[:found], 1)
+    close = gap[:, 0] < OFF * side[:found]
+    a, b, c = three[:found][close].T
+    quads = np.stack([a, b, d[close, 0], c], axis=1)
     first = quads.argmin(axis=1)[:, None]
-    return np.unique(np.take_along_axis(quads, (first + np.arange(4)) % 4, axis=1), axis=0)
+    quads = np.take_along_axis(quads, (first + np.arange(4)) % 4, axis=1)
+    return np.stack(np.unravel_index(np.unique(quads @ count ** np.arange(3, -1, -1)), (count,) * 4), axis=1)
 
 
 def _coloured(field: Field, quads: Real[Array, "q 4"]) -> Array:

@@ -14,7 +14,7 @@ from rcdn.geometry.boxes import BoxCells
 from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Int, Real, Shaped
+from rcdn.types.arrays import Bool, Int, Real
 
 GAP = 3
 """parts may lie this many squares apart"""
@@ -112,7 +112,7 @@ def _reach(steps: Array) -> float:
     return 2 * (GAP + 1) * float(np.abs(np.nan_to_num(steps)).max(axis=(0, 2)).sum())
 
 
-def _steps(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Shaped[Array, "k 2 2"]:
+def _steps(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Real[Array, "k 2 2"]:
     """Steps (K, 2, 2) at labels `spots` (K, 2) of corners `labels`, `xy` (M, 2)."""
     return predictions(labels, xy, spots).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
 

@@ -11,7 +11,7 @@ from rcdn.boards.triangles import STEPS, Field
 from rcdn.corners.six_sector import ring, six_axes
 from rcdn.geometry.elementary import log
 from rcdn.types import Array
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Real, Shaped
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
 """steps to where a lattice may go on: a shadow's edge takes a line of corners with it"""
@@ -76,7 +76,9 @@ def shortest(guess: Predictions) -> Real[Array, " k"]:
     return np.asarray(np.min([np.linalg.norm(s, axis=1) for s in (guess.du, guess.dv, guess.dv - guess.du)], axis=0))
 
 
-def usual_contrast(field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array) -> Int[Array, " k"]:
+def usual_contrast(
+    field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array
+) -> Shaped[Array, " k"]:
     """Median contrast (K,) of the labelled corners within two steps of each spot, by the steps there."""
     near = grid.around(spots, 2)
     rows, columns = np.nonzero(near >= 0)

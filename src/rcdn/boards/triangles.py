@@ -129,7 +129,7 @@ INSIDE, ALONG = 0.2, np.linspace(0.3, 0.7, 5)
 """how far from a side, and where along it, the picture is looked at, shares of the triangle's height and side"""
 
 
-def triangle_contrast(grey: Array, corners: Array) -> Real[Array, "t 3 2"]:
+def triangle_contrast(grey: Array, corners: Array) -> Array:
     """What separates the inside of triangles (T, 3, 2) px from what lies beyond each side, (T, 3) grey levels; positive: the inside is brighter."""
     if not len(corners):
         return np.zeros((0, 3))

@@ -8,6 +8,7 @@ from dataclasses import replace
 from rcdn.calibration.labels import fits
 from rcdn.calibration.verdict import judge, sentences
 from rcdn.calibration.view_checks import box
+from rcdn.errors import a_board, many
 from rcdn.types import Calibration
 
 
@@ -33,7 +34,7 @@ def _sizes(c: Calibration) -> str:
     sizes = Counter("{}×{}".format(*box(v.ij)) for v in c.used_views if not v.settled and not fits(box(v.ij), c.size))
     if not sizes:
         return ""
-    what = ", ".join(f"{s} in {n} views" for s, n in sizes.most_common())
+    what = ", ".join(f"{s} in {many(n, 'view')}" for s, n in sizes.most_common())
     return (
         f"Boards that aren't part of the {c.size[0]}×{c.size[1]} one were used, too ({what}): distances hold only if their squares are "
         "as large. Name the size to leave them out."
@@ -43,11 +44,10 @@ def _sizes(c: Calibration) -> str:
 def _symmetric(c: Calibration) -> str:
     if c.orientation in (None, "unique") or c.size is None:
         return ""
-    cols, rows = c.size
+    board = a_board(c.size)
     turn = "half a turn" if c.orientation == "ambiguous_180" else "quarter turns"
-    article = "An" if str(cols)[0] == "8" or cols in (11, 18) else "A"
     return (
-        f"{article} {cols}×{rows} board looks the same after {turn}: lens and RMS don't mind, but poses may be turned by that. A board with one odd "
+        f"{board[0].upper()}{board[1:]} looks the same after {turn}: lens and RMS don't mind, but poses may be turned by that. A board with one odd "
         "and one even side (9×6) has only one way up."
     )
 
@@ -58,7 +58,7 @@ def _targets(c: Calibration) -> str:
         len(shown) == 2 and all(v.spacing == c.spacing for v in c.used_views) and "a plain board" in shown
     ):
         return ""
-    what = ", ".join(f"{name} in {n} views" for name, n in shown.most_common())
+    what = ", ".join(f"{name} in {many(n, 'view')}" for name, n in shown.most_common())
     return f"The views show several targets ({what}): each counts with its own places and spacing."
 
 

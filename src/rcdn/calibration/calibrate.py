@@ -17,7 +17,7 @@ from rcdn.calibration.labels import Labelled, Size
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
-from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.calibration.usable import FEWEST_VIEWS, Usable, one_size, sigma_of, too_few, usable, with_poses
 from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError, shown
@@ -130,11 +130,11 @@ def with_geometries(
     if shaped and _flat_predicts_better(task, fits[chosen], fixed):
         fits = _fits(task, models, start, T, whole.spacing, fixed, shaped=False)
         chosen, scores = _choose(task, fits)
-    done = _result(task, boards, labels, names, fits[chosen], whole, scores)
+    done = result_of(task, boards, labels, names, fits[chosen], whole, scores)
     if model == "splined" or (model == "auto" and mean_residuals(done).share > SYSTEMATIC):
         better = _splined(task, fits[chosen], scores[0], whole.spacing, asked=model == "splined")
         if better is not None:
-            done = _result(task, boards, labels, names, better[0], whole, (better[1], *scores))
+            done = result_of(task, boards, labels, names, better[0], whole, (better[1], *scores))
     _check_plausible(done)
     return judged(done)
 
@@ -181,7 +181,7 @@ def _fits(
     usual = float(np.median(task.sigma))
     scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
     near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
-    cluster = alike(task.corners, start.image_size, _pictures(task))
+    cluster = alike(task.corners, start.image_size, pictures_of(task))
     fits = {}
     for m, (state, noise) in near.items():
         state = with_fixed(replace(state, shape=np.zeros((len(FUNCTIONS) if shaped else 0, 3)), prior=None), fixed)
@@ -190,7 +190,7 @@ def _fits(
     return fits
 
 
-def _pictures(task: Usable) -> Int[Array, " f"]:
+def pictures_of(task: Usable) -> Int[Array, " f"]:
     """(F,) picture number of each view."""
     first = np.unique(task.corners.frame, return_index=True)[1]
     return np.asarray(task.picture[first])
@@ -233,7 +233,7 @@ def _splined(
     state = smooth_lens.fitted(fit.state, task.corners, fit.weight)
     if not smooth_lens.whole(state.cameras[0]):
         return None
-    cluster = alike(task.corners, state.cameras[0].image_size, _pictures(task))
+    cluster = alike(task.corners, state.cameras[0].image_size, pictures_of(task))
     found = robust.fit(state, fit.noise, task.corners, task.sigma, default_free(state, shape=True), cluster, spacing)
     common = choose.Task(task.corners, fit.weight, task.picture)
     held = choose.rms(choose.held_out(found.state, common, default_free(state, shape=True)), fit.weight)
@@ -243,7 +243,7 @@ def _splined(
     return found, ModelScore(f"{score.model} with spline", own, held)
 
 
-def _result(
+def result_of(
     task: Usable,
     boards: Sequence[Board],
     labels: list[Labelled],
@@ -251,14 +251,16 @@ def _result(
     fit: robust.Fit,
     whole: Geometry,
     scores: tuple[ModelScore, ...],
+    fewest: int = FEWEST_VIEWS,
 ) -> Calibration:
+    """The calibration that a fit is; what it held fixed has no deviation. Raises CalibrationError if fewer views than `fewest` agree."""
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
-    if len(used) < FEWEST_VIEWS:
+    if len(used) < fewest:
         raise CalibrationError(
             too_few(len(used), {f: fit.reasons[f] for f in range(len(fit.reasons)) if fit.reasons[f]})
         )
-    cov = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered)
     camera = fit.state.cameras[0]
+    cov = with_held(covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.free)
     lens = [*range(len(camera.parameters)), *range(len(cov) - 6, len(cov))]
     return Calibration(
         camera=camera,

@@ -14,7 +14,7 @@ from rcdn.calibration.arguments import check_spacing
 from rcdn.calibration.cut import whole_size
 from rcdn.calibration.labels import Labelled, Size, fits, orientation_of, settle
 from rcdn.calibration.tag_gap import gap_of
-from rcdn.errors import CalibrationError, ConfigError, shown
+from rcdn.errors import CalibrationError, ConfigError, many, shown
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
 from rcdn.types.arrays import Real
 
@@ -105,7 +105,8 @@ class Geometries:
         coded = sum(b.target is not None for b in boards)
         if left_out > coded:
             raise ConfigError(
-                f"{coded} boards are {self.main.target} and {left_out} others have no codes that could be read: name the spacing of each kind "
+                f"{many(coded, 'board is', 'boards are')} {self.main.target} and {many(left_out, 'other has', 'others have')} "
+                f"no codes that could be read: name the spacing of each kind "
                 f"(checker=25mm,{kind_name(self.main)}=30mm), or calibrate from one kind"
             )
 

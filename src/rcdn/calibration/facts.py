@@ -13,7 +13,6 @@ from rcdn.calibration.sight import cell_centres, cells_of, off_axis, out_of_sigh
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
 from rcdn.calibration.view_facts import ViewFacts, measure_views
 from rcdn.types import Array, Calibration, Camera
-from rcdn.types.arrays import Bool
 
 GRID = 120
 """boxes along the frame's longer side at whose centres the projection uncertainty is evaluated"""
@@ -124,7 +123,7 @@ def _uncertainty(calibration: Calibration, pixels: Array) -> Array:
     return np.asarray(flat, float).reshape(pixels.shape[:-1])
 
 
-def cell_majority(mask: Bool[Array, "h w"], cells: tuple[int, int]) -> Array:
+def cell_majority(mask: Array, cells: tuple[int, int]) -> Array:
     """(rows, cols) bool: at least half of the points of `mask` (h, w) in the cell are true."""
     row = np.minimum(np.arange(mask.shape[0]) * cells[1] // mask.shape[0], cells[1] - 1)
     col = np.minimum(np.arange(mask.shape[1]) * cells[0] // mask.shape[1], cells[0] - 1)
@@ -135,7 +134,7 @@ def cell_majority(mask: Bool[Array, "h w"], cells: tuple[int, int]) -> Array:
     return np.asarray(share.reshape(cells[1], cells[0]) >= 0.5)
 
 
-def _ends(field: Array) -> Bool[Array, "2 2"]:
+def _ends(field: Array) -> Array:
     """(2, 2) the values at the four corners of an array."""
     return field[[[0], [-1]], [0, -1]]
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import growth, reason
+from rcdn.errors import were_left_out
 from rcdn.types import Array, Calibration, Level, Reason
 
 UNEVEN_FROM = 0.25
@@ -43,7 +44,7 @@ def dropped(c: Calibration, facts: Facts) -> list[Reason]:
     found = [
         reason(
             "dropped", r.dropped, f"Nearly all corners agree ({r.dropped:.1%} left out)." if c.outliers else "All corners agree.",
-            f"{c.outliers} of {seen} corners ({r.dropped:.0%}) disagree with the others and were left out: the figures are of the rest.",
+            f"{c.outliers} of {seen} corners ({r.dropped:.0%}) {were_left_out(c.outliers)}: the figures are of the rest.",
             "Look at them in the report: wrong corners, motion, a bent board, or a lens that the model doesn't follow.",
         )
     ]  # fmt: skip

@@ -19,7 +19,7 @@ from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Real
 
 RIDGE = 1e-10
 """added to a normal matrix with unit diagonal"""
@@ -131,7 +131,7 @@ class Difference:
     freedom: Array
 
 
-def group_difference(info: ViewInformation, directions: Real[Array, "p q"], splits: Bool[Array, "n v"]) -> Difference:
+def group_difference(info: ViewInformation, directions: Real[Array, "p q"], splits: Array) -> Difference:
     """The difference of the views of `splits` (n, V) bool from the others along `directions` (P, q); the other
     parameters of the camera are common to both.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
 from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
 from rcdn.types.arrays import Int, Real
@@ -71,8 +72,8 @@ def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
         # the quarter turn that keeps the colour of the square inside (0, 0), as in `Board.grid_of`
         return Labelled(turn_labels(own, board.size, 1 if board.size[0] % 2 == 0 else 3), True)
     if strict and not fits(board.size, size):
-        there, whole = ("{}×{}".format(*s) for s in (board.size, size))
-        return Labelled(own, False, f"its {there} corners can't be part of a {whole} board")
+        there = "{}×{}".format(*board.size)
+        return Labelled(own, False, f"its {there} corners can't be part of {a_board(size)}")
     return Labelled(own, False)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from itertools import combinations
 
@@ -11,21 +11,23 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.board_points import flat_points, has_shape, plane_of
-from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
-from rcdn.calibration.labels import Size, turn_labels
-from rcdn.calibration.rig import matrix
-from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of, shifts_of
-from rcdn.calibration.rig_fit import Joint, fitted
-from rcdn.calibration.rig_start import Edge, Key, Turned, averaged, components_of, edges_of, tree, turned
-from rcdn.calibration.shape import FUNCTIONS, board_shape, shape_basis
+from rcdn.calibration.known_lens import with_known_lens
+from rcdn.calibration.labels import Size
+from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
+from rcdn.calibration.rig_fit import fitted
+from rcdn.calibration.rig_start import Edge, Key, averaged, components_of, edges_of, tree, turned
+from rcdn.calibration.rig_task import RigTask
+from rcdn.calibration.shape import board_shape
+from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
 from rcdn.calibration.twins import one_model
-from rcdn.calibration.uncertainty import covariance
+from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardShape, Calibration, Pose, Rig, RigCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, Rig, RigCalibration
 
+PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
 ODD = "it disagrees with the other cameras on where the board is"
 
 
@@ -37,12 +39,16 @@ def calibrate_rig(
     names: Mapping[str, Sequence[str]] | None = None,
     model: str | Mapping[str, str] = "auto",
     size: Size | None = None,
+    cameras: Mapping[str, Camera] | None = None,
+    correct_time: bool = False,
 ) -> RigCalibration:
     """Cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board need be seen by all.
 
     `views`: by the camera's name its boards; partial ones, and those that no other camera saw, help its lens. `moments`: by camera, for each
     board when it was seen: boards of one moment (and one target) are one board (default: the k-th boards of all cameras belong together).
-    `names` of the boards' pictures. `model`: of all cameras, or by name. The rest as in `calibrate`; the first camera of the largest
+    `names` of the boards' pictures. `model`: of all cameras, or by name. `cameras`: by name those whose lens is known: it is held as it is, and
+    one picture of a board is enough of them. `correct_time`: cameras that are clearly out of step, as boards that move tell, are brought into step;
+    moments that end in numbers count frames by them. The rest as in `calibrate`; the first camera of the largest
     connected part gives the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs that agree on how they
@@ -54,7 +60,8 @@ def calibrate_rig(
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
-    if not isinstance(model, str) and (missing := [name for name in order if name not in model]):
+    given = _given(order, cameras)
+    if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)
     geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
@@ -62,9 +69,11 @@ def calibrate_rig(
     @cache
     def as_model(camera: int, lens: str) -> Calibration:
         name = order[camera]
-        return _alone(name, views[name], geometries, (names or {}).get(name), lens)
+        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens))
 
-    lenses = [model if isinstance(model, str) else model[name] for name in order]
+    lenses = [
+        given[name].model if name in given else model if isinstance(model, str) else model[name] for name in order
+    ]
     alone = [as_model(c, lens) for c, lens in enumerate(lenses)]
     unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
     alone = _of_one_make(
@@ -79,19 +88,32 @@ def calibrate_rig(
             "no two cameras agree on where they stand: "
             + _why(order, sights)
             + "; were the pictures taken at the same moments, and do their names or numbers say which belong together?"
+            + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
         )
     places = averaged(tree(main, edges), edges)
     places = {c: places[c] for c in main}
     fits = turned(places, alone, sights)
-    task = _Task.of(main, alone, sights, fits, [when[name] for name in order])
+    task = RigTask.of(main, alone, sights, fits, [when[name] for name in order], [order[c] in given for c in main])
     state = task.start(alone, places)
-    fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=alone[task.shape].spacing)
-    return _result(task, fit, order, alone, parts, edges, when, sights)
+    spaced = alone[task.shape].spacing
+    fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
+    time = times_of(m for name in order for m in when[name])
+    done = in_step(task, fit, time, correct_time, spaced)
+    return _result(task, done, order, alone, parts, edges, when, sights, tuple(n for n in order if n in given))
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
     check_boards(boards, f"views[{name!r}]")
     return boards
+
+
+def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[str, Camera]:
+    """The cameras whose lens is known. Raises ConfigError for a name that no views have."""
+    if unknown := [name for name in cameras or {} if name not in order]:
+        raise ConfigError(
+            f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: give the same names"
+        )
+    return dict(cameras or {})
 
 
 def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> dict[str, list[str]]:
@@ -104,11 +126,14 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
 
 
 def _alone(
-    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, model: str
+    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, lens: str | Camera
 ) -> Calibration:
+    """The calibration of one camera alone, of a lens model, or of a lens that is known."""
     try:
-        check_arguments(boards, names, model, None)
-        return with_geometries(boards, geometries, names_of(boards, names), model)
+        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
+        if isinstance(lens, Camera):
+            return with_known_lens(boards, geometries, names_of(boards, names), lens)
+        return with_geometries(boards, geometries, names_of(boards, names), lens)
     except CalibrationError as error:
         raise CalibrationError(f"camera {name}: {error}") from error
 
@@ -167,103 +192,22 @@ def _number(target: object, numbers: dict[str, int]) -> int:
     return 0 if target is None else 1 + zlib.crc32(repr(target).encode())
 
 
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each with its `keys` entry (None:
-    only one camera's partial view); `rows` (camera, view) → rows of the corners, their labels `ij`; `cluster` (F,): moments."""
-
-    cameras: list[int]
-    keys: list[Key | None]
-    poses: list[tuple[Key | None, int, int]]
-    corners: Corners3
-    sigma: Array
-    ij: Array
-    rows: dict[tuple[int, int], Array]
-    cluster: Array
-    turned: Turned
-    shape: int
-
-    @classmethod
-    def of(
-        cls,
-        main: list[int],
-        alone: Sequence[Calibration],
-        sights: Sequence[Mapping[Key, int]],
-        fits: Turned,
-        when: Sequence[Sequence[str]],
-    ) -> _Task:
-        """All views of the cameras `main` but the odd ones."""
-        shaped = max(main, key=lambda c: (alone[c].shape is not None, len(alone[c].used_views)))
-        odd, frame_of = set(fits.odd), {key: f for f, key in enumerate(fits.boards)}
-        owner = {(c, k): key for c in main for key, k in sights[c].items()}
-        keys: list[Key | None] = list(fits.boards)
-        firsts: list[tuple[Key | None, int, int]] = [(key, -1, -1) for key in fits.boards]
-        moments = [key[0] for key in fits.boards]
-        frame, camera, ij, flat, known, xy, sigma, rows, at = [], [], [], [], [], [], [], {}, 0
-        for local, c in enumerate(main):
-            for k, view in enumerate(alone[c].views):
-                if view.reason or view.pose is None or (c, k) in odd:
-                    continue
-                key = owner.get((c, k))
-                if key is None:
-                    f = len(keys)
-                    keys.append(None)
-                    firsts.append((None, c, k))
-                    moments.append(when[c][k])
-                else:
-                    f = frame_of[key]
-                turn = fits.turns.get((c, k), 0)
-                labels = turn_labels(view.ij, alone[c].size or (1, 1), turn) if turn else view.ij
-                frame.append(np.full(len(view), f))
-                camera.append(np.full(len(view), local))
-                ij.append(labels)
-                flat.append(flat_points(alone[c], view, labels))
-                known.append(np.full(len(view), has_shape(alone[shaped], view)))
-                xy.append(view.xy)
-                sigma.append(np.nan_to_num(view.sigma))
-                rows[c, k] = np.arange(at, at + len(view))
-                at += len(view)
-        joint, board, settled = np.concatenate(ij), np.concatenate(flat), np.concatenate(known)
-        basis = np.zeros((len(joint), len(FUNCTIONS)))
-        if settled.any():
-            basis[settled] = shape_basis(joint[settled], alone[shaped].size or (1, 1), plane_of(alone[shaped]))
-        corners = Corners3(np.concatenate(frame), np.concatenate(camera), board, np.concatenate(xy), basis)
-        cluster = np.unique(np.array(moments), return_inverse=True)[1]
-        return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped)
-
-    def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
-        """Boards and cameras where the graph has them."""
-        poses = [
-            self.turned.boards[key] if key is not None else np.linalg.inv(places[c]) @ matrix(alone[c].views[k])
-            for key, c, k in self.poses
-        ]
-        return State(
-            tuple(alone[c].camera for c in self.cameras),
-            np.array(poses),
-            np.stack([places[c] for c in self.cameras]),
-        )
-
-    @property
-    def joint(self) -> Joint:
-        """What the least squares are about."""
-        return Joint(self.corners, self.sigma, self.cluster)
-
-
 def _result(
-    task: _Task,
-    fit: robust.Fit,
+    task: RigTask,
+    step: InStep,
     order: list[str],
     alone: list[Calibration],
     parts: list[list[int]],
     edges: Sequence[Edge],
     when: Mapping[str, Sequence[str]],
     sights: Sequence[Mapping[Key, int]],
+    given: tuple[str, ...],
 ) -> RigCalibration:
-    main = task.cameras
+    main, fit = task.cameras, step.fit
     used = np.array([f for f, reason in enumerate(fit.reasons) if not reason])
     if not len(used):
         raise CalibrationError("no board agrees with the others: check which pictures belong to one moment")
-    cov = covariance(fit.arrow, used, fit.scale, fit.clustered)
+    cov = with_held(covariance(fit.arrow, used, fit.scale, fit.clustered), fit.free)
     names = tuple(order[c] for c in main)
     lenses = np.cumsum([0, *(len(c.parameters) for c in fit.state.cameras)])
     places = slice(lenses[-1], lenses[-1] + 6 * (len(main) - 1))
@@ -273,7 +217,7 @@ def _result(
     done, shape = list(alone), _shape(fit, alone[task.shape])
     for local, c in enumerate(main):
         J = _to_camera(rig, local, lenses, len(cov))
-        done[c] = _one(task, fit, alone[c], local, c, shape, J @ cov @ J.T)
+        done[c] = _one(task, step, alone[c], local, c, shape, J @ cov @ J.T)
     seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
     boards = {key: fit.state.poses[f] for f, key in enumerate(task.keys) if key is not None and not fit.reasons[f]}
     found = RigCalibration(
@@ -281,13 +225,26 @@ def _result(
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
         rms=float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean())),
-        pairs=pairs_of(order, done, sights),
+        pairs=pairs_of(rig, order, _at_their_moments(task, step, done), sights),
         components=tuple(tuple(order[c] for c in part) for part in parts),
         links=links_of(order, done, parts, when),
         thin=tuple(order[c] for c in main if len(_shared(c, edges)) == 1),
-        shifts=shifts_of(rig, {order[c]: done[c] for c in main}, {order[c]: sights[c] for c in main}),
+        shifts=by_name(step.shifts, names),
+        corrected=tuple(names[c] for c in step.late),
+        given=given,
     )
     return judged_rig(found)
+
+
+def _at_their_moments(task: RigTask, step: InStep, cameras: Sequence[Calibration]) -> list[Calibration]:
+    """`cameras` with the corners of those that were brought into step where they would have been seen in step."""
+    out = list(cameras)
+    for c in {c for c, _ in step.taken}:
+        views = list(out[c].views)
+        for k in (k for b, k in step.taken if b == c):
+            views[k] = replace(views[k], xy=step.corners.xy[task.rows[c, k]])
+        out[c] = replace(out[c], views=tuple(views))
+    return out
 
 
 def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
@@ -315,10 +272,10 @@ def _to_camera(rig: Rig, local: int, lenses: Array, size: int) -> Array:
 
 
 def _one(
-    task: _Task, fit: robust.Fit, before: Calibration, local: int, c: int, shape: BoardShape | None, cov: Array
+    task: RigTask, step: InStep, before: Calibration, local: int, c: int, shape: BoardShape | None, cov: Array
 ) -> Calibration:
     """One camera's calibration after the joint solution."""
-    views, odd = [], set(task.turned.odd)
+    views, odd, fit = [], set(task.turned.odd), step.fit
     for k, view in enumerate(before.views):
         rows = task.rows.get((c, k))
         if rows is None:
@@ -330,10 +287,10 @@ def _one(
             replace(
                 view,
                 ij=task.ij[rows],
-                pose=Pose(fit.state.rig[local] @ fit.state.poses[f]),
+                pose=Pose(step.taken.get((c, k), fit.state.rig[local] @ fit.state.poses[f])),
                 residuals=fit.residuals[rows],
                 used=fit.used[rows],
-                reason=fit.reasons[f] or ("" if fit.used[rows].any() else ODD),
+                reason=fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD),
             )
         )
     return replace(

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.calibration.sight import cell_centres, cells_of
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Bool, Int, Real
+from rcdn.types.arrays import Int, Real
 
 FINER = 1.5
 """ratio of the number of cells of the mean residuals to that of the coverage, along one side"""
@@ -155,7 +155,7 @@ def neighbour_correlation(calibration: Calibration) -> float:
     return product / power if power > 0 else float("nan")
 
 
-def _neighbours(view: BoardView, which: Bool[Array, " m"]) -> tuple[Array, Array]:
+def _neighbours(view: BoardView, which: Array) -> tuple[Array, Array]:
     """Indices of all pairs of corners, among `which` (M,) bool, that are neighbours on the board."""
     at = np.flatnonzero(which)
     if not len(at):

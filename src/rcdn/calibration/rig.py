@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration.labels import turn_labels
-from rcdn.errors import CalibrationError, present
+from rcdn.errors import CalibrationError, many, present
 from rcdn.types import Array, BoardView, Calibration
 from rcdn.types.arrays import Real
 
@@ -83,7 +83,7 @@ def _disagree(
     most: int,
     given: Sequence[tuple[int, int]],
 ) -> str:
-    text = f"only {most} of {len(pairs)} pairs agree on where the cameras stand"
+    text = f"only {most} of {many(len(pairs), 'pair')} {'agrees' if most == 1 else 'agree'} on where the cameras stand"
     if (
         first.orientation == "unique"
         and first.target is None

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged
-from rcdn.calibration.board_points import board_points
+from rcdn.calibration.epipolar import both_used, epipolar_gaps
+from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
-from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.verdict import verdict_of
+from rcdn.errors import present
 from rcdn.types import (
-    Array,
     BoardView,
     Calibration,
     MissingLink,
@@ -25,14 +25,9 @@ from rcdn.types import (
     TimeShift,
 )
 
-FEWEST_MOVES = 6
-"""moments at which a board moved that tell a time shift"""
-STILL = 1e-3
-"""share of the board's distance that it must move from one moment to the next to count as moving"""
-
 
 def pairs_of(
-    order: Sequence[str], cameras: Sequence[Calibration], sights: Sequence[Mapping[Key, int]]
+    rig: Rig, order: Sequence[str], cameras: Sequence[Calibration], sights: Sequence[Mapping[Key, int]]
 ) -> tuple[RigPair, ...]:
     """Every two cameras that saw boards together."""
     out = []
@@ -42,8 +37,33 @@ def pairs_of(
             views = [(cameras[a].views[k], cameras[b].views[m]) for k, m in shared]
             good = [v for pair in views for v in pair if not pair[0].reason and not pair[1].reason]
             if shared:
-                out.append(RigPair(order[a], order[b], len(shared), len(good) // 2, _rms(good)))
+                gap = _epipolar(rig, order[a], order[b], good)
+                out.append(RigPair(order[a], order[b], len(shared), len(good) // 2, _rms(good), gap))
     return tuple(out)
+
+
+def _epipolar(rig: Rig, a: str, b: str, views: Sequence[BoardView]) -> float:
+    """RMS distance px of the used corners that both cameras saw from each other's epipolar planes; `views`: of a and b in turn."""
+    if not {a, b} <= set(rig.names) or not views:
+        return float("nan")
+    first, second = views[::2], views[1::2]
+    matches = [both_used(v, w) for v, w in zip(first, second, strict=True)]
+    xy = np.concatenate([v.xy[k] for v, (k, _) in zip(first, matches, strict=True)])
+    other = np.concatenate([w.xy[k] for w, (_, k) in zip(second, matches, strict=True)])
+    gaps = epipolar_gaps(rig.cameras[rig.index(a)], rig.cameras[rig.index(b)], rig.relative(a, b)[0], xy, other)
+    gaps = gaps[np.isfinite(gaps)]
+    return float(np.sqrt((gaps**2).mean())) if len(gaps) else float("nan")
+
+
+def least_known(found: RigCalibration) -> tuple[str, str] | None:
+    """The camera, but the first, whose centre is known least, and the one that it shared most boards with ("": none); None if there's no choice."""
+    rig = found.rig
+    if rig.covariance is None or len(rig) < 3:
+        return None
+    spread = {name: float(np.trace(present(rig.centre_covariance(name), "covariance"))) for name in rig.names[1:]}
+    name = max(spread, key=lambda n: spread[n])
+    shared = {p.second if p.first == name else p.first: p.used for p in found.pairs if name in (p.first, p.second)}
+    return name, max(shared, key=lambda n: shared[n], default="")
 
 
 def _rms(views: Sequence[BoardView]) -> float:
@@ -86,92 +106,21 @@ def _link(
     return (bool(common), score), MissingLink(order[a], order[b], views[0].name, views[1].name, bool(common))
 
 
-def shifts_of(
-    rig: Rig, cameras: Mapping[str, Calibration], sights: Mapping[str, Mapping[Key, int]]
-) -> dict[str, TimeShift]:
-    """How late each camera is, from boards that moved: where it sees them by itself, against the path on which the others saw them.
-
-    Moments count in the order of their names (numbers as numbers). Cameras that saw too few moving boards aren't in it.
-    """
-    tracks = {name: _track(rig, name, cameras[name], sights[name]) for name in rig.names}
-    moments = sorted({key for track in tracks.values() for key in track}, key=_in_order)
-    out = {}
-    for name in rig.names:
-        others = {key: _mean([t[key] for other, t in tracks.items() if other != name and key in t]) for key in moments}
-        found = _shift(tracks[name], others, moments)
-        if found is not None:
-            out[name] = found
-    return out
-
-
-def _in_order(key: Key) -> tuple[int, float, str]:
-    digits = key[0].lstrip("#")
-    return (key[1], float(digits), "") if digits.isdigit() else (key[1], float("inf"), key[0])
-
-
-def _mean(places: Sequence[Array]) -> Array | None:
-    return np.mean(places, axis=0) if places else None
-
-
-def _track(rig: Rig, name: str, calibration: Calibration, sights: Mapping[Key, int]) -> dict[Key, Array]:
-    """Where the middles of the boards are in the rig's frame as one camera alone sees them."""
-    back = np.linalg.inv(rig.poses[rig.index(name)].T_cam_board)
-    out = {}
-    for key, k in sights.items():
-        view = calibration.views[k]
-        if view.pose is None or view.reason:
-            continue
-        middle = board_points(calibration, view).mean(axis=0)
-        own = _own_pose(calibration, view)
-        if own is not None:
-            out[key] = (back @ own @ np.append(middle, 1.0))[:3]
-    return out
-
-
-def _own_pose(calibration: Calibration, view: BoardView) -> Array | None:
-    """The pose that the view's corners alone give, near the joint one."""
-    from rcdn.calibration.bundle import Corners3, State, default_free
-    from rcdn.calibration.solver import solve
-
-    places = board_points(calibration, view)[:, :2]
-    none = np.zeros(len(view), int)
-    corners = Corners3(none, none, places, view.xy, np.zeros((len(view), 0)))
-    state = State.mono(calibration.camera, matrix(view)[None])
-    found = solve(state, corners, view.used.astype(float), default_free(state, lens=False), iterations=8).state.poses[0]
-    return found if np.isfinite(found).all() else None
-
-
-def _shift(track: Mapping[Key, Array], others: Mapping[Key, Array | None], moments: Sequence[Key]) -> TimeShift | None:
-    """The time by which the track is ahead of the path of the others, by least absolute misses (reweighted)."""
-    speed, miss = [], []
-    for before, here, after in zip(moments, moments[1:], moments[2:], strict=False):
-        a, b, c = (others[key] for key in (before, here, after))
-        if here in track and a is not None and b is not None and c is not None and before[1] == after[1]:
-            v = (c - a) / 2
-            if np.linalg.norm(v) > STILL * np.linalg.norm(b):
-                speed.append(v)
-                miss.append(track[here] - b)
-    if len(speed) < FEWEST_MOVES:
-        return None
-    v, d = np.array(speed), np.array(miss)
-    weight, tau = np.ones(len(v)), 0.0
-    for _ in range(20):
-        tau = float((weight * (v * d).sum(axis=1)).sum() / (weight * (v * v).sum(axis=1)).sum())
-        gap = np.linalg.norm(d - tau * v, axis=1)
-        weight = 1 / np.maximum(gap, 0.1 * np.median(gap) + 1e-12)
-    score = weight * ((d - tau * v) * v).sum(axis=1)
-    return TimeShift(tau, float(np.sqrt((score**2).sum()) / (weight * (v * v).sum(axis=1)).sum()))
-
-
 def judged_rig(found: RigCalibration) -> RigCalibration:
     """`found` with its verdict and those of its cameras."""
-    cameras = {name: judged(camera) for name, camera in found.cameras.items()}
-    reasons = [*_rig_reasons(found), *(r for name, c in cameras.items() for r in _of_camera(name, c))]
+    cameras = {
+        name: judged_known(camera) if name in found.given else judged(camera) for name, camera in found.cameras.items()
+    }
+    reasons = [
+        *_rig_reasons(found),
+        *(r for name, c in cameras.items() for r in _of_camera(name, c, name in found.given)),
+    ]
     return replace(found, cameras=cameras, verdict=verdict_of(reasons))
 
 
 def _rig_reasons(found: RigCalibration) -> list[Reason]:
-    late = {name: s for name, s in (found.shifts or {}).items() if s.clear}
+    late = {name: s for name, s in (found.shifts or {}).items() if s.clear and name not in found.corrected}
+    mended = _lateness({name: s for name, s in (found.shifts or {}).items() if name in found.corrected})
     factor = max(growth(c.image_size) for c in found.rig.cameras)
     return [
         reason(
@@ -190,11 +139,16 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
             f"An RMS of {found.rms:.2f} px of all cameras is high.", "Look at the pairs of the highest RMS.", factor=factor,
         ),
         reason(
-            "time_shift", len(late), "No camera is out of step, as far as moving boards tell.",
-            "Out of step: " + ", ".join(f"{n} by {s.moments:+.2f} ± {s.std:.2f} of a frame" for n, s in late.items()) + ".",
-            "Trigger the cameras together, or hold the board still.",
+            "time_shift", len(late),
+            f"Brought into step: {mended}." if mended else "No camera is out of step, as far as moving boards tell.",
+            f"Out of step: {_lateness(late)}.",
+            "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
         ),
     ]  # fmt: skip
+
+
+def _lateness(shifts: Mapping[str, TimeShift]) -> str:
+    return ", ".join(f"{name} is {s.moments:+.2f} ± {s.std:.2f} of a frame late" for name, s in shifts.items())
 
 
 def _flips(found: RigCalibration) -> list[str]:
@@ -219,8 +173,18 @@ def _join(link: MissingLink) -> str:
     )
 
 
-def _of_camera(name: str, camera: Calibration) -> list[Reason]:
+LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
+"""what a lens that is wrong fails"""
+
+
+def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
     against = camera.verdict.against if camera.verdict else ()
+
+    def action(r: Reason) -> str:
+        anew = "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture may have changed."
+        return anew if given and r.key in LENS_CHECKS else r.action
+
     return [
-        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}") for r in against
+        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}", action=action(r))
+        for r in against
     ]

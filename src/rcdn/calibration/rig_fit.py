@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,25 +19,49 @@ COMPARED = 60
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """All `corners`, whose `basis` holds the functions of a board's shape, with `sigma` (N,) px; `cluster` (F,): each frame's moment."""
+    """All `corners`, whose `basis` holds the functions of a board's shape, with `sigma` (N,) px; `cluster` (F,): each frame's moment; `known`: by
+    camera whether its lens is held."""
 
     corners: Corners3
     sigma: Array
     cluster: Array
+    known: Sequence[bool] = ()
 
 
 def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.Fit:
     """The solution from `start`, whose board is perfect; of a board with a shape that all cameras see alike, if it is to be tried (`shaped`) and
     predicts the boards of moments held out better. `spacing`: side of a square, m."""
-    free = default_free(start, rig=True)
+    free = _free(start, joint)
     state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
     flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
     if not shaped:
         return flat
     state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
-    free = default_free(state, shape=True, rig=True)
+    free = _free(state, joint)
     curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
     return curved if _predicts_better(joint, curved, flat) else flat
+
+
+def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
+    """The solution for other corners of the same problem, from the one `before`, with the same unknowns."""
+    return robust.fit(
+        replace(before.state, prior=None),
+        before.noise,
+        joint.corners,
+        joint.sigma,
+        before.free,
+        joint.cluster,
+        spacing,
+        UNBIASED,
+    )
+
+
+def _free(state: State, joint: Joint) -> Array:
+    """Which of the shared parameters are unknown: all but the lenses that are known."""
+    free = default_free(state, shape=True, rig=True)
+    held = np.repeat(np.asarray(joint.known, bool), state.counts[: len(joint.known)])
+    free[: len(held)] &= ~held
+    return free
 
 
 def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
@@ -45,8 +70,5 @@ def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
-    misses = [
-        choose.rms(choose.held_out(f.state, task, default_free(f.state, shape=True, rig=True)), task.weight)
-        for f in (curved, flat)
-    ]
+    misses = [choose.rms(choose.held_out(f.state, task, _free(f.state, joint)), task.weight) for f in (curved, flat)]
     return misses[0] < misses[1]

@@ -16,7 +16,7 @@ from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.geometry import rotation
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Real
 
 GATE = 4.5
 """standard deviations of a corner's distance above which it is an outlier (one in 25,000 by chance)"""
@@ -43,7 +43,7 @@ class Fit:
     """`state` and `arrow` of the solution; `residuals` (N, 2) px; `used` (N,) corners; `reasons` for each frame that
     was left out, "" if used; `noise`, px of one axis in addition to sigma; `weight` (N,) 1 / px; `scale`: sum of
     squared whitened residuals divided by the degrees of freedom; `clustered`: the covariance of the shared parameters
-    from the scatter between whole views."""
+    from the scatter between whole views; `free` (K,): which shared parameters were estimated."""
 
     state: State
     arrow: Arrow
@@ -54,6 +54,7 @@ class Fit:
     weight: Array
     scale: float
     clustered: Clustered
+    free: Array
 
 
 def initial_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn: bool = True) -> tuple[State, float]:
@@ -97,7 +98,7 @@ def _better_poses(state: State, corners: Corners3, weight: Array) -> State:
     return _where_better(state, _anew(state, corners, np.flatnonzero(odd)), odd, corners, weight)
 
 
-def _where_better(state: State, other: State, tried: Bool[Array, " f"], corners: Corners3, weight: Array) -> State:
+def _where_better(state: State, other: State, tried: Array, corners: Corners3, weight: Array) -> State:
     """`state`, with the poses of `other`, refined from there, for those of the frames `tried` (F,) in which they fit
     better."""
     mine = np.flatnonzero(tried[corners.frame])
@@ -148,7 +149,7 @@ def fit(
     noise: float,
     corners: Corners3,
     sigma: Real[Array, " n"],
-    free: Bool[Array, " k"],
+    free: Array,
     cluster: Real[Array, " f"] | None = None,
     spacing: float = 1.0,
     power: float = JACKKNIFE,
@@ -183,7 +184,7 @@ def fit(
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())
     scale = square / max(2 * int(used.sum()) - _unknowns(state, solution.arrow, corners, used, free), 1)
     honest = clustered(state, corners, weight, free, solution.arrow, scale, cluster, power)
-    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest)
+    return Fit(state, solution.arrow, gaps, used, tuple(reasons), noise, weight, scale, honest, free)
 
 
 def _with_poses(state: State, corners: Corners3, weight: Array, frames: list[int]) -> State:
@@ -226,7 +227,7 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
         share = 1 - float(good[mine].mean()) if mine.any() else 1.0
         if not np.isfinite(px[f]):
             reasons[f] = "no pose fits its corners"
-        elif np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
+        elif mine.any() and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
                 f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"

@@ -8,13 +8,13 @@ by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Real
 
 RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
@@ -139,6 +139,11 @@ class Linear:
         pull = -prior.gradient(state.values)[free]
         return cls(gaps, by_frame, shared, corners.frame, len(state.poses), prior.precision[np.ix_(free, free)], pull)
 
+    def of_columns(self, columns: Array) -> Linear:
+        """The problem in these of the free parameters alone, without a prior: all others' derivatives are 0."""
+        many = len(columns)
+        return replace(self, shared=self.shared[:, :, columns], precision=np.zeros((many, many)), pull=np.zeros(many))
+
     @property
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
@@ -150,6 +155,8 @@ class Linear:
         return Normal(blocks, flat.T @ flat + self.precision, (by_frame, shared))
 
 
+FEW_CAMERAS = 2
+"""up to which all corners' derivatives are multiplied at once"""
 AT_ONCE = 4_000_000
 """elements of the shared parameters' Jacobian that are kept in memory at once: larger problems are summed in parts"""
 
@@ -168,6 +175,8 @@ class Normal:
         """At one state, as `Linear.of`; the memory is proportional to frames × shared parameters, not to corners ×
         shared parameters."""
         each = max(AT_ONCE // (2 * sum(state.counts)), 1)
+        if len(state.cameras) > FEW_CAMERAS:
+            return cls._by_camera(state, corners, weight, free, loss, each)
         if len(corners) <= each:
             return Linear.of(state, corners, weight, free, loss).normal
         prior, many = state.beforehand, int(free.sum())
@@ -183,16 +192,45 @@ class Normal:
             shared += mine.gradient[1] - part.pull
         return cls(blocks, whole, (by_frame, shared))
 
+    @classmethod
+    def _by_camera(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str, each: int) -> Normal:
+        """The same, camera by camera: a corner tells of its own camera's lens and place and of the board's shape, and nothing of other cameras."""
+        prior, many = state.beforehand, int(free.sum())
+        blocks, whole = np.zeros((len(state.poses), 6, 6 + many)), prior.precision[np.ix_(free, free)].copy()
+        by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]
+        for c in range(len(state.cameras)):
+            mine = np.flatnonzero(corners.camera == c)
+            own = np.flatnonzero(_told_by(state, c)[free])
+            for at in range(0, len(mine), each):
+                some = mine[at : at + each]
+                part = Linear.of(state, corners.take(some), weight[some], free, loss).of_columns(own).normal
+                blocks[:, :, np.append(np.arange(6), 6 + own)] += part.blocks
+                whole[np.ix_(own, own)] += part.whole
+                by_frame += part.gradient[0]
+                shared[own] += part.gradient[1]
+        return cls(blocks, whole, (by_frame, shared))
+
     def arrow(self, damping: float = 0.0) -> Arrow:
         """The factor of the normal matrix."""
         return Arrow.of(self.blocks, self.whole, damping)
 
 
-def without_pose(
-    by_pose: Real[Array, "m 2 6"], shared: Real[Array, "m 2 k"], gaps: Real[Array, "m 2"]
-) -> tuple[Array, Array]:
-    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view, projected onto the complement of its pose's
-    Jacobian; from `by_pose` (M, 2, 6), `shared` (M, 2, K) and `gaps` (M, 2)."""
+def _told_by(state: State, camera: int) -> Array:
+    """(K,) bool: the shared parameters of which one camera's corners tell: its lens, its place, and the board's shape."""
+    *lenses, places, _ = state.counts
+    out = np.zeros(sum(state.counts), bool)
+    at = sum(lenses[:camera])
+    out[at : at + lenses[camera]] = True
+    if camera:
+        at = sum(lenses) + 6 * (camera - 1)
+        out[at : at + 6] = True
+    out[sum(lenses) + places :] = True
+    return out
+
+
+def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Array]:
+    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
+    and `gaps` (M, 2)."""
     Q, _ = np.linalg.qr(by_pose.reshape(-1, 6))
     J, e = shared.reshape(len(Q), shared.shape[-1]), gaps.ravel()
     return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)
@@ -210,7 +248,7 @@ def solve(
     start: State,
     corners: Corners3,
     weight: Real[Array, " n"],
-    free: Bool[Array, " k"] | None = None,
+    free: Array | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
 ) -> Solution:

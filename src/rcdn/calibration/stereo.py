@@ -14,14 +14,15 @@ from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.epipolar import epipolar_gaps
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
-from rcdn.errors import CalibrationError, ConfigError
-from rcdn.geometry import cross_matrix, unproject
+from rcdn.errors import CalibrationError, ConfigError, many
+from rcdn.geometry import cross_matrix
 from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
@@ -68,7 +69,7 @@ def calibrate_stereo(
         )
     shared = [p for p in pairs if tells(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
-        some = "1 pair shows" if len(shared) == 1 else f"{len(shared)} pairs show"
+        some = many(len(shared), "pair shows", "pairs show")
         raise CalibrationError(
             f"only {some} the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
             "and check that the pictures are given in the same order or with the same names"
@@ -115,7 +116,9 @@ def _pairs(
 ) -> Sequence[tuple[int, int]]:
     if pairs is None:
         if len(left) != len(right):
-            raise ConfigError(f"left has {len(left)} boards, right {len(right)}: give pairs, or boards in pairs")
+            raise ConfigError(
+                f"left has {many(len(left), 'board')}, right {len(right)}: give pairs, or boards in pairs"
+            )
         return [(k, k) for k in range(len(left))]
     if any(not (0 <= a < len(left) and 0 <= b < len(right)) for a, b in pairs):
         raise ConfigError("pairs must hold (index in left, index in right)")
@@ -184,7 +187,7 @@ def _result(
     pairs = [f for f in used if min(task.seen[f]) >= 0]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
-            f"only {len(pairs)} {'pair agrees' if len(pairs) == 1 else 'pairs agree'} with the others: check that pictures are paired by moment"
+            f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: check that pictures are paired by moment"
         )
     cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)
@@ -211,7 +214,7 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
     if not names:
         return ()
     some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
-    those = "1 pair disagrees" if len(names) == 1 else f"{len(names)} pairs disagree"
+    those = many(len(names), "pair disagrees", "pairs disagree")
     left_out = "was left out" if len(names) == 1 else "were left out"
     return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
 
@@ -263,7 +266,6 @@ def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: C
 def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
     """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if
     none was seen by both."""
-    E = cross_matrix(T[:3, 3] / np.linalg.norm(T[:3, 3])) @ T[:3, :3]
     squares = []
     for f in pairs:
         a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
@@ -272,11 +274,8 @@ def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, righ
         mine = np.array([(p, q) for p, q in common if fit.used[p] and fit.used[q]])
         if not len(mine):
             continue
-        rays = [unproject(c, task.corners.xy[rows]) for c, rows in zip((left, right), mine.T, strict=True)]
-        x, y = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
-        for ray, normal, camera in ((y, x @ E.T, right), (x, y @ E, left)):
-            angle = (ray * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
-            squares.append((angle * camera.K[0, 0]) ** 2)
+        xy, other = (task.corners.xy[rows] for rows in mine.T)
+        squares.append(epipolar_gaps(left, right, T, xy, other) ** 2)
     return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else float("nan")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.calibration.advice import judged, notes
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.verdict import judge, sentences, verdict_of
+from rcdn.errors import many
 from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
 
 
@@ -47,7 +48,7 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
     shared = np.isfinite(stereo.epipolar)
     return [
         reason(
-            "pairs", used, "Enough pairs for chance to average out.", f"Only {used} pairs: one bad pair can bend the result.",
+            "pairs", used, "Enough pairs for chance to average out.", f"Only {many(used, 'pair')}: one bad pair can bend the result.",
             "Take 10 to 30 pairs, of the board in different places, distances and tilts.",
         ),
         reason(

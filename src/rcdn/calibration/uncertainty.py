@@ -3,6 +3,7 @@ corners."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,17 +60,17 @@ def clustered(
     in which a few moments may contain most of the information on a camera's pose and CR3 would overestimate by up to 1
     ÷ √(1 − A).
     """
-    info, score = _by_cluster(
-        state, corners, weight, free, cluster if cluster is not None else np.arange(len(state.poses))
-    )
-    if len(score) < FEWEST_CLUSTERS:
-        return Clustered(np.asarray(scale * arrow.covariance), 1.0)
-    rim = arrow.rim  # in its coordinates the total information is the unit matrix
-    info, score = rim.T @ info @ rim, score @ rim
+    number = np.arange(len(state.poses)) if cluster is None else cluster
+    rim = arrow.rim  # in its coordinates the whole information is the unit matrix
     held = rim.T @ state.beforehand.precision[np.ix_(free, free)] @ rim
-    meat, unbiased = (_scatter(info, score, by) + held for by in (power, UNBIASED))
+    many, meat, unbiased = 0, held, held
+    for info, pull in _by_cluster(state, corners, weight, free, number):
+        many, (more, fair) = many + 1, _pulled(rim.T @ info @ rim, pull @ rim, (power, UNBIASED))
+        meat, unbiased = meat + np.outer(more, more), unbiased + np.outer(fair, fair)
+    if many < FEWEST_CLUSTERS:
+        return Clustered(np.asarray(scale * arrow.covariance), 1.0)
     inflation = _inflation(unbiased, rim[: len(rim) - int(free[len(free) - state.shape.size :].sum())], scale)
-    share = STEADY / (STEADY + len(score))
+    share = STEADY / (STEADY + many)
     meat = (1 - share) * meat + share * inflation * scale * np.eye(len(meat))
     return Clustered(np.asarray(rim @ meat @ rim.T), inflation)
 
@@ -83,19 +84,18 @@ def _inflation(meat: Real[Array, "k k"], rows: Real[Array, "p k"], scale: float)
     return max(float(np.trace(directions.T @ meat @ directions)) / len(rows) / max(scale, 1e-300), 1.0)
 
 
-def _scatter(leverage: Real[Array, "g k k"], score: Real[Array, "g k"], power: float) -> Real[Array, "k k"]:
-    """(K, K) sum over G clusters of v vᵀ, v = (1 − leverage)^−power score, with symmetric `leverage` (G, K, K) and
-    `score` (G, K)."""
-    values, vectors = np.linalg.eigh((leverage + leverage.transpose(0, 2, 1)) / 2)
-    along = np.einsum("gka,gk->ga", vectors, score) * np.maximum(1 - values, LEAST_LEFT) ** -power
-    pulled = np.einsum("gka,ga->gk", vectors, along)
-    return np.asarray(pulled.T @ pulled)
+def _pulled(leverage: Array, score: Array, powers: Sequence[float]) -> list[Array]:
+    """(1 − leverage)^−power score (K,) for each power, of a cluster's symmetric `leverage` (K, K) and `score` (K,)."""
+    values, vectors = np.linalg.eigh((leverage + leverage.T) / 2)
+    along, left = vectors.T @ score, np.maximum(1 - values, LEAST_LEFT)
+    return [vectors @ (along * left**-power) for power in powers]
 
 
-def _by_cluster(state: State, corners: Corners3, weight: Array, free: Array, cluster: Array) -> tuple[Array, Array]:
-    """Information (G, K, K) and scores (G, K) of the clusters that have corners, poses eliminated."""
+def _by_cluster(
+    state: State, corners: Corners3, weight: Array, free: Array, cluster: Array
+) -> Iterator[tuple[Array, Array]]:
+    """Information (K, K) and score (K,) of each cluster that has corners, poses eliminated."""
     number = np.unique(cluster, return_inverse=True)[1][corners.frame]
-    info, score = [], []
     for g in range(int(number.max()) + 1):
         some = np.flatnonzero((number == g) & (weight > 0))
         here = Linear.of(state, corners.take(some), weight[some], free)
@@ -106,12 +106,11 @@ def _by_cluster(state: State, corners: Corners3, weight: Array, free: Array, clu
         pull = np.zeros(len(part))
         for f in np.unique(here.frame[mine]):
             of = mine[here.frame[mine] == f]
-            S, e = without_pose(here.by_frame[of], here.shared[of], here.gaps[of])
-            part += S.T @ S
-            pull += S.T @ e
-        info.append(part)
-        score.append(pull)
-    return np.array(info), np.array(score)
+            told = np.flatnonzero(np.abs(here.shared[of]).sum(axis=(0, 1)) > 0)  # of a rig: of its seers only
+            S, e = without_pose(here.by_frame[of], here.shared[of][:, :, told], here.gaps[of])
+            part[np.ix_(told, told)] += S.T @ S
+            pull[told] += S.T @ e
+        yield part, pull
 
 
 def covariance(arrow: Arrow, frames: Real[Array, " f"], scale: float, honest: Clustered) -> Array:
@@ -127,6 +126,16 @@ def covariance(arrow: Arrow, frames: Real[Array, " f"], scale: float, honest: Cl
     own = scale * honest.inflation * np.einsum("fab,fcb->ac", arrow.own[frames], arrow.own[frames]) / many**2
     cross = -shared @ reach.T
     return np.asarray(np.block([[shared, cross], [cross.T, own + reach @ shared @ reach.T]]))
+
+
+def with_held(cov: Array, free: Array) -> Array:
+    """`cov` of the `free` ones of K shared parameters and of the poses' mean motion, with zeros for what was held: (K + 6, K + 6)."""
+    if free.all():
+        return cov
+    at = np.flatnonzero(np.append(free, np.ones(6, bool)))
+    out = np.zeros((len(free) + 6, len(free) + 6))
+    out[np.ix_(at, at)] = cov
+    return out
 
 
 def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow, scale: float) -> Real[Array, "6 6"]:

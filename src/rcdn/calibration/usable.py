@@ -14,7 +14,7 @@ from rcdn.calibration.groups import describe
 from rcdn.calibration.labels import Labelled, in_line, mirrored
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
-from rcdn.errors import CalibrationError
+from rcdn.errors import CalibrationError, many
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Real
 
@@ -57,10 +57,10 @@ def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
 def _by_size(boards: Sequence[Board], names: Sequence[str], sizes: Counter[tuple[int, int]]) -> str:
     """Each size with the pictures that have it."""
     texts = []
-    for size, many in sizes.most_common():
+    for size, count in sizes.most_common():
         mine = [n for n, b in zip(names, boards, strict=True) if b.image_size == size]
         rest = [n for n, b in zip(names, boards, strict=True) if b.image_size != size]
-        texts.append(f"{size[0]}×{size[1]} in {many}: {describe(mine, rest)}")
+        texts.append(f"{size[0]}×{size[1]} in {count}: {describe(mine, rest)}")
     return "; ".join(texts)
 
 
@@ -72,7 +72,7 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str
     if label.reason:
         return label.reason
     if len(board) < FEWEST_CORNERS or min(board.size) < 2:
-        return f"it has only {len(board)} corners in {board.size[0]}×{board.size[1]}"
+        return f"it has only {many(len(board), 'corner')} in {board.size[0]}×{board.size[1]}"
     if in_line(board):
         return "its corners lie in one line"
     return (
@@ -88,8 +88,9 @@ def usable(
     names: Sequence[str],
     image_size: tuple[int, int],
     whole: Geometry,
+    fewest: int = FEWEST_VIEWS,
 ) -> Usable:
-    """The boards with enough corners, as arrays; `whole`: the board whose shape may be estimated."""
+    """The boards with enough corners, at least `fewest` of them, as arrays; `whole`: the board whose shape may be estimated."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -97,7 +98,7 @@ def usable(
             reasons[k] = reason
         else:
             index.append(k)
-    if len(index) < FEWEST_VIEWS:
+    if len(index) < fewest:
         raise CalibrationError(too_few(len(index), reasons))
     seen = [Seen(labels[k].places, boards[k].xy) for k in index]
     lengths = [len(s.xy) for s in seen]
@@ -127,10 +128,10 @@ def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
     return np.concatenate(parts)
 
 
-def too_few(many: int, reasons: dict[int, str]) -> str:
-    got = "one view" if many == 1 else f"{many} views" if many else "no view that can be used"
+def too_few(views: int, reasons: dict[int, str]) -> str:
+    got = "one view" if views == 1 else f"{views} views" if views else "no view that can be used"
     why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
-    verb = "are" if many > 1 else "is"
+    verb = "are" if views > 1 else "is"
     return (
         f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
         "places and tilts"
@@ -142,12 +143,12 @@ def sigma_of(board: Board) -> Real[Array, " m"]:
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
 
 
-def with_poses(task: Usable, T: Array) -> tuple[Usable, Array]:
-    """The task without the views whose pose is NaN, and the remaining poses."""
+def with_poses(task: Usable, T: Array, fewest: int = FEWEST_VIEWS) -> tuple[Usable, Array]:
+    """The task without the views whose pose is NaN, and the remaining poses: at least `fewest`."""
     good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T
-    if good.sum() < FEWEST_VIEWS:
+    if good.sum() < fewest:
         raise CalibrationError(too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
     keep = good[task.corners.frame]
     number = np.cumsum(good) - 1

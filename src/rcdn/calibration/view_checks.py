@@ -8,6 +8,7 @@ import numpy as np
 
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import LIMITS, reason
+from rcdn.errors import many, were_left_out
 from rcdn.types import Array, Calibration, Reason
 
 THIRDS = (
@@ -36,7 +37,7 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "picture_size", len(odd) / len(c.views), "",
-            f"{_counted(len(odd), 'picture')} of {len(c.views)} {'has' if len(odd) == 1 else 'have'} another size ({words}) and "
+            f"{many(len(odd), 'picture')} of {len(c.views)} {'has' if len(odd) == 1 else 'have'} another size ({words}) and "
             f"{'was' if len(odd) == 1 else 'were'} left out: another camera, or another setting of this one.",
             "Calibrate pictures of one camera at one resolution.",
         )
@@ -61,11 +62,11 @@ def board_size(c: Calibration, facts: Facts) -> list[Reason]:
 
 def views(c: Calibration, facts: Facts) -> list[Reason]:
     """The number of views, near-duplicates counted once."""
-    many, distinct = facts.views.many, facts.views.distinct
+    views, distinct = facts.views.many, facts.views.distinct
     need = f"{LIMITS['views'].good:g}"
-    wrong = f"Only {_counted(many, 'view')}: one bad picture can bend the result."
-    if distinct < many:
-        wrong = f"{_counted(many, 'view')}, but the board stands in only {distinct} different places: near-duplicates tell nothing new."
+    wrong = f"Only {many(views, 'view')}: one bad picture can bend the result."
+    if distinct < views:
+        wrong = f"{many(views, 'view')}, but the board stands in only {distinct} different places: near-duplicates tell nothing new."
     return [
         reason(
             "views", distinct, "Enough different boards for chance to average out.", wrong,
@@ -106,7 +107,7 @@ def left_out(c: Calibration, facts: Facts) -> list[Reason]:
         reason(
             "left_out", len(out) / max(of, 1),
             "Hardly any view disagrees with the others." if out else "No view disagrees with the others.",
-            f"{len(out)} of {of} views disagree with the others and were left out ({some}): another camera, zoom or board, wrong corners, "
+            f"{len(out)} of {many(of, 'view')} {were_left_out(len(out))} ({some}): another camera, zoom or board, wrong corners, "
             "or a board that moved.",
             "Look at them in the report, and take out what doesn't belong to this camera.",
         )
@@ -118,9 +119,7 @@ def coverage(c: Calibration, facts: Facts) -> list[Reason]:
     empty = int((facts.in_view & (facts.coverage == 0)).sum())
     where = _thirds(c)
     none = f", none in the {where}" if where else ""
-    wrong = (
-        f"{empty} of {int(facts.in_view.sum())} cells of the sensor have no corner{none}: there the lens is guessed."
-    )
+    wrong = f"{empty} of {int(facts.in_view.sum())} cells of the sensor {'has' if empty == 1 else 'have'} no corner{none}: there the lens is guessed."
     return [
         reason(
             "coverage", facts.covered, f"Corners cover {facts.covered:.0%} of the sensor.", wrong,
@@ -144,7 +143,3 @@ def box(ij: Array) -> tuple[int, int]:
     """Columns and rows that the labels (M, 2) span."""
     cols, rows = ij.max(axis=0) - ij.min(axis=0) + 1
     return int(cols), int(rows)
-
-
-def _counted(many: int, one: str) -> str:
-    return f"{many} {one}{'' if many == 1 else 's'}"

@@ -17,6 +17,7 @@ from rcdn.batch.calibration_outputs import (
     ReportFile,
 )
 from rcdn.batch.calibration_runs import Problem, Run, one_camera, two_cameras
+from rcdn.batch.known_cameras import KnownCameras
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
 from rcdn.config import DetectorConfig
@@ -26,6 +27,7 @@ from rcdn.terminal.group import FAILED
 from rcdn.terminal.options import CacheFolder, Frames, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, PicturePlaces
 from rcdn.terminal.solve_options import (
     BoardSize,
+    CorrectTime,
     FixAspect,
     FixPrincipalPoint,
     Flat,
@@ -68,6 +70,8 @@ def calibrate(
             "number belong together.",
         ),
     ] = False,
+    camera: KnownCameras = None,
+    correct_time: CorrectTime = False,
     pairs: Pairs = None,
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
@@ -96,6 +100,7 @@ def calibrate(
     Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of --fail-on, 2 for wrong
     use, 130 after Ctrl-C.
     """
+    from rcdn.batch.camera_files import refusal
     from rcdn.calibration.frames import LOOKS
     from rcdn.calibration.verdict import fails
 
@@ -108,7 +113,6 @@ def calibrate(
         _check_rig(
             {
                 "--stereo": stereo,
-                "--report": report,
                 "--flat": flat,
                 "--leave-out": leave_out,
                 "--select": select,
@@ -125,6 +129,12 @@ def calibrate(
                 "--fix-aspect and --fix-principal-point": fix,
             },
         )
+    if camera and not rig:
+        raise ConfigError(
+            "--camera names lenses that are known, for --rig; boards before one known camera are placed by `rcdn pose`"
+        )
+    if correct_time and not rig:
+        raise ConfigError("--correct-time is for cameras of a rig; give it with --rig")
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
@@ -132,14 +142,14 @@ def calibrate(
     outputs = Outputs(
         output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
     )
-    outputs.check(inputs if pairs is None else [*inputs, pairs], rig)
+    outputs.check([*inputs, *(camera or ()), *([] if pairs is None else [pairs])], rig)
     if not rig:
-        outputs = outputs.without_refused(model.value, stereo)
+        outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, LOOKS)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
-    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select)
+    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select, tuple(camera or ()), correct_time)
     if rig:
         found = many_cameras(run, inputs, problem, outputs)
     elif stereo:

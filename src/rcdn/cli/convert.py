@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.batch.paths import check_file
-from rcdn.errors import ConfigError, FormatError
+from rcdn.errors import ConfigError, FormatError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import many
 from rcdn.terminal.options import GridSize, parse_size
 from rcdn.terminal.talk import Quiet
 
@@ -51,9 +50,11 @@ def convert(
         list[str],
         typer.Argument(
             metavar="IN... OUT",
-            help="A camera file (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON, what `rcdn calibrate --json` wrote; two where a pair has two), or "
+            help="A camera file (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON, what `rcdn calibrate --json` wrote; two where a pair has two), a rig (as "
+            "`rcdn calibrate --rig -o` writes it: one file, or all), or "
             "detections (.json of rcdn detect, corners.vnl); then the file to write. By its name: .yaml (OpenCV; camera_info.yaml: ROS, "
-            "camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl; .npz: maps that undistort.",
+            "camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl; .npz: maps that undistort; of a rig .toml (aniposelib; "
+            "camera_array.toml: caliscope), rig_config.json (COLMAP), and .yaml a file a camera, too.",
         ),
     ],
     to: Annotated[
@@ -189,9 +190,13 @@ def _left_out(images: Sequence[ImageResult], size: tuple[int, int] | None, faile
 
 def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
     from rcdn.batch.camera_files import check_format, write_one
+    from rcdn.batch.rig_files import convert_rig, holds_rig
     from rcdn.io import read_calibrations, read_camera, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
+    if name is None and holds_rig(inputs, out):
+        convert_rig(inputs, out, format, lossy)
+        return
     check_format(out, format)
     if len(inputs) > 2:
         raise ConfigError("give one camera file, or the left and the right one of a pair, and OUT")

@@ -20,9 +20,9 @@ from rcdn.batch.overlay_names import OverlayNames
 from rcdn.batch.paths import check_file, expanded, outside
 from rcdn.batch.work import Done, Failure, Picture, Work, make_detector, read_ahead
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
 from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
 from rcdn.terminal.progress import progress
 from rcdn.terminal.talk import Quiet

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, many
 
 if TYPE_CHECKING:
     from rcdn.synthetic import BoardTruth, Scene
@@ -93,7 +93,7 @@ def render(
     head = f'{_dump(output.resolve().name)}: {{"board": {_dump(board)}, "exhaustive": true, "images": {{'
     write_text(output / "truth.json", f"{{{head}\n{lines}\n}}}}}}\n")
     corners = sum(len(values["xy"] or ()) for values in images.values())
-    typer.echo(f"wrote {len(images)} pictures with {corners} corners to {output}, and truth.json")
+    typer.echo(f"wrote {many(len(images), 'picture')} with {many(corners, 'corner')} to {output}, and truth.json")
 
 
 def _random(count: int, seed: int, ranges: Difficulty | None, size: FrameSize) -> Iterator[Scene]:

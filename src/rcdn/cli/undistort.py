@@ -14,9 +14,9 @@ import typer
 from rcdn.batch.flat_files import Places, Source, sources
 from rcdn.batch.paths import expanded, outside
 from rcdn.batch.work import explain, in_thread
-from rcdn.errors import ConfigError, OutputError, RcdnError
+from rcdn.errors import ConfigError, OutputError, RcdnError, many
 from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, many, say_error, say_stopped
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
 from rcdn.terminal.options import MaxMegapixels
 from rcdn.terminal.progress import Bar, progress
 from rcdn.terminal.talk import Quiet

@@ -11,7 +11,7 @@ from rcdn.corners.saddle import Fit, rochade, smooth_fit, surface_fit, surface_f
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.geometry.near import nearest
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 LONE_PITCH = 20.0
 """Distance to the next corner that is assumed for a corner without one, px."""
@@ -36,7 +36,7 @@ def adaptive_fit(
     grey: Shaped[Array, "h w"],
     seeds: Shaped[Array, "n 2"],
     pitch: Real[Array, " n"] | None = None,
-    careful: Bool[Array, " n"] | None = None,
+    careful: Array | None = None,
 ) -> Real[Array, "n 2"]:
     """Corners (N, 2) px of `grey` (H, W) near integer `seeds` (N, 2); NaN where there is no saddle.
 

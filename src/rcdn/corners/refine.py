@@ -11,7 +11,7 @@ from rcdn.corners.patches import chunks, gather_zero
 from rcdn.corners.saddle import rochade, surface_fit
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Status
-from rcdn.types.arrays import Bool, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 FLOOR = 0.01
 """Smallest neighbour, share of the peak: a ReLU response is often exactly 0, which has no logarithm."""
@@ -27,7 +27,7 @@ def refine(
     xy: Shaped[Array, "n 2"],
     rule: Refine,
     pitch: Real[Array, " n"] | None = None,
-    careful: Bool[Array, " n"] | None = None,
+    careful: Array | None = None,
 ) -> tuple[Array, Array]:
     """Sub-pixel positions of corners and whether they can be trusted.
 

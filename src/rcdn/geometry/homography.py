@@ -12,7 +12,7 @@ from rcdn.types.arrays import Real
 _homography = bind("rcdn_homography")
 
 
-def homography(src: Real[Array, "n 2"], dst: Real[Array, "n 2"]) -> Real[Array, "3 3"]:
+def homography(src: Array, dst: Array) -> Real[Array, "3 3"]:
     """Homography (3, 3) that maps `src` (N, 2) to `dst` (N, 2), N ≥ 4, by the normalised DLT (Hartley 1997).
 
     Least squares in the algebraic error for N > 4. Raises RcdnError for other shapes or fewer than 4 points,

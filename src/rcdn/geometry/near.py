@@ -14,7 +14,7 @@ ROOM = 4
 """expected number of neighbours within reach of a point, for the size of the first output buffer"""
 
 
-def nearest(points: Shaped[Array, "n 2"], at: Real[Array, "k 2"], count: int = 1) -> tuple[Array, Array]:
+def nearest(points: Shaped[Array, "n 2"], at: Array, count: int = 1) -> tuple[Array, Array]:
     """Distances and indices (K, `count`) of the `points` (N, 2) nearest to each of `at` (K, 2), in ascending order of
     distance, equal distances in order of index.
 

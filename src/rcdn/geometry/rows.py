@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Int, Real
+
+_rows_among = bind("rcdn_rows_among")
 
 
 def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
@@ -14,7 +17,8 @@ def joint(parts: list[Array], empty: int | tuple[int, ...]) -> Array:
 
 
 def rows_among(xy: Real[Array, "n 2"], among: Real[Array, "m 2"]) -> Int[Array, " n"]:
-    """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), by exact equality; −1 if it isn't there."""
-    known = list(map(tuple, among.tolist()))
-    place = dict(zip(reversed(known), range(len(known) - 1, -1, -1), strict=True))  # of duplicates the first
-    return np.array([place.get(point, -1) for point in map(tuple, xy.tolist())], np.int64)
+    """Row (N,) of each of `xy` (N, 2) in `among` (M, 2), the very same numbers; −1 if it isn't there."""
+    xy, among = (np.ascontiguousarray(points, np.float64) for points in (xy, among))
+    row = np.empty(len(xy), np.int64)
+    _rows_among(xy, among, np.empty(1 << (2 * len(among) + 1).bit_length(), np.int64), row)
+    return row

@@ -13,7 +13,6 @@ from rcdn.geometry.lens import project, unproject
 from rcdn.geometry.models import distorted
 from rcdn.geometry.spline_grid import WIDEST, bending, frame_pixels
 from rcdn.types import Array, Camera, LensCorrection
-from rcdn.types.arrays import Real
 from rcdn.types.correction import DEGREE
 
 CLOSE = 0.005
@@ -54,7 +53,7 @@ class Splined:
         half = _half_width(self.fov)
         return LensCorrection(self.control, np.array([half, half * (rows - DEGREE) / (columns - DEGREE)]))
 
-    def project(self, points: Array) -> Real[Array, "... 3"]:
+    def project(self, points: Array) -> Array:
         """Camera points (..., 3) to pixels (..., 2); outside of the spline's domain S is extended as in
         `LensCorrection`, not as in mrcal."""
         u = stereographic(points)

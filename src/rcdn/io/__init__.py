@@ -29,7 +29,7 @@ from rcdn.io.formats import (
 from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 from rcdn.io.maps import write_maps, write_stereo_maps
 from rcdn.io.rig_calibration import write_rig_calibration
-from rcdn.io.rig_files import RigFormat, read_rig, rig_format, write_rig
+from rcdn.io.rig_files import RigFormat, check_rig, read_rig, rig_format, rig_paths, write_rig
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
@@ -44,6 +44,7 @@ __all__ = [
     "as_grey",
     "camera_format",
     "check_lens",
+    "check_rig",
     "check_writable",
     "colour_frames",
     "expand",
@@ -67,6 +68,7 @@ __all__ = [
     "read_vnl",
     "read_vnl_boards",
     "rig_format",
+    "rig_paths",
     "write_bytes",
     "write_calibration",
     "write_camera",

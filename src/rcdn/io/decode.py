@@ -15,14 +15,13 @@ from rcdn.io import headers, jpeg, tiff
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import OPENCV, check_size
 from rcdn.types import Array
-from rcdn.types.arrays import Real
 
 # One or three channels (no alpha), every depth, and pixels as stored: not turned by an EXIF orientation.
 _DECODE = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
 
 
-def decode(data: bytes, path: str | Path) -> Real[Array, "h w"]:
+def decode(data: bytes, path: str | Path) -> Array:
     """The pixels (H, W), (H, W, 1) or (H, W, 3) BGR of a picture file, any depth. `path` is what errors call it.
 
     Raises ImageError: no picture, or of a format that isn't read; over the limit on pixels; cut short; damaged, as far as it shows

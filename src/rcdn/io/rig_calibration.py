@@ -24,8 +24,10 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
         "components": [list(part) for part in found.components],
         "links": [dict(vars(link)) for link in found.links],
         "thin": list(found.thin),
+        "given": list(found.given),
+        "corrected": list(found.corrected),
         "shifts": {n: {"moments": s.moments, "std": nullable(s.std)} for n, s in (found.shifts or {}).items()},
-        "pairs": [vars(p) | {"rms": nullable(p.rms)} for p in found.pairs],
+        "pairs": [vars(p) | {"rms": nullable(p.rms), "epipolar": nullable(p.epipolar)} for p in found.pairs],
         "boards": [
             {"moment": m, "target": n, "T_rig_board": T.tolist()} for (m, n), T in found.boards.items()
         ],

@@ -1,88 +1,151 @@
-"""Files of rigs: Kalibr's camchain, the TOML of aniposelib and of caliscope, and our JSON; written and read (docs/formats.md)."""
+"""Files of rigs, written and read (docs/formats.md).
+
+Kalibr's camchain, TOML of aniposelib and caliscope, COLMAP's rig_config.json, one file a camera as OpenCV and ROS have them, and our JSON."""
 
 from __future__ import annotations
 
-import json
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import cv2
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
-from rcdn.io.cameras import camera_format, kalibr, lens_fit, ours
-from rcdn.io.cameras.base import LensFit, make_camera, opencv_lens, pinhole_numbers
-from rcdn.io.cameras.rig import motion
-from rcdn.io.cameras.yaml_text import flow
-from rcdn.io.fields import nullable, numbers, read_text, rigid, take, two_whole_numbers
-from rcdn.io.files import write_text
+from rcdn.io import rig_colmap, rig_folder, rig_toml
+from rcdn.io.cameras import CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed
+from rcdn.io.cameras.base import LensFit
+from rcdn.io.fields import nullable, numbers, read_json, read_text, rigid, take
+from rcdn.io.files import check_writable, write_text
 from rcdn.types import Array, Camera, Pose, Rig
-from rcdn.types.arrays import Real
 
-RigFormat = Literal["kalibr", "aniposelib", "caliscope", "json"]
-_NAMES = "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope) or .json"
+RigFormat = Literal["kalibr", "aniposelib", "caliscope", "colmap", "opencv", "ros", "json"]
+_NAMES = (
+    "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .yaml (OpenCV, a file a camera; "
+    "camera_info.yaml: ROS) or .json"
+)
+_READ = "Kalibr (camchain.yaml), aniposelib, caliscope, COLMAP or rcdn"
+_LENSES: dict[RigFormat, CameraFormat] = {
+    "kalibr": "kalibr",
+    "aniposelib": "opencv",
+    "caliscope": "opencv",
+    "colmap": "colmap",
+    "opencv": "opencv",
+    "ros": "ros",
+    "json": "json",
+}
+"""the format of camera files that holds the same lenses"""
+_HEADS = {"opencv": "---\n"}
+"""after which a file may have comments, where that isn't its beginning"""
 
 
 def rig_format(path: str | Path, format: str | None = None) -> RigFormat:
     """The format that a rig is written in at `path`: `format` if it is given, else what the name says.
 
-    `.toml` is aniposelib, but caliscope if the name holds `camera_array`; YAML whose name holds `camchain` is Kalibr, `.json` ours. Raises
-    FormatError for any other, naming those that hold a rig.
+    `.toml` is aniposelib, but caliscope if the name holds `camera_array`; `.json` is ours, but COLMAP's if the name holds `rig_config`; YAML is
+    Kalibr's if the name holds `camchain`, ROS's if it holds `camera_info`, else OpenCV's. Raises FormatError for any other, naming those that hold
+    a rig.
     """
     name, ending = Path(path).stem.lower(), Path(path).suffix.lower()
     if format is None and ending == ".toml":
         return "caliscope" if "camera_array" in name else "aniposelib"
+    if ending == ".json" and format is None and "rig_config" in name:
+        return "colmap"
     found = format if format is not None else camera_format(path)
     for known in get_args(RigFormat):
-        if found == known:
+        if found == known and not (found == "colmap" and ending == ".txt"):
             return known
     raise FormatError(f"{path}: {found} has no place for a rig; name the file {_NAMES}")
 
 
+def rig_paths(path: str | Path, names: Sequence[str], format: str | None = None) -> list[Path]:
+    """The files that `write_rig` writes for cameras of these `names`: `path`, or one a camera (OpenCV, ROS), whose name is added to it."""
+    kind = rig_format(path, format)
+    return rig_folder.paths(Path(path), names, kind) if kind in ("opencv", "ros") else [Path(path)]
+
+
 def write_rig(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:
-    """Write the cameras of a rig and where they stand in the format of `rig_format(path, format)`, whole or not at all.
+    """Write the cameras of a rig and where they stand in the format of `rig_format(path, format)`; each of `rig_paths` whole or not at all.
 
     Every digit is kept. A camera with a `correction` is written as it is to json only; for each camera it is returned how far the file's one is
-    off, None if it isn't. Names, order and lengths: docs/formats.md. Raises FormatError if the format can't hold a camera's lens, naming
-    the camera; OutputError as `write_text`.
+    off, None if it isn't; the file says so, too, where it may have comments. Names, order and lengths: docs/formats.md. Raises FormatError if the
+    format can't hold a camera's lens, naming the camera; OutputError as `write_text`.
     """
-    kind = rig_format(path, format)
-    fits = [_fit(path, kind, camera) for camera in rig.cameras]
+    kind, files, fits = rig_format(path, format), rig_paths(path, rig.names, format), lens_fits(path, rig, format)
     cameras = [c if f is None else f.held for c, f in zip(rig.cameras, fits, strict=True)]
-    places = [pose.T_cam_board for pose in rig.poses]
-    if kind == "json":
-        text = _json(rig)
-    elif kind == "kalibr":
-        text = "".join(_chain(rig.names, cameras, places))
-    else:
-        text = _toml(rig.names, cameras, places, nested=kind == "caliscope")
-    write_text(path, text)
+    texts = _texts(kind, rig, cameras)
+    if len(texts) > 1:
+        for file in files:
+            check_writable(file)
+    named = [None if f is None else f"camera {n}: {f.text}" for n, f in zip(rig.names, fits, strict=True)]
+    notes = [[n] for n in named] + [[]] if len(texts) > 1 else [named]
+    for file, text, note in zip(files, texts, notes, strict=False):
+        write_text(file, text if kind in ("json", "colmap") else noted(_HEADS.get(kind, ""), text, filter(None, note)))
     return fits
 
 
-def read_rig(path: str | Path) -> Rig:
-    """Read a rig: what `write_rig` or `rcdn calibrate --rig --json` wrote, a camchain of Kalibr, or the TOML of aniposelib or caliscope.
+def check_rig(path: str | Path, cameras: Mapping[str, Camera], format: str | None = None) -> None:
+    """Raise FormatError, naming the camera, if the format of `rig_format(path, format)` can't hold a rig of such `cameras`, by name."""
+    kind = rig_format(path, format)
+    rig_paths(path, tuple(cameras), format)
+    fits = [_fit(path, kind, name, camera) for name, camera in cameras.items()]
+    held = [c if f is None else f.held for c, f in zip(cameras.values(), fits, strict=True)]
+    _texts(kind, Rig(tuple(cameras), tuple(cameras.values()), (Pose(np.eye(4)),) * len(held)), held)
 
-    Names are those of the file; cameras without a place are left out. Poses are as the file has them, so the rig's frame need not be a
-    camera's. Raises FormatError, naming the file, the field and the fix.
+
+def _texts(kind: RigFormat, rig: Rig, cameras: list[Camera]) -> list[str]:
+    places = [pose.T_cam_board for pose in rig.poses]
+    if kind == "json":
+        return [_json(rig)]
+    if kind == "kalibr":
+        return ["".join(_chain(rig.names, cameras, places))]
+    if kind == "colmap":
+        return [rig_colmap.text(rig.names, cameras, places)]
+    if kind in ("opencv", "ros"):
+        return rig_folder.texts(kind, rig.names, cameras, places)
+    return [rig_toml.text(rig.names, cameras, places, nested=kind == "caliscope")]
+
+
+def read_rig(path: str | Path, *others: str | Path) -> Rig:
+    """Read a rig: what `write_rig` or `rcdn calibrate --rig --json` wrote, or Kalibr, aniposelib, caliscope or COLMAP (rig_config.json).
+
+    Of one file a camera (OpenCV; ROS, with that of the transforms): all of them, or the `path` that `write_rig` was given. Names are those of the
+    file; cameras without a place are left out. Poses are as the file has them, so the rig's frame need not be a camera's. Raises FormatError,
+    naming the file, the field and the fix.
     """
-    text, ending = read_text(path), Path(path).suffix.lower()
-    where = str(path)
+    paths = [Path(path), *map(Path, others)] if others else rig_folder.siblings(Path(path)) or [Path(path)]
+    where = str(paths[0])
     try:
-        if ending == ".toml":
-            return _of_toml(text, where)
+        if len(paths) > 1:
+            return rig_folder.rig_of([(parsed("opencv", p, read_text(p)), str(p)) for p in paths])
+        text = read_text(paths[0])
+        if paths[0].suffix.lower() == ".toml":
+            return rig_toml.rig_of(text, where)
+        if text.lstrip().startswith("["):
+            return rig_colmap.rig_of(read_json(where, text, "export the rig_config.json again"), where)
         if text.lstrip().startswith("{"):
             return _of_json(ours.load(where, text), where)
-        return _of_chain(kalibr.FORMAT.load(where, text), where)
+        data = parsed("kalibr", where, text)
+        if not kalibr.names(data):
+            raise FormatError(
+                f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, else a file that {_READ} wrote"
+            )
+        return _of_chain(data, where)
     except RcdnError as error:
         raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
-def _fit(path: str | Path, kind: RigFormat, camera: Camera) -> LensFit | None:
-    """What the format holds of a camera with a correction; the TOML files have OpenCV's lenses."""
-    return lens_fit(path, camera, kind if kind in ("kalibr", "json") else "opencv")
+def lens_fits(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:
+    """What `write_rig` returns, without writing."""
+    kind = rig_format(path, format)
+    return [_fit(path, kind, name, camera) for name, camera in zip(rig.names, rig.cameras, strict=True)]
+
+
+def _fit(path: str | Path, kind: RigFormat, name: str, camera: Camera) -> LensFit | None:
+    """What the format holds of a camera with a correction."""
+    try:
+        return lens_fit(path, camera, _LENSES[kind])
+    except FormatError as error:
+        raise FormatError(f"camera {name}: {error}") from error
 
 
 # ---- JSON
@@ -132,7 +195,11 @@ def _chain(names: tuple[str, ...], cameras: list[Camera], places: list[Array]) -
     for k, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         T = places[k] @ np.linalg.inv(places[k - 1]) if k else None
         try:
-            entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T, ".toml or json"))
+            entries.append(
+                kalibr.entry(
+                    camera, k, [n for n in range(len(names)) if n != k], T, ".toml, opencv, ros, colmap or json"
+                )
+            )
         except FormatError as error:
             raise FormatError(f"camera {name}: {error}") from error
     return entries
@@ -145,80 +212,3 @@ def _of_chain(data: Any, where: str) -> Rig:
         T = rigid(data[name], "T_cn_cnm1", f"{where}: {name}") @ T if k else T
         places.append(T)
     return Rig(tuple(cameras), tuple(cameras.values()), tuple(map(Pose, places)))
-
-
-# ---- TOML
-
-
-def _toml(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nested: bool) -> str:
-    """aniposelib's file, a table `cam_K` each, or (`nested`) caliscope's, `cameras.K`, which knows the cameras by their numbers."""
-    width = len(str(len(names) - 1))
-    text = "" if nested else "[metadata]\nadjusted = false\nerror = 0.0\n"
-    for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
-        try:
-            d = _distortion(camera)
-        except FormatError as error:
-            raise FormatError(f"camera {name}: {error}") from error
-        table = f"cameras.{k}" if nested else f"cam_{k:0{width}}"
-        head = f"cam_id = {k}" if nested else f"name = {_quoted(name)}"
-        text += (
-            f"\n[{table}]\n{head}\nsize = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
-            f"matrix = [{', '.join(flow(row) for row in camera.K)}]\ndistortions = {flow(d)}\n"
-            f"rotation = {flow(cv2.Rodrigues(T[:3, :3])[0].ravel())}\ntranslation = {flow(T[:3, 3])}\n"
-            f"fisheye = {'true' if camera.model == 'fisheye' else 'false'}\n"
-        )
-    return text.lstrip()
-
-
-def _distortion(camera: Camera) -> Array:
-    title = "TOML of aniposelib and caliscope"
-    pinhole_numbers(camera, title)
-    if camera.model == "division":
-        raise FormatError(f"{title} has no lens model for 'division' cameras; write json")
-    d = camera.distortion
-    return np.pad(d, (0, 5 - len(d))) if len(d) < 5 and camera.model != "fisheye" else d
-
-
-def _quoted(name: str) -> str:
-    """A basic string of TOML, whose escapes are JSON's."""
-    return json.dumps(name)
-
-
-def _of_toml(text: str, where: str) -> Rig:
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FormatError(f"{where}: is no TOML ({error}); export it again") from error
-    tables: Mapping[str, Any] = data.get("cameras", data)
-    if not isinstance(tables, dict):
-        raise FormatError(f"{where}: 'cameras' must be a table; export the file again")
-    cameras, poses = {}, []
-    for key, record in tables.items():
-        if not isinstance(record, dict) or "matrix" not in record or "rotation" not in record:
-            continue
-        at = f"{where}: {key}"
-        name = record.get("name", key)
-        K, d = numbers(record, "matrix", at, finite=True, shape=(3, 3)), _list(record, "distortions", at)
-        size = two_whole_numbers(record, "size", at)
-        if record.get("fisheye") is True:
-            cameras[str(name)] = make_camera(at, K, d, size, "fisheye")
-        else:
-            model, lens = opencv_lens(at, d)
-            cameras[str(name)] = make_camera(at, K, lens, size, model)
-        poses.append(Pose(_place(record, at)))
-    if not poses:
-        raise FormatError(f"{where}: holds no camera with a place; give a TOML of aniposelib or caliscope")
-    return Rig(tuple(cameras), tuple(cameras.values()), tuple(poses))
-
-
-def _list(record: dict[str, Any], key: str, where: str) -> Array:
-    return np.ravel(numbers(record, key, where, finite=True))
-
-
-def _place(record: dict[str, Any], where: str) -> Real[Array, "4 4"]:
-    """(4, 4) of a rotation vector, or of a matrix as older files of caliscope have it."""
-    turn, t = _list(record, "rotation", where), _list(record, "translation", where)
-    if len(turn) not in (3, 9) or len(t) != 3:
-        raise FormatError(f"{where}: 'rotation' must hold 3 or 9 numbers and 'translation' 3; export the file again")
-    T = motion(cv2.Rodrigues(turn)[0] if len(turn) == 3 else turn.reshape(3, 3), t)
-    return rigid({"rotation": T.tolist()}, "rotation", where)

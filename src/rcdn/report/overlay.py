@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rcdn.errors import many
 from rcdn.io import as_grey
 from rcdn.types import Array, Board, Corners, Pattern, Status
 
@@ -282,9 +283,9 @@ def _unit_vector(v: Array) -> Array:
 def _caption(number: int, board: Board) -> str:
     """For example `board 1: 9x6 complete, unique`. Plain ASCII: OpenCV's older fonts have nothing else."""
     if board.target is not None:
-        return f"board {number}: {board.target}, {len(board)} corners"
+        return f"board {number}: {board.target}, {many(len(board), 'corner')}"
     if board.pattern != "checker":
-        return f"board {number}: {board.pattern}, {len(board)} corners, {board.orientation.replace('_', ' ')}"
+        return f"board {number}: {board.pattern}, {many(len(board), 'corner')}, {board.orientation.replace('_', ' ')}"
     cols, rows = board.size
     whole = "complete" if board.complete else f"partial, {len(board)} of {cols * rows}"
     return f"board {number}: {cols}x{rows} {whole}, {board.orientation.replace('_', ' ')}"

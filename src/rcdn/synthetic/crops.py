@@ -12,7 +12,6 @@ from rcdn.synthetic.render import irradiance, truth
 from rcdn.synthetic.sample import TRAINING, Ranges, random_scene
 from rcdn.synthetic.scene import Scene
 from rcdn.types import Array
-from rcdn.types.arrays import Real
 
 
 def random_crop(
@@ -85,7 +84,7 @@ def _window(rng: np.random.Generator, size: int, image: Array) -> Array:
     )
 
 
-def _plain(image: Array, xy: Array, faint: float) -> Real[Array, "n 2"]:
+def _plain(image: Array, xy: Array, faint: float) -> Array:
     """(N,) bool: whether the standard deviation of the grey levels around positions `xy` (N, 2) is at least `faint`
     times the picture's range (0.1 to 99.9 %)."""
     low, high = np.percentile(image, [0.1, 99.9])

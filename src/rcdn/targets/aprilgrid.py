@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import ConfigError, shown
-from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, MOST_COLUMNS, SURE, gains
+from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE
 from rcdn.targets.families import families, family_of
+from rcdn.targets.gains import MOST_COLUMNS, gains
 from rcdn.targets.marker import Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified

@@ -7,18 +7,19 @@ probability of at most 2^−T (Markov), and any of M layouts with at most M · 2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from rcdn.targets.families import Family, families, family_of
+from rcdn.targets.gains import MOST_COLUMNS, MarkedSquares, framed
 from rcdn.targets.layout import index_of, odd_markers, place_of
-from rcdn.targets.marker import Appearance, Frame, appearance, evidence, inner_modules, modules
+from rcdn.targets.marker import Appearance, Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
-from rcdn.types.arrays import Bool, Real, Shaped
+from rcdn.types.arrays import Bool, Real
 
 ACCEPT = 49.0
 """bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
@@ -27,28 +28,26 @@ SURE = 23.0
 """bits of evidence that make one layout certain: 10⁻⁶, of 8 pieces"""
 CERTAIN = 5.0
 """bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
+MIRRORED = ACCEPT / 2
+"""bits of evidence that a layout must be able to have in the mirror image, as told from the picture itself, to be looked for there"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
 ENDED = 20.0
 """bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a cover along that very edge)"""
 RIMS = 4
 """layouts of a place that differ in which outermost squares are on the board"""
-COVERED, COVERED_RIM, BLANK = 0.05, 0.3, 0.02
-"""probability that a square doesn't show its marker (a hand, glare, a torn print); that one doesn't some of whose corners weren't found; that such a
-one shows paper instead"""
-PAPER = 0.6
-"""share of a marker's black border that is white on paper without it"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
+<<<<<<< HEAD
 MOST_COLUMNS = 64
 """of a board"""
+=======
+>>>>>>> main
 FRAMED = 16.0
 """bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
 HOPEFUL = 100
 """layouts of one kind and turn that all squares are asked about"""
-UNLIKE = -30.0
-"""bits of evidence for a marker under which a square is taken to hide it, which is right to a ten-millionth of a bit"""
 ANCHORS, CANDIDATES = 12, 4
 """squares, and markers of each, that layouts are made from"""
 
@@ -67,41 +66,79 @@ class _Layout:
     highest: int
 
 
-def read_charuco(
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """What the squares of a board say if they hold markers of `families`, whose modules they show: `squares`, and the markers' `look`."""
+
+    squares: MarkedSquares
+    look: Appearance
+    families: tuple[Family, ...]
+
+
+def markers_of(
     squares: Real[Array, "r c s s"],
     marked: Bool[Array, "r c"],
-    inner: Real[Array, "r c"],
+    inner: Bool[Array, "r c"],
     aspect: float,
     told: Charuco | None = None,
-    part: bool = False,
-    ended: Callable[[], Array] | None = None,
-) -> Reading | None:
+) -> list[Markers]:
     """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be; `part`:
-    where the corners end says nothing of where the board does; `ended` gives (3, 3), see `ended_sides`; nowhere if None. None if
-    no layout is certain.
+    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be.
+
+    One for each number of bits that a marker may have; none where nothing is framed as markers are.
     """
-    scored: list[_Scores] = []
+    out = []
     known = None if told is None else (family_of(told.dictionary),)
+    mean, shown, open_sides = np.nanmean(squares[marked & inner], axis=0), squares[marked], _open_sides(marked)[marked]
     for side in SIDES if known is None else (known[0].bits.shape[1],):
-        look = appearance(np.nanmean(squares[marked & inner], axis=0), side, FRAME, aspect)
+        look = appearance(mean, side, FRAME, aspect)
         if look is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            ratios[marked] = evidence(
-                modules(squares[marked], look, side, FRAME, _open_sides(marked)[marked]), FRAME.border, inner[marked]
-            )
-            if framed(ratios[marked], FRAME.border) < FRAMED:
-                continue
-            scored += [
-                _Scores.of(ratios, marked, inner, look, f, turns) for f in known or families(side) for turns in range(4)
-            ]
+            seen = modules(shown, look, side, FRAME, open_sides)
+            ratios[marked] = evidence(seen, FRAME.border, inner[marked])
+            if framed(ratios[marked], FRAME.border) >= FRAMED:
+                out.append(Markers(MarkedSquares(ratios, marked, inner, FRAME.border), look, known or families(side)))
+    return out
+
+
+def read_charuco(
+    markers: Sequence[Markers],
+    told: Charuco | None = None,
+    ends: Array | None = None,
+    ended: Callable[[], Array] | None = None,
+) -> Reading | None:
+    """The layout that the `markers` of a board are certain to have, or None.
+
+    `told`: the only board that it may be; `ends`: see `ends_of`; None where the end of the corners says nothing of
+    the board's; `ended` gives (3, 3), see `ended_sides`; nowhere if None."""
     if told is not None:
-        return _place(scored, inner, told)
-    hopeful = sorted((s for s in scored if s.hope > ACCEPT), key=lambda s: -s.hope)
-    if not hopeful:
+        return _place([s for m in markers for s in _promising(m, -np.inf)], told)
+    scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
+    if not scored:
         return None
     sides = np.zeros((3, 3), bool) if ended is None else ended()
-    return _best(hopeful, marked.shape, None if part else _ends(squares, inner), sides)
+    return _best(sorted(scored, key=lambda s: -s.hope), markers[0].squares.marked.shape, ends, sides)
+
+
+def may_be_mirrored(markers: Sequence[Markers]) -> bool:
+    """Whether the mirror image of the picture may show a layout for certain: half of the evidence for one is here, too.
+
+    The mirror image is sampled anew, which changes a few bits of it.
+    """
+    return any((m.squares.most_evidence(m.families, MIRRORED, mirrored=True) >= MIRRORED).any() for m in markers)
+
+
+def _promising(markers: Markers, least: float) -> list[_Scores]:
+    """Of all families and turns those in which a layout may have `least` evidence."""
+    squares = markers.squares
+    able = squares.most_evidence(markers.families, least) >= least
+    turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
+    return [
+        _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.look, family, turns)
+        for family, row in zip(markers.families, able, strict=True)
+        for turns, t in turned.items()
+        if row[turns]
+    ]
 
 
 def _open_sides(marked: Array) -> Bool[Array, "r c 4"]:
@@ -111,7 +148,7 @@ def _open_sides(marked: Array) -> Bool[Array, "r c 4"]:
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
-def _ends(squares: Array, inner: Array) -> Bool[Array, "r c"]:
+def ends_of(squares: Array, inner: Array) -> Bool[Array, "r c"]:
     """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
 
     All corners were found, and the square is in the picture, where the next corners would have been seen.
@@ -147,7 +184,7 @@ def _seen_whole(ended: Array) -> bool:
     return bool(ended[0, 1] and ended[1, 0] and ended[1, 2])
 
 
-def _place(scored: list[_Scores], inner: Array, told: Charuco) -> Reading | None:
+def _place(scored: list[_Scores], told: Charuco) -> Reading | None:
     """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that one."""
     usable = [s for s in scored if (s.look.white < 0) == told.inverted]
     count = 0
@@ -223,17 +260,6 @@ class _Scores:
     family: Family
     turns: int
 
-    @classmethod
-    def of(cls, ratios: Array, marked: Array, inner: Array, look: Appearance, family: Family, turns: int) -> _Scores:
-        turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
-        row, column = np.nonzero(np.rot90(marked, turns))
-        shown = turned[row, column]
-        paper = (shown[:, ~inner_modules(shown.shape[-1], FRAME.border)] > 1).mean(axis=1) > PAPER
-        covered = np.where(np.rot90(inner, turns)[row, column], COVERED, np.where(paper, BLANK, COVERED_RIM))
-        gain = gains(shown, family.bits, FRAME.border, covered[:, None])
-        height, width = marked.shape if turns % 2 == 0 else marked.shape[::-1]
-        return cls(gain, row, column, (height, width), look, family, turns)
-
     @cached_property
     def most(self) -> Real[Array, " k"]:
         """Evidence (K,) of the likeliest marker of each square."""
@@ -257,9 +283,7 @@ class _Scores:
         bits = np.where(exists, self.gain[some, np.clip(marker, 0, len(self.family) - 1)], 0.0).sum(axis=1)
         return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
 
-    def _markers_of(
-        self, found: Real[Array, "m 5"], some: Real[Array, " s"], rows: int | None
-    ) -> tuple[Array, Array, Array]:
+    def _markers_of(self, found: Real[Array, "m 5"], some: Array, rows: int | None) -> tuple[Array, Array, Array]:
         """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is such a marker, and whether the
         square is on the board."""
         u, v, columns, odd, first = (a[:, None] for a in found.T)
@@ -340,36 +364,3 @@ def _unique(layouts: Array) -> Real[Array, "m 5"]:
     low = layouts.min(axis=0)
     key = np.ravel_multi_index(tuple((layouts - low).T), tuple((np.ptp(layouts, axis=0) + 1).tolist()))
     return np.asarray(layouts[np.unique(key, return_index=True)[1]])
-
-
-def gains(
-    ratios: Real[Array, "k m m"],
-    bits: Shaped[Array, "n n n"],
-    border: int,
-    covered: Real[Array, "k 1"] | float = COVERED,
-) -> Real[Array, "k n"]:
-    """Evidence (K, N), bits, of each of N markers `bits` (N, n, n) in each of K squares whose modules have log-likelihood `ratios` (K, m, m).
-
-    `covered` (K, 1), or one for all: probability that a square doesn't show its marker.
-    """
-    inside = inner_modules(ratios.shape[-1], border)
-    own, frame = ratios[:, inside], ratios[:, ~inside]
-    black = _gain(-own).sum(axis=1) + np.minimum(_gain(-frame).sum(axis=1), 0)  # the frame is black, or it is no marker
-    shown = black[:, None] + (own / np.log(2)) @ bits.reshape(len(bits), -1).T.astype(float)
-    known = shown > UNLIKE  # most squares and markers are nothing to each other
-    covered = np.broadcast_to(covered, shown.shape)
-    out = np.log2(covered)
-    out[known] = np.log2(covered[known] + (1 - covered[known]) * np.exp2(np.minimum(shown[known], 500)))
-    return out
-
-
-def framed(ratios: Real[Array, "k m m"], border: int) -> float:
-    """Evidence, bits, for black borders of markers whose modules have log-likelihood `ratios` (K, m, m), hidden ones among them."""
-    frame = ratios[:, ~inner_modules(ratios.shape[-1], border)]
-    black = np.minimum(_gain(-frame).sum(axis=1), 500)
-    return float(np.log2(COVERED_RIM + (1 - COVERED_RIM) * np.exp2(black)).sum())
-
-
-def _gain(ratio: Array) -> Array:
-    """Bits by which a fair coin is less likely than the side that the log-likelihood `ratio` is of."""
-    return 1 - np.logaddexp(0, -ratio) / np.log(2)

@@ -11,7 +11,7 @@ from rcdn.errors import ConfigError, shown
 from rcdn.targets.aprilgrid import NAMES
 from rcdn.targets.families import FAMILIES, families
 from rcdn.types import Array
-from rcdn.types.arrays import Real, Shaped
+from rcdn.types.arrays import Shaped
 
 SIDES = (4, 5, 6, 7)
 """bits along a side of a marker"""
@@ -48,7 +48,7 @@ def marker_bits(dictionary: str) -> Shaped[Array, "n n n"]:
     raise ConfigError(f"dictionary {shown(dictionary)}: this OpenCV has none of that name")
 
 
-def tag_bits(family: str) -> Real[Array, "n n n"]:
+def tag_bits(family: str) -> Shaped[Array, "n n n"]:
     """The bits (N, n, n) of all tags of a family, 1 is white, as Kalibr prints them upright. Raises ConfigError."""
     name = family_name(family)
     opencv = next(key for key, value in NAMES.items() if value == name)

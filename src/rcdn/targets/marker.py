@@ -129,7 +129,7 @@ def modules(
     `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
     if the marker's border is darker then.
     """
-    unblurred, beyond = _unblurring(squares.shape[-1], look, side, frame)
+    unblurred, beyond = _unblurring(squares.shape[-1], look.ratio, look.blur, side, frame)
     values = unblurred(squares / look.white)
     if open_sides is None or not open_sides.any():
         return values
@@ -144,18 +144,19 @@ def modules(
     return values
 
 
-def _unblurring(samples: int, look: Appearance, side: int, frame: Frame) -> tuple[Callable[[Array], Array], Array]:
+@lru_cache(maxsize=256)
+def _unblurring(
+    samples: int, ratio: float, blurs: tuple[float, float], side: int, frame: Frame
+) -> tuple[Callable[[Array], Array], Array]:
     """What takes squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the white that comes from beyond each of a square's four
     sides, if it is white there, (4, S, S)."""
     x = _middles(samples)
-    (near_x, solve_x), (near_y, solve_y) = (
-        _unmixing(x, look.ratio, blur, side + 2 * frame.border) for blur in look.blur
-    )
-    along_x, along_y = (np.array([blur]) for blur in look.blur)
-    around = _around(x, np.array([look.ratio]), along_x, along_y, frame)
+    (near_x, solve_x), (near_y, solve_y) = (_unmixing(x, ratio, blur, side + 2 * frame.border) for blur in blurs)
+    along_x, along_y = (np.array([blur]) for blur in blurs)
+    around = _around(x, np.array([ratio]), along_x, along_y, frame)
     across, down = _box(x, 1.0, along_x)[0], _box(x, 1.0, along_y)[0]
     beyond = []
-    for axis, (blur, other) in enumerate(zip(look.blur, (down, across), strict=True)):
+    for axis, (blur, other) in enumerate(zip(blurs, (down, across), strict=True)):
         for last in (0, 1):
             outside = 0.5 * (1 - erf((1 - x if last else x) / (np.sqrt(2.0) * blur)))
             beyond.append(np.outer(other, outside) if axis == 0 else np.outer(outside, other))

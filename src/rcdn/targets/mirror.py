@@ -6,19 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcdn.targets.read import identified
+from rcdn.targets.read import identified_straight
 from rcdn.types import Array, Board, Target
 from rcdn.types.arrays import Shaped
 
 
-def mirrored_target(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None) -> Target | None:
-    """The target that the codes of a board are certain to be in the mirror image of its picture `grey` (H, W); None if none is.
+def identified_or_mirrored(
+    grey: Shaped[Array, "h w"], board: Board, told: Target | None = None
+) -> tuple[Board, Target | None]:
+    """The board with what its codes say, as `identified`; and if they say nothing, the target that they are certain to be in the mirror image of the
+    picture `grey` (H, W), or None. `told`: the only target that it may be."""
+    known, markers = identified_straight(grey, board, told)
+    return known, None if known.target is not None else _mirrored_target(grey, board, told, markers)
 
-    `told`: the only target that it may be.
-    """
+
+def _mirrored_target(grey: Array, board: Board, told: Target | None, markers: bool) -> Target | None:
+    """The target in the mirror image; `markers`: whether there may be any in its squares."""
     last = int(board.ij[:, 0].max())
     if board.pattern == "aprilgrid":
         last = last // 2 * 2 + 1  # tags begin at even labels from either side
     xy = board.xy * (-1, 1) + (grey.shape[1] - 1, 0)
     flipped = replace(board, xy=xy, ij=board.ij * (-1, 1) + (last, 0))
-    return identified(np.ascontiguousarray(grey[:, ::-1]), flipped, told).target
+    return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, told, markers=markers)[0].target

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.targets import glance
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
-from rcdn.targets.charuco import read_charuco
+from rcdn.targets.charuco import ends_of, markers_of, may_be_mirrored, read_charuco
 from rcdn.targets.families import family_of
 from rcdn.targets.paper import ended_sides
 from rcdn.targets.puzzle import read_puzzle
@@ -28,29 +28,38 @@ def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = N
     `grey` (H, W), 0..255; `told`: the only target that it may be; `part`: the board may go on where its corners end.
     Wrong at most once in a million boards whose squares hold random dots.
     """
+    return identified_straight(grey, board, told, part)[0]
+
+
+def identified_straight(
+    grey: Array, board: Board, told: Target | None = None, part: bool = False, markers: bool = True
+) -> tuple[Board, bool]:
+    """`identified`, and whether markers may be read in the mirror image instead. `markers`: they may be read at all."""
     if board.pattern == "aprilgrid":
-        return _tags(grey, board, told) if told is None or isinstance(told, AprilGrid) else board
+        return (_tags(grey, board, told) if told is None or isinstance(told, AprilGrid) else board), False
     if isinstance(told, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
-        return board
+        return board, False
     grid, found = grid_with_ring(board)
-    reading = None
-    if not isinstance(told, PuzzleBoard):
-        reading = _markers(grey, grid, whole_squares(found), told, part)
+    reading, mirrored = None, False
+    if markers and not isinstance(told, PuzzleBoard):
+        reading, mirrored = _markers(grey, grid, whole_squares(found), told, part)
     if reading is None and not isinstance(told, Charuco):
         reading = read_puzzle(grey, grid, found)
-    return board if reading is None else _placed(board, reading)
+    return (board, mirrored) if reading is None else (_placed(board, reading), False)
 
 
-def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part: bool) -> Reading | None:
-    """What the markers in the squares of a `grid_with_ring` say."""
+def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
+    """What the markers in the squares of a `grid_with_ring` say, and whether they may say something in a mirror."""
     marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
     if marked is None:
-        return None
+        return None, False
     wide = rectified(grey, wider(grid), SAMPLES)
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
+    markers = markers_of(lifted, marked, inner, aspect_of(grid), told)
     ended = partial(ended_sides, wide, marked) if told is None else None
-    return read_charuco(lifted, marked, inner, aspect_of(grid), told, part, ended)
+    reading = read_charuco(markers, told, None if part else ends_of(lifted, inner), ended)
+    return reading, reading is None and not part and (told is not None or may_be_mirrored(markers))
 
 
 def check_told(target: Target) -> None:

@@ -6,8 +6,11 @@ import cv2
 import numpy as np
 
 from rcdn.geometry import apply_homography, homography
+from rcdn.native import bind
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Real
+
+_extrapolated = bind("rcdn_extrapolated")
 
 FAR = -1e6
 """px; where nothing is"""
@@ -39,15 +42,9 @@ def wider(grid: Array) -> Real[Array, "r c 2"]:
 
 def _predicted(grid: Array) -> Array:
     """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has."""
-    total, count = np.zeros(grid.shape), np.zeros(grid.shape[:2])
-    for turns in range(4):
-        before = np.pad(np.rot90(grid, turns), ((3, 0), (0, 0), (0, 0)), constant_values=np.nan)
-        one, two, three = before[2:-1], before[1:-2], before[:-3]
-        line = np.rot90(np.where(np.isfinite(three), 3 * one - 3 * two + three, 2 * one - two), -turns)
-        known = np.isfinite(line[..., 0])
-        total[known] += line[known]
-        count += known
-    return np.asarray(total / np.where(count, count, np.nan)[..., None])
+    out = np.empty(grid.shape)
+    _extrapolated(np.ascontiguousarray(grid, np.float64), out)
+    return out
 
 
 def rectified(grey: Array, grid: Array, samples: int) -> Array:

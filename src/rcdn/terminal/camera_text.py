@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rcdn.errors import many
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.terminal.group import one_line
 from rcdn.types.shown import decimals
@@ -38,7 +39,7 @@ def camera_lines(calibration: Calibration) -> list[str]:
     board = "" if c.size is None else f", board {c.size[0]}×{c.size[1]}"
     board += "" if c.target is None else f" ({c.target})"
     lines = [
-        f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {len(c.views)} views, {corners} corners"
+        f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {many(len(c.views), 'view')}, {many(corners, 'corner')}"
         f" ({c.outliers} left out){board}"
     ]
     few = c.camera.coefficients

@@ -36,11 +36,6 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
-def many(count: int, thing: str, things: str = "") -> str:
-    """`1 picture`, `2 pictures`."""
-    return f"{count} {thing if count == 1 else things or thing + 's'}"
-
-
 VERBS = "rcdn.verbs"
 """group of entry points through which other packages add verbs, each a Typer app"""
 ELSEWHERE = {"evaluate": "rcdn-lab", "bench": "rcdn-lab"}

@@ -52,6 +52,14 @@ FixPrincipalPoint = Annotated[
     bool,
     typer.Option("--fix-principal-point", help="Hold the principal point in the middle of the picture."),
 ]
+CorrectTime = Annotated[
+    bool,
+    typer.Option(
+        "--correct-time",
+        help="With --rig: bring cameras into step that are late or early, by boards that move; of videos the frames beside the chosen ones "
+        "are looked at, too.",
+    ),
+]
 Select = Annotated[
     int | None,
     typer.Option(

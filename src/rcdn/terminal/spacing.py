@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, a_board
 
 if TYPE_CHECKING:
     from rcdn.types import Board
@@ -56,7 +56,7 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     across = (SMALLEST_BOARD if size is None else max(size) + 1) * spacing
     if spacing.unit or across <= LARGEST:
         return
-    board = "a board" if size is None else f"a {size[0]}×{size[1]} board"
+    board = "a board" if size is None else a_board((size[0], size[1]))
     least = "at least " if size is None else ""
     raise ConfigError(
         f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean {_likely(spacing)}? "

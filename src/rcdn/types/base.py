@@ -32,16 +32,25 @@ def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ..
     Raises RcdnError for another shape, for elements that can't be converted to `dtype`, and for numbers beyond
     ±`within`.
     """
-    called = f"{type(owner).__name__}.{name}"
-    array = _numbers(value, np.dtype(dtype), called)
+    usual = type(value) is np.ndarray and value.dtype == dtype and 0 < value.size <= MOST
+    if usual and value.ndim == 1 + len(tail) and value.shape[1:] == tail:
+        array = value.copy()
+    else:
+        array = _shaped(value, np.dtype(dtype), tail, f"{type(owner).__name__}.{name}")
+    if within < np.inf and array.size and _beyond(array, within):
+        raise RcdnError(f"{type(owner).__name__}.{name} must lie within ±{within:g}")
+    array.setflags(write=False)
+    object.__setattr__(owner, name, array)
+
+
+def _shaped(value: Any, dtype: np.dtype[Any], tail: tuple[int, ...], called: str) -> Array:
+    """A copy of `value` of shape (N, *tail), as `_numbers` makes it."""
+    array = _numbers(value, dtype, called)
     if array.size == 0:
         array = array.reshape((0, *tail))
     if array.ndim != 1 + len(tail) or array.shape[1:] != tail:
         raise RcdnError(f"{called} must have shape (N, {', '.join(map(str, tail))}), not {array.shape}")
-    if array.size and within < np.inf and _beyond(array, within):
-        raise RcdnError(f"{called} must lie within ±{within:g}")
-    array.setflags(write=False)
-    object.__setattr__(owner, name, array)
+    return array
 
 
 def shape_of(value: Any, called: str) -> tuple[int, ...]:

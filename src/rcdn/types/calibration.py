@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from rcdn.errors import RcdnError, shown
+from rcdn.errors import RcdnError, many, shown
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.camera import Camera, Pose
@@ -71,7 +71,9 @@ class BoardView(Value):
 
     def __repr__(self) -> str:
         what = f"left out, {self.reason}" if self.reason else f"rms {self.rms:.3g} px"
-        return f"<BoardView {shown(self.name)} {self.board}: {len(self)} corners, {self.used.sum()} used, {what}>"
+        return (
+            f"<BoardView {shown(self.name)} {self.board}: {many(len(self), 'corner')}, {self.used.sum()} used, {what}>"
+        )
 
     @property
     def rms(self) -> float:
@@ -171,7 +173,7 @@ class Calibration(Value):
     @property
     def _facts(self) -> str:
         width, height = self.camera.image_size
-        views = f"{len(self.used_views)} of {len(self.views)} views"
+        views = f"{len(self.used_views)} of {many(len(self.views), 'view')}"
         return f"{self.camera.model} {width}×{height} px, rms {self.rms:.3g} px, {views}"
 
     @property

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError, shown
+from rcdn.errors import RcdnError, many, shown
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.plane import Pattern, Plane
@@ -83,7 +83,11 @@ class Corners(Value):
     def take(self, index: Any) -> Corners:
         """The corners at `index` (integers or a boolean mask), in that order."""
         pick = lambda a: None if a is None else a[index]  # noqa: E731
-        return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+        if not isinstance(index, np.ndarray) or index.ndim != 1:
+            return Corners(self.xy[index], self.response[index], self.status[index], pick(self.axes), pick(self.sigma))
+        out = object.__new__(Corners)  # rows of what was checked need no checks
+        out.__setstate__({name: pick(value) for name, value in vars(self).items()})
+        return out
 
     def sort(self) -> Corners:
         """The same corners by response (falling), then x, then y."""
@@ -147,7 +151,7 @@ class Board(Value):
         kind = self.pattern if self.target is None else str(self.target)
         (cols, rows), (width, height) = self.size, self.image_size
         whole = "complete" if self.complete else "in part"
-        return f"<Board {cols}×{rows} {whole}, {len(self)} corners, {kind}, {self.orientation}, in {width}×{height} px>"
+        return f"<Board {cols}×{rows} {whole}, {many(len(self), 'corner')}, {kind}, {self.orientation}, in {width}×{height} px>"
 
     def _repr_html_(self) -> str:
         return drawing(self.image_size, [(self.xy, self.ij)]) + paragraph(repr(self)[1:-1])

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Int, Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
@@ -37,7 +37,7 @@ class Checkerboard:
         """The numbers (N,) of the corners at labels `ij` (N, 2)."""
         return np.asarray(self.columns * ij[:, 1] + ij[:, 0])
 
-    def ij_of(self, ids: Int[Array, " n"]) -> Int[Array, "n 2"]:
+    def ij_of(self, ids: Shaped[Array, " n"]) -> Int[Array, "n 2"]:
         """The labels (N, 2) of the corners with the numbers `ids` (N,). Raises RcdnError for unknown numbers."""
         ids = numbers(ids, self.columns * self.rows, self)
         return np.stack([ids % self.columns, ids // self.columns], axis=1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, many
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
@@ -41,7 +41,7 @@ class Rig(Value):
         return len(self.names)
 
     def __repr__(self) -> str:
-        return f"<Rig: {len(self)} cameras, {', '.join(self.names)}>"
+        return f"<Rig: {many(len(self), 'camera')}, {', '.join(self.names)}>"
 
     def index(self, name: str) -> int:
         """The index of the camera called `name`. Raises RcdnError if there is none."""
@@ -61,8 +61,23 @@ class Rig(Value):
         J[:, 6 * k : 6 * k + 6] -= _adjoint(T)
         return T, np.asarray(J @ self.covariance @ J.T)
 
-    def motion_to(self, k: int) -> Real[Array, "6 6"]:
-        """The matrix (6, 6) that takes a small motion in the rig's frame to the frame of camera `k`."""
+    def centre(self, name: str) -> Array:
+        """(3,) m: where the camera called `name` stands in the rig's frame."""
+        pose = self.poses[self.index(name)]
+        return np.asarray(-pose.R.T @ pose.t)
+
+    def centre_covariance(self, name: str) -> Array | None:
+        """(3, 3) m²: of `centre`; None if it isn't known."""
+        k = self.index(name)
+        if self.covariance is None:
+            return None
+        J = np.hstack(
+            [np.zeros((3, 3)), -self.poses[k].R.T]
+        )  # a left turn moves t and R together: the centre keeps its place
+        return np.asarray(J @ self.covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ J.T)
+
+    def motion_to(self, k: int) -> Array:
+        """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
         return _adjoint(self.poses[k].T_cam_board)
 
 

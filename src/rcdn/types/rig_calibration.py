@@ -12,15 +12,16 @@ from rcdn.types.rig import Rig
 
 @dataclass(frozen=True)
 class RigPair:
-    """Two cameras of a rig, by name: the number of boards that both saw whole at the same moment (`shared`), how many
-    of these were `used`, and the root mean square `rms` of their corners' residuals in both pictures, px (NaN if none
-    was used)."""
+    """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
+    square `rms` of their corners' residuals in both pictures, px (NaN if none was used). `epipolar`: of the corners' distances from each other's
+    epipolar planes, px (NaN unless both cameras are in the rig)."""
 
     first: str
     second: str
     shared: int
     used: int
     rms: float
+    epipolar: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class MissingLink:
 
 @dataclass(frozen=True)
 class TimeShift:
-    """Delay of a camera's pictures behind their time stamps, relative to the other cameras: `moments` (1: the interval
-    between two moments), with its standard deviation `std`."""
+    """How much later than its stamp a camera's pictures were taken, against those of the camera that most others are in step with: `moments` (1: the
+    time from one to the next, or a frame, where they have numbers), with its standard deviation `std`."""
 
     moments: float
     std: float
@@ -54,13 +55,13 @@ class TimeShift:
 class RigCalibration(Value):
     """Cameras of a rig with the data that show the quality of their calibration.
 
-    `rig`: the connected cameras and their poses; its frame is that of its first camera. `cameras`: by name, each
-    camera's own calibration after the joint solution; unconnected cameras keep their separate calibration. `boards`:
-    T_rig_board (4, 4), m, by (moment, number of the board's target). `rms` reprojection error over all used corners,
-    px. `pairs` of cameras that saw boards together. `components`: names of the cameras in each connected component of
-    the graph of shared boards, the largest first; `links`: the missing connection of each other component to the first.
-    `thin`: cameras connected by a single shared board. `shifts`: time shifts by name, for cameras that saw a moving
-    board.
+    `rig`: the cameras that are connected and where they stand; its frame is that of its first camera. `cameras`: by name each camera's own
+    calibration after the joint solution, those that aren't connected as they are alone. `boards`: by (moment, number of the board's
+    target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
+    `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
+    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras
+    whose lens was given and held; its covariance is zero. `corrected`: names of cameras that were brought into step; poses of their views
+    are those when the pictures were really taken.
     """
 
     rig: Rig
@@ -73,6 +74,8 @@ class RigCalibration(Value):
     thin: tuple[str, ...] = ()
     shifts: Mapping[str, TimeShift] | None = None
     verdict: Verdict | None = None
+    given: tuple[str, ...] = ()
+    corrected: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         level = "not judged" if self.verdict is None else self.verdict.level

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from rcdn.errors import ConfigError, RcdnError, shown
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Int, Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
@@ -150,7 +150,7 @@ def grid_of(columns: int, rows: int) -> Array:
     return np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
 
 
-def numbers(ids: Int[Array, " n"], count: int | None, target: object) -> Array:
+def numbers(ids: Shaped[Array, " n"], count: int | None, target: object) -> Array:
     """`ids` (N,) as int64. Raises RcdnError for a number outside of 0 to `count` − 1 (None: no upper limit), the range
     of the corners of `target`."""
     ids = np.asarray(ids)

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from rcdn.errors import many
 from rcdn.io import write_bytes, write_image
 from rcdn.report.overlay import draw_overlay
 from rcdn.types import Array, Board
@@ -69,7 +70,7 @@ def sheet(pairs: Sequence[Array], columns: int = 2) -> Array:
 
 def _count(boards: Sequence[Board]) -> str:
     corners = sum(len(b) for b in boards)
-    return f"{len(boards)} board{'s' * (len(boards) != 1)}, {corners} corners"
+    return f"{many(len(boards), 'board')}, {many(corners, 'corner')}"
 
 
 def _panel(case: Case, boards: Sequence[Board], caption: str) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -78,7 +78,7 @@ def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None =
     hold the lens model, naming those that can; OutputError as `write_text`.
     """
     kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format)
-    write_text(path, _noted(kind, kind.text(camera if fit is None else fit.held), [fit]))
+    write_text(path, noted(kind.head, kind.text(camera if fit is None else fit.held), _texts([fit])))
     return fit
 
 
@@ -109,10 +109,14 @@ def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = Non
         raise FormatError(f"{kind.title}: {error}; write json") from error
 
 
-def _noted(kind: Format, text: str, fits: Sequence[LensFit | None]) -> str:
-    """The text of a file with what the fits lose as comments at its head."""
-    notes = [f"# {note}\n" for note in dict.fromkeys(fit.text for fit in fits if fit is not None)]
-    return text.replace(kind.head, kind.head + "".join(notes), 1) if notes else text
+def _texts(fits: Sequence[LensFit | None]) -> list[str]:
+    return [fit.text for fit in fits if fit is not None]
+
+
+def noted(head: str, text: str, notes: Iterable[str | None]) -> str:
+    """The text of a file with `notes` as comments after its `head`."""
+    lines = [f"# {note}\n" for note in dict.fromkeys(notes)]
+    return text.replace(head, head + "".join(lines), 1) if lines else text
 
 
 def read_camera(path: str | Path, format: CameraFormat | None = None, name: str | None = None) -> Camera:
@@ -130,6 +134,14 @@ def read_camera(path: str | Path, format: CameraFormat | None = None, name: str 
             + (f", not {shown(name)}" if name else "")
         )
     return cameras[name]
+
+
+def is_rig(path: str | Path) -> bool:
+    """Whether a file is our JSON of a rig, or COLMAP's. Raises FormatError as `read_cameras` if it can't be read."""
+    text = read_text(path).lstrip()
+    if text.startswith("["):
+        return True
+    return text.startswith("{") and "lensmodel" not in text[:2000] and ours.load(str(path), text).get("kind") == "rig"
 
 
 def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[str, Camera]:
@@ -159,7 +171,7 @@ def write_stereo(
     for file in files:
         check_writable(file)
     for file, text, of in zip(files, texts, [fits] if len(texts) == 1 else [fits[:1], fits[1:]], strict=True):
-        write_text(file, _noted(kind, text, of))
+        write_text(file, noted(kind.head, text, _texts(of)))
     return files
 
 
@@ -219,17 +231,18 @@ def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, 
     """The format of a file, by what is in it, and its data."""
     text = read_text(path)
     if format is not None:
-        return format, _parsed(_known(format), path, text)
+        return format, parsed(_known(format), path, text)
     lines = (line.strip() for line in text.splitlines())
     first = next((line for line in lines if line and not line.startswith("#")), "")
     for kind, sign in _SIGNS.items():
         if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
-            return _known(kind), _parsed(kind, path, text)
-    data = _parsed("opencv", path, text) if text.strip() else None  # YAML, whatever its kind
+            return _known(kind), parsed(kind, path, text)
+    data = parsed("opencv", path, text) if text.strip() else None  # YAML, whatever its kind
     return _yaml_kind(data, path), data
 
 
-def _parsed(kind: str, path: str | Path, text: str) -> Any:
+def parsed(kind: str, path: str | Path, text: str) -> Any:
+    """The data of a file of a format. Raises FormatError for what is far too large to be one, and as its reader."""
     if len(text) > MOST and kind != "json":
         raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")
     return _FORMATS[kind].load(str(path), text)

@@ -46,10 +46,16 @@ def _model(camera: Camera) -> tuple[str, Array]:
 
 
 def _text(camera: Camera) -> str:
+    name, params = model_and_params(camera)
+    width, height = camera.image_size
+    return f"{_HEAD}# Number of cameras: 1\n1 {name} {width} {height} {' '.join(map(digits, params))}\n"
+
+
+def model_and_params(camera: Camera) -> tuple[str, list[float]]:
+    """COLMAP's name of a camera's model, and its PARAMS[]."""
     fx, fy, cx, cy = pinhole_numbers(camera, TITLE)
     name, d = _model(camera)
-    width, height = camera.image_size
-    return f"{_HEAD}# Number of cameras: 1\n1 {name} {width} {height} {' '.join(map(digits, [fx, fy, cx + HALF, cy + HALF, *d]))}\n"
+    return name, [fx, fy, cx + HALF, cy + HALF, *map(float, d)]
 
 
 def _load(path: str, text: str) -> list[tuple[str, list[str]]]:
@@ -58,7 +64,8 @@ def _load(path: str, text: str) -> list[tuple[str, list[str]]]:
     return [(where, fields) for where, fields in lines if fields and not fields[0].startswith("#")]
 
 
-def _camera(fields: list[str], where: str) -> Camera:
+def camera_of(fields: list[str], where: str) -> Camera:
+    """The camera of `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, as texts."""
     if not LINE.fullmatch(" ".join(fields)):
         raise FormatError(f"{where} must be `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, not {shown(' '.join(fields))}")
     name = fields[1]
@@ -87,7 +94,7 @@ def _camera(fields: list[str], where: str) -> Camera:
 def _cameras(data: Any, path: str) -> dict[str, Camera]:
     if not data:
         raise FormatError(f"{path}: holds no camera; export cameras.txt again")
-    return {fields[0]: _camera(fields, where) for where, fields in data}
+    return {fields[0]: camera_of(fields, where) for where, fields in data}
 
 
 _FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))

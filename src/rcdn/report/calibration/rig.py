@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.calibration.board_points import flat_points
 from rcdn.calibration.stereo_verdict import baseline_std
-from rcdn.errors import present
+from rcdn.errors import many, present
 from rcdn.geometry import transform, unproject
 from rcdn.report.calibration import charts, page, sections
 from rcdn.report.calibration.markup import Html, coordinate, each, number, segments, tag, value_and_std
@@ -81,7 +81,7 @@ def _from_above(stereo: StereoCalibration) -> Html:
     bar = charts.nice(60 / scale)
     ruler = tag("path", class_="mean", d=f"M1 352v8m0-4H{coordinate(1 + bar * scale)}m0-4v8")
     words = tag("text", f"{coordinate(bar, 6)} m", class_="strong", x=8 + bar * scale, y=360)
-    label = f"{len(boards)} boards and two cameras {number(stereo.baseline)} m apart, from above."
+    label = f"{many(len(boards), 'board')} and two cameras {number(stereo.baseline)} m apart, from above."
     drawn = tag("path", class_="line", stroke_width=1.6, stroke_opacity=0.75, d=segments(at[:, 0], at[:, 1]))
     return charts.plot(label, drawn, *cameras, ruler, words, height=364)
 

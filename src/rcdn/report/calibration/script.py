@@ -33,7 +33,8 @@ shapes=Array.from(svg.querySelectorAll('[data-p]')).map(function(e){return[e,e.d
 function draw(){var a=yaw*Math.PI/180,b=pitch*Math.PI/180;shapes.forEach(function(s){var p=s[1],out=[];
 for(var i=0;i<p.length;i+=3){var x=p[i]-c[0],y=p[i+1]-c[1],z=p[i+2]-c[2],ahead=Math.cos(a)*z-Math.sin(a)*x;
 out.push((mid+scale*(Math.cos(a)*x+Math.sin(a)*z)).toFixed(1)+','+(low+scale*(Math.cos(b)*y-Math.sin(b)*ahead)).toFixed(1))}
-s[0].setAttribute('points',out.join(' '))})}
+if(s[0].localName==='text'){s[0].setAttribute('x',out[0].split(',')[0]);s[0].setAttribute('y',out[0].split(',')[1])}
+else s[0].setAttribute('points',out.join(' '))})}
 function turn(dx,dy){yaw+=dx;pitch=Math.max(-90,Math.min(90,pitch+dy));draw()}
 svg.tabIndex=0;var hint=svg.parentNode.querySelector('.turn');if(hint)hint.hidden=false;
 svg.onpointerdown=function(e){from=[e.clientX,e.clientY];moved=false};

@@ -66,14 +66,11 @@ def space_figure(
     sentence = f"The used boards’ middles stood {_between(distance)} m away, tilted by {angle.min():.0f}° to {angle.max():.0f}° against the sensor."
     art = plot(
         f"Poses of {counted(len(shown), 'board')} before the camera, from the side. {sentence}",
-        each([*(_board(look, *p, key) for p in shown), _frustum(look, rim)]),
-        None if suggested is None else _polygon(look, suggested, "board next"),
-        _scale(look),
+        each([*(_board(look, *p, key) for p in shown), pyramid(look, rim)]),
+        None if suggested is None else polygon(look, suggested, "board next"),
+        scale_bar(look),
         height=HEIGHT + BELOW,
     )
-    numbers = " ".join(_digits(v) for v in (*look.centre, look.scale, look.yaw, look.pitch))
-    art = Html(art.replace('class="plot"', f'class="plot space" data-look="{numbers}"', 1))
-    hint = tag("p", "Drag to turn it, or use the arrow keys.", class_="soft turn", hidden=True)
     left = len(placed) - len(shown)
     more = (
         f" {counted(left, 'board')} left out would stand far beyond, and {'is' if left == 1 else 'are'} not drawn."
@@ -81,8 +78,21 @@ def space_figure(
         else ""
     )
     return figure(
-        f"Where the boards were{whose}", each([art, _legend(shown, suggested is not None), hint]), sentence + more
+        f"Where the boards were{whose}",
+        each([turning(art, look), _legend(shown, suggested is not None), turn_hint()]),
+        sentence + more,
     )
+
+
+def turning(art: Html, look: Look) -> Html:
+    """A drawing that the page's script can turn."""
+    numbers = " ".join(digits(v) for v in (*look.centre, look.scale, look.yaw, look.pitch))
+    return Html(art.replace('class="plot"', f'class="plot space" data-look="{numbers}"', 1))
+
+
+def turn_hint() -> Html:
+    """What is said where the script runs."""
+    return tag("p", "Drag to turn it, or use the arrow keys.", class_="soft turn", hidden=True)
 
 
 def outline(calibration: Calibration, view: BoardView) -> Array:
@@ -128,29 +138,31 @@ def _board(look: Look, index: int, view: BoardView, corners: Array, key: str) ->
     state = f"left out: {view.reason}" if view.reason else pixels(view.rms)
     told = f"view {index}: {short(view.name)}, {_distance(corners)} m away, {state}"
     kind = "board out" if view.reason else "board"
-    return tag("a", tag("title", told), _polygon(look, corners, kind), href=f"#view-{key}{index}", tabindex="-1")
+    return tag("a", tag("title", told), polygon(look, corners, kind), href=f"#view-{key}{index}", tabindex="-1")
 
 
 def _distance(corners: Array) -> str:
     return number(float(np.linalg.norm(corners.mean(axis=0))), 2)
 
 
-def _frustum(look: Look, rim: Array) -> Html:
-    edges = [_polygon(look, np.stack([np.zeros(3), rim[k]]), "ray", "polyline") for k in range(0, len(rim), RIM)]
-    return each([_polygon(look, rim, "ray"), *edges])
+def pyramid(look: Look, rim: Array, apex: Array | None = None, kind: str = "ray") -> Html:
+    """A camera at `apex` (3,) m (None: the origin) with the `rim` of its frustum, and edges to the frame's corners."""
+    top = np.zeros(3) if apex is None else apex
+    edges = [polygon(look, np.stack([top, rim[k]]), kind, "polyline") for k in range(0, len(rim), RIM)]
+    return each([polygon(look, rim, kind), *edges])
 
 
-def _polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Html:
+def polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Html:
     """A shape through `points` (N, 3), with their coordinates for the script."""
     drawn = " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in look.to(points))
-    return tag(shape, class_=kind, points=drawn, data_p=" ".join(_digits(v) for v in points.ravel()))
+    return tag(shape, class_=kind, points=drawn, data_p=" ".join(digits(v) for v in points.ravel()))
 
 
-def _digits(value: float) -> str:
+def digits(value: float) -> str:
     return f"{value:.4g}"
 
 
-def _scale(look: Look) -> Html:
+def scale_bar(look: Look) -> Html:
     """A bar of a round length; in an orthographic drawing it holds however the boards are turned."""
     length = nice(60 / look.scale)
     length = length if length * look.scale < WIDTH / 3 else nice(25 / look.scale)

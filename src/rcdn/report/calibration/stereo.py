@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rcdn.calibration.epipolar import both_used
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS
 from rcdn.calibration.stereo_verdict import baseline_std, judge_stereo
@@ -125,20 +126,12 @@ def rectify(camera: Camera, R: Array, P: Array, xy: Array) -> Array:
     return np.asarray(np.where(rays[:, 2:] > 0, rays[:, :2] / np.where(rays[:, 2:] > 0, rays[:, 2:], 1.0), np.nan))
 
 
-def matched(a: BoardView, b: BoardView) -> tuple[Array, Array]:
-    """Rows of the used corners with one label in both views."""
-    places = {tuple(ij): k for k, ij in enumerate(b.ij.tolist()) if b.used[k]}
-    both = [(k, places[tuple(ij)]) for k, ij in enumerate(a.ij.tolist()) if a.used[k] and tuple(ij) in places]
-    rows = np.array(both, int).reshape(-1, 2)
-    return rows[:, 0], rows[:, 1]
-
-
 def row_gaps(stereo: StereoCalibration) -> Array:
     """(pairs,) RMS difference of matching corners across the epipolar lines after rectification, px; NaN without matches."""
     axis = 1 if _beside(stereo) else 0
     out = []
     for a, b in zip(stereo.left.views, stereo.right.views, strict=True):
-        ka, kb = matched(a, b)
+        ka, kb = both_used(a, b)
         left = rectify(stereo.left.camera, stereo.R_left, stereo.P_left, a.xy[ka])
         right = rectify(stereo.right.camera, stereo.R_right, stereo.P_right, b.xy[kb])
         gap = (left - right)[:, axis]
@@ -205,7 +198,7 @@ def _rectified(stereo: StereoCalibration, gaps: Array, left: Pictures | None, ri
     views = list(zip(stereo.left.views, stereo.right.views, strict=True))
     order = sorted(
         (k for k, (a, b) in enumerate(views) if not a.reason and not b.reason),
-        key=lambda k: -len(matched(*views[k])[0]),
+        key=lambda k: -len(both_used(*views[k])[0]),
     )
     for k in order[: pictures.TRIES]:
         a, b = views[k]
@@ -219,7 +212,7 @@ def _rectified(stereo: StereoCalibration, gaps: Array, left: Pictures | None, ri
 def _rectified_pair(
     stereo: StereoCalibration, k: int, a: BoardView, b: BoardView, found: tuple[Array | None, Array | None], gap: float
 ) -> Html:
-    ka, kb = matched(a, b)
+    ka, kb = both_used(a, b)
     axis = 1 if _beside(stereo) else 0
     across = np.argsort(rectify(stereo.left.camera, stereo.R_left, stereo.P_left, a.xy[ka])[:, axis], kind="stable")
     pick = across[np.unique(np.linspace(0, len(ka) - 1, LINES).astype(int))] if len(ka) else across

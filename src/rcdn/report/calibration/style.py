@@ -102,6 +102,8 @@ figcaption{font-size:.9375rem}
 .plot .blind{fill:var(--line)}
 .plot .broken{fill:var(--bad);fill-opacity:.32}
 .plot .board{fill:var(--accent);fill-opacity:.05;stroke:var(--accent);stroke-width:1.1;stroke-linejoin:round}
+.plot .board.faint{fill-opacity:.03;stroke-opacity:.28;stroke-width:.8}
+.plot .unsure{fill:none;stroke:var(--heat);stroke-width:1}.plot .ray.weak{stroke:var(--heat)}
 .plot .board.out{fill:none;stroke:var(--bad);stroke-dasharray:4 3}
 .plot .board.next{fill:var(--good);fill-opacity:.3;stroke:var(--good);stroke-width:2}
 .plot .suggested{stroke:var(--good);stroke-width:1;stroke-linejoin:round}

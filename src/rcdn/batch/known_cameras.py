@@ -1,0 +1,105 @@
+"""Cameras whose lenses are known, of `rcdn calibrate --rig --camera`: which file's camera is which of the inputs'."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rcdn.errors import ConfigError, FormatError
+from rcdn.terminal import talk
+
+if TYPE_CHECKING:
+    from rcdn.types import Camera
+
+KnownCameras = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--camera",
+        metavar="FILE",
+        help="With --rig: a camera whose lens is known and held (left.yaml is that of the input left; NAME=FILE says it), a file of "
+        "several cameras or of a rig, or a folder with a file a camera; may be given several times. The other lenses are solved for.",
+    ),
+]
+
+
+def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Camera]:
+    """The known cameras by the `names` of the inputs.
+
+    A file for one camera is that of its name without ending (`NAME=FILE`: of NAME); of a file of several those of the names in it are taken. One
+    file of as many cameras as there are inputs, none of whose names is theirs, is taken in order. Raises ConfigError for names that don't match, or
+    a camera that is given twice; FormatError as `read_cameras`.
+    """
+    found: dict[str, Camera] = {}
+    for told, file in (_told(f) for f in files):
+        for name, camera in _cameras(told, file).items():
+            if name in found:
+                raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
+            found[name] = camera
+    if len(files) == 1 and len(found) == len(names) and not set(found) & set(names):
+        talk.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
+        return dict(zip(names, found.values(), strict=True))
+    if unknown := [name for name in found if name not in names]:
+        raise ConfigError(
+            f"--camera: {', '.join(unknown)} {'is no input' if len(unknown) == 1 else 'are no inputs'}; the inputs are {', '.join(names)}: "
+            "name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
+        )
+    return found
+
+
+def _told(file: Path) -> tuple[str, Path]:
+    """NAME and FILE of `NAME=FILE`; "" and the file of anything that exists as it stands."""
+    name, sign, rest = str(file).partition("=")
+    return ("", file) if not sign or file.exists() else (name, Path(rest))
+
+
+def _cameras(name: str, path: Path) -> Mapping[str, Camera]:
+    """The cameras of a file or a folder, by name."""
+    if path.is_dir():
+        return _of_folder(name, path)
+    several = _several(path)
+    if not name:
+        return several if len(several) > 1 else {_stem(path): next(iter(several.values()))}
+    if len(several) > 1:
+        if name not in several:
+            raise ConfigError(f"--camera {name}={path}: the file holds the cameras {', '.join(several)}, not {name}")
+        return {name: several[name]}
+    return {name: next(iter(several.values()))}
+
+
+def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
+    """The camera of each file in a folder."""
+    if name:
+        raise ConfigError(f"--camera {name}={folder}: is a folder; give the file of that camera")
+    files = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    found: dict[str, Camera] = {}
+    for path in files:
+        try:
+            several = _several(path)
+        except FormatError:
+            continue  # what isn't a camera may lie there, too: extrinsics, notes
+        if len(several) == 1:
+            found[_stem(path)] = next(iter(several.values()))
+    if not found:
+        raise ConfigError(f"--camera {folder}: no file in it holds one camera; give a file a camera, such as left.yaml")
+    return found
+
+
+def _several(path: Path) -> Mapping[str, Camera]:
+    from rcdn.io import read_cameras, read_rig
+
+    if path.suffix.lower() == ".toml":
+        rig = read_rig(path)
+        return dict(zip(rig.names, rig.cameras, strict=True))
+    return read_cameras(path)
+
+
+def _stem(path: Path) -> str:
+    """The camera's name that a file's name tells: `left` of left.yaml, left_camera_info.yaml and camera_info_left.yaml."""
+    stem = path.stem
+    for part in ("camera_info", "camera", "intrinsics", "calibration"):
+        if len(rest := stem.replace(part, "").strip("_-. ")) and part in stem:
+            return rest
+    return stem

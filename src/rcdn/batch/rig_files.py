@@ -1,0 +1,66 @@
+"""`rcdn convert` of rigs: which inputs hold one, and its files written in another format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rcdn.errors import ConfigError, FormatError
+from rcdn.terminal import talk
+
+if TYPE_CHECKING:
+    from rcdn.io import CameraFormat
+
+EXACT = 0.01
+"""px: a lens that is fitted so closely counts as held"""
+
+
+def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
+    """Whether `rcdn convert` is about a rig: by the names, by several files, or by a file of a rig or of three cameras and more."""
+    files = len(inputs) > 2 and all(path.suffix.lower() in (".yaml", ".yml") for path in inputs)
+    if files or any(_named_rig(path) for path in (*inputs, out)) or _template(inputs):
+        return True
+    if len(inputs) > 1:
+        return any(_has_transforms(path) for path in inputs)
+    from rcdn.io import read_cameras
+    from rcdn.io.cameras import is_rig
+
+    return is_rig(inputs[0]) or len(read_cameras(inputs[0])) > 2
+
+
+def _named_rig(path: Path) -> bool:
+    return path.suffix.lower() == ".toml" or (path.suffix.lower() == ".json" and "rig_config" in path.stem.lower())
+
+
+def _template(inputs: Sequence[Path]) -> bool:
+    """Whether the one input is what `rcdn calibrate --rig -o` was given for a file a camera."""
+    from rcdn.io.rig_folder import siblings
+
+    return len(inputs) == 1 and bool(siblings(inputs[0]))
+
+
+def _has_transforms(path: Path) -> bool:
+    from rcdn.io.rig_folder import TRANSFORMS
+
+    return path.stem.endswith(f"_{TRANSFORMS}")
+
+
+def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
+    """Write the rig that `inputs` hold to `out`, and say what it can't hold."""
+    from rcdn.batch.camera_files import write_rig_files
+    from rcdn.io import read_rig, rig_format, rig_paths
+    from rcdn.io.rig_files import lens_fits
+
+    kind = rig_format(out, format)
+    rig = read_rig(*inputs)
+    if out == talk.STDOUT and len(rig_paths(out, rig.names, format)) > 1:
+        raise ConfigError(f"a rig is a file a camera in {kind}; name OUT, to which the cameras' names are added")
+    for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
+        if fit is not None and fit.largest > EXACT and not lossy:
+            raise FormatError(
+                f"{out}: can't hold the lens of camera {name}: {fit.text}; --lossy writes that, and json holds it whole"
+            )
+    write_rig_files(out, rig, format)
+    if rig.covariance is not None and kind != "json":
+        talk.note(f"{out}: holds no covariance of the cameras' places; json does")

@@ -1,0 +1,91 @@
+"""A camera whose lens is known: poses of its boards, what their residuals say of the lens, and the board's shape; the lens itself is held."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rcdn.calibration import choose, fit_checks, robust, view_checks
+from rcdn.calibration.advice import notes
+from rcdn.calibration.bundle import State, default_free
+from rcdn.calibration.calibrate import ENOUGH, pictures_of, result_of
+from rcdn.calibration.coded import Geometries
+from rcdn.calibration.facts import measure
+from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS
+from rcdn.calibration.start import poses
+from rcdn.calibration.usable import Usable, usable, with_poses
+from rcdn.calibration.verdict import Check, sentences, verdict_of
+from rcdn.calibration.views import alike
+from rcdn.errors import CalibrationError
+from rcdn.types import Board, Calibration, Camera, ModelScore
+
+FEWEST_POSES = 1
+"""views: a camera whose lens is known needs no more"""
+CHECKS: tuple[Check, ...] = (
+    view_checks.picture_size,
+    view_checks.spacing,
+    view_checks.board_size,
+    view_checks.left_out,
+    fit_checks.dropped,
+    fit_checks.systematic,
+    fit_checks.smooth,
+    fit_checks.uneven,
+    fit_checks.rms,
+)
+"""of a verdict on a camera whose lens was given: not what its views would have to show to tell one"""
+
+
+def with_known_lens(
+    boards: Sequence[Board], geometries: Geometries, names: Sequence[str], camera: Camera
+) -> Calibration:
+    """The calibration that holds `camera` as it is: poses, residuals, and the shape of the board if it predicts pictures held out better.
+
+    One view is enough. The lens has no deviations, its covariance is zero. Raises CalibrationError if the pictures have another size than
+    the camera, or no board can be placed.
+    """
+    _check_size(boards, camera)
+    whole = geometries.main
+    labels = geometries.labelled(boards, strict=False)
+    task = usable(boards, labels, names, camera.image_size, whole, FEWEST_POSES)
+    task, T = with_poses(task, poses(camera, task.seen), FEWEST_POSES)
+    start = State.mono(camera, T)
+    start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, lens=False))
+    flat = _fitted(task, start, noise, whole.spacing)
+    fit = flat
+    if task.settled >= FEWEST_SHAPED and len(np.unique(task.picture)) >= ENOUGH:
+        shaped = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
+        curved = _fitted(task, shaped, flat.noise, whole.spacing)
+        fit = curved if _held_out(task, curved, curved) * choose.SIMPLER < _held_out(task, flat, curved) else flat
+    score = ModelScore(camera.model, choose.rms(fit.residuals, fit.weight), float("nan"))
+    return judged_known(result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES))
+
+
+def _fitted(task: Usable, start: State, noise: float, spacing: float) -> robust.Fit:
+    """Poses, and the board's shape if the state has one."""
+    cluster = alike(task.corners, start.cameras[0].image_size, pictures_of(task))
+    free = default_free(start, shape=True, lens=False)
+    return robust.fit(start, noise, task.corners, task.sigma, free, cluster, spacing)
+
+
+def _held_out(task: Usable, fit: robust.Fit, on: robust.Fit) -> float:
+    """Error in pictures held out, px, on the corners that the fit `on` uses."""
+    common = choose.Task(task.corners, on.weight, task.picture)
+    return choose.rms(choose.held_out(fit.state, common, default_free(fit.state, shape=True, lens=False)), on.weight)
+
+
+def _check_size(boards: Sequence[Board], camera: Camera) -> None:
+    if boards and not any(b.image_size == camera.image_size for b in boards):
+        (w, h), (width, height) = boards[0].image_size, camera.image_size
+        raise CalibrationError(
+            f"its pictures have {w}×{h} px, but the camera given is one of {width}×{height}: give a camera of this size, or none, so that its "
+            "lens is solved for"
+        )
+
+
+def judged_known(calibration: Calibration) -> Calibration:
+    """`calibration` with the verdict on a camera whose lens was given: whether it explains its pictures."""
+    facts = measure(calibration)
+    found = verdict_of([reason for check in CHECKS for reason in check(calibration, facts)])
+    return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))

@@ -1,0 +1,283 @@
+"""Cameras that are out of step: how late each one is, by boards that move, and corners brought to the moments that their pictures are named for.
+
+A camera that is τ late sees a board not where it is at a moment but where it is then, along its path. Each camera's own view of a board, against
+those of the other cameras at that moment, is therefore off by (τ − their mean) × the board's velocity: linear in all τ at once. For the correction
+the path between moments is a parabola through three of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration import robust
+from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.rig_fit import refitted
+from rcdn.calibration.rig_task import RigTask
+from rcdn.calibration.solver import solve
+from rcdn.geometry import cross_matrix
+from rcdn.types import Array, TimeShift
+
+STAMPS = 1000
+"""usual difference of the moments' numbers beyond which they are time stamps, not frames: the unit is then that difference"""
+FEWEST_MOVES = 6
+"""moments at which a board moved that tell a time shift"""
+STILL = 1e-3
+"""share of the board's distance that it must move from one moment to the next to count as moving"""
+NEAR = 2.0
+"""× the usual time between moments: what lies farther apart tells no velocity"""
+FAR = 1e3
+"""px, sigma of corners that are not to count"""
+ROUNDS, SETTLED = 5, 0.005
+"""of correcting and solving again, at most; the change, in moments, that ends them"""
+
+
+def times_of(moments: Iterable[str]) -> dict[str, float]:
+    """The time of each moment: its number if all end in different ones (1: one frame; of time stamps their usual difference), else its rank."""
+    names = list(dict.fromkeys(moments))
+    found = [re.search(r"(\d+)\D*$", name) for name in names]
+    numbers = [int(match[1]) for match in found if match is not None]
+    if len(numbers) == len(names) and len(set(numbers)) == len(names):
+        usual = float(np.median(np.diff(np.unique(numbers)))) if len(numbers) > 1 else 1.0
+        unit = usual if usual > STAMPS else 1.0
+        return {name: n / unit for name, n in zip(names, numbers, strict=True)}
+    return {name: float(k) for k, name in enumerate(sorted(names))}
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Where boards are over time: `frame`s of the joint problem in the order of their `time` (F,), each target's one after another, poses
+    `T` (F, 4, 4) and the `middle` (F, 3) of each board on it; `near` (F,) bool: both neighbours are of its target and close in time."""
+
+    frame: Array
+    time: Array
+    T: Array
+    middle: Array
+    near: Array
+
+    @classmethod
+    def of(cls, task: RigTask, state: State, time: Mapping[str, float]) -> Path:
+        """The path of all boards that the cameras of `task` share."""
+        shared = [(key[1], time[key[0]], f) for f, key in enumerate(task.keys) if key is not None]
+        target, when, frame = (
+            (np.array(column) for column in zip(*sorted(shared), strict=True)) if shared else (np.zeros(0),) * 3
+        )
+        frame = frame.astype(int)
+        count = np.maximum(np.bincount(task.corners.frame, minlength=len(state.poses)), 1)
+        flat = (
+            np.stack(
+                [np.bincount(task.corners.frame, task.corners.board[:, i], len(state.poses)) for i in (0, 1)], axis=1
+            )
+            / count[:, None]
+        )
+        middle = np.column_stack([flat, np.zeros(len(flat))])[frame]
+        gap = np.where(np.diff(target) == 0, np.diff(when), np.inf)
+        usual = float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0
+        close = gap <= NEAR * usual
+        near = np.concatenate([[False], close]) & np.concatenate([close, [False]]) if len(frame) else np.zeros(0, bool)
+        return cls(frame, when, state.poses[frame], middle, near)
+
+    @property
+    def places(self) -> Array:
+        """(F, 3) m: the boards' middles."""
+        return (self.T[:, :3, :3] @ self.middle[:, :, None])[..., 0] + self.T[:, :3, 3]
+
+    @property
+    def velocity(self) -> Array:
+        """(F, 3) m a moment of the boards' middles; NaN where no neighbours are near."""
+        out, places = np.full((len(self.frame), 3), np.nan), self.places
+        k = np.flatnonzero(self.near)
+        out[k] = (places[k + 1] - places[k - 1]) / (self.time[k + 1] - self.time[k - 1])[:, None]
+        return out
+
+    def later(self, by: float) -> Array:
+        """(F, 4, 4): the poses `by` moments after each one's own; NaN where the path isn't known there."""
+        out, places = np.full((len(self.frame), 4, 4), np.nan), self.places
+        middle = np.flatnonzero(self.near)
+        for k in range(len(self.frame)):
+            then = self.time[k] + by
+            if not len(middle):
+                break
+            m = middle[np.argmin(np.abs(self.time[middle] - then) + 1e9 * (np.abs(middle - k) > abs(by) * 2 + 1))]
+            if not self.time[m - 1] <= then <= self.time[m + 1]:
+                continue
+            t = self.time[m - 1 : m + 2] - self.time[m]
+            turns = Rotation.from_matrix(self.T[m - 1 : m + 2, :3, :3] @ self.T[m, :3, :3].T).as_rotvec()
+            share = _parabola(t, then - self.time[m])
+            out[k] = np.eye(4)
+            out[k, :3, :3] = Rotation.from_rotvec(share @ turns).as_matrix() @ self.T[m, :3, :3]
+            out[k, :3, 3] = share @ places[m - 1 : m + 2] - out[k, :3, :3] @ self.middle[k]
+        return out
+
+
+def _parabola(t: Array, at: float) -> Array:
+    """(3,) shares of the values at the times `t` (3,) in that of the parabola through them `at` a time (Lagrange)."""
+    return np.array([np.prod([(at - t[j]) / (t[i] - t[j]) for j in range(3) if j != i]) for i in range(3)])
+
+
+def shifts_of(
+    task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, first: int | None = None
+) -> dict[int, TimeShift]:
+    """How late each camera is, by its number in `task`, against the camera `first` (None: the one that most others are in step with); that one is 0.
+
+    `corners`: those of the task, or brought to their moments. A camera's place was solved for as if it were in step, and took up a part of its
+    lateness: a small motion of each one is unknown, too. Least absolute misses (reweighted); deviations by the scatter of moments. Cameras that
+    saw fewer than FEWEST_MOVES moving boards together with others aren't in it.
+    """
+    v, speed = path.velocity, np.linalg.norm(path.velocity, axis=1)
+    moving = speed > STILL * np.linalg.norm(path.places, axis=1)
+    at = {f: k for k, f in enumerate(path.frame.tolist()) if moving[k]}
+    seen: dict[int, dict[int, Array]] = {}
+    for local in range(len(task.cameras)):
+        for f, place in _own_places(task, fit, path, corners, local).items():
+            if f in at:
+                seen.setdefault(at[f], {})[local] = place
+    points = path.places
+    rows, misses, of, camera = [], [], [], []
+    for k, places in seen.items():
+        if len(places) < 2:
+            continue
+        mean = np.mean(list(places.values()), axis=0)
+        share = np.zeros(len(task.cameras))
+        share[list(places)] = 1 / len(places)
+        for local, place in places.items():
+            own = np.column_stack([v[k], -cross_matrix(points[k]), np.eye(3)])
+            rows.append(np.kron(np.eye(len(share))[local] - share, own))
+            misses.append(place - mean)
+            of.append(k)
+            camera.append(local)
+    counts = np.bincount(np.array(camera, int), minlength=len(task.cameras))
+    known = np.flatnonzero(counts >= FEWEST_MOVES)
+    if len(known) < 2:
+        return {}
+    columns = (7 * known[:, None] + np.arange(7)).ravel()
+    found, cov = _least_absolute(np.array(rows)[:, :, columns], np.array(misses), np.array(of))
+    tau, cov = found[::7], cov[::7, ::7]
+    apart = np.abs(tau[:, None] - tau[None]).sum(axis=1)
+    zero = int(np.argmin(apart.round(9))) if first is None else int(np.flatnonzero(known == first)[0])
+    J = np.eye(len(known)) - np.eye(len(known))[zero]
+    tau, std = J @ tau, np.sqrt(np.maximum(np.diag(J @ cov @ J.T), 0.0))
+    return {int(c): TimeShift(float(t), float(s)) for c, t, s in zip(known, tau, std, strict=True)}
+
+
+def _least_absolute(A: Array, d: Array, cluster: Array) -> tuple[Array, Array]:
+    """x (n,) of least Σ |d − A x| for `A` (R, 3, n), `d` (R, 3), the shortest one, and its covariance by the scatter of clusters (R,)."""
+    weight, x = np.ones(len(d)), np.zeros(A.shape[2])
+    for _ in range(20):
+        H = np.einsum("r,rik,ril->kl", weight, A, A)
+        inverse = np.linalg.pinv(H, rcond=1e-9)
+        x = inverse @ np.einsum("r,rik,ri->k", weight, A, d)
+        gap = np.linalg.norm(d - A @ x, axis=1)
+        weight = 1 / np.maximum(gap, 0.1 * np.median(gap) + 1e-12)
+    score = np.einsum("r,rik,ri->rk", weight, A, d - A @ x)
+    number = np.unique(cluster, return_inverse=True)[1]
+    sums = np.stack([np.bincount(number, column) for column in score.T], axis=1)
+    return x, inverse @ sums.T @ sums @ inverse
+
+
+def _own_places(task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, local: int) -> dict[int, Array]:
+    """By frame (3,) m in the rig's frame: where one camera alone sees the middle of each board."""
+    rows = np.flatnonzero(corners.camera == local)
+    frames = np.unique(corners.frame[rows])
+    mine = replace(
+        corners.take(rows), frame=np.searchsorted(frames, corners.frame[rows]), camera=np.zeros(len(rows), int)
+    )
+    used = fit.used[rows].astype(float)
+    used[np.bincount(mine.frame, used, len(frames))[mine.frame] == 0] = 1.0  # views left out may be late ones
+    start = State.mono(fit.state.cameras[local], fit.state.rig[local] @ fit.state.poses[frames], fit.state.shape)
+    found = solve(start, mine, used, default_free(start, lens=False), iterations=12).state.poses
+    back, middle = np.linalg.inv(fit.state.rig[local]), dict(zip(path.frame.tolist(), path.middle, strict=True))
+    out = {}
+    for f, T in zip(frames.tolist(), found, strict=True):
+        if f in middle and np.isfinite(T).all():
+            out[f] = (back @ T @ np.append(middle[f], 1.0))[:3]
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class InStep:
+    """The solution after correction: `fit`, the `corners` brought to their moments, `shifts` by the camera's number, the `late` ones that were
+    corrected, `taken` (camera, view): T_cam_board (4, 4) when the picture was really taken, and `lost`: views (camera, view) that couldn't be."""
+
+    fit: robust.Fit
+    corners: Corners3
+    shifts: dict[int, TimeShift]
+    late: tuple[int, ...] = ()
+    taken: Mapping[tuple[int, int], Array] = field(default_factory=dict)
+    lost: Collection[tuple[int, int]] = ()
+
+
+def in_step(task: RigTask, fit: robust.Fit, time: Mapping[str, float], correct: bool, spacing: float) -> InStep:
+    """How late cameras are, and, if it is to be `correct`ed, the solution with the corners of those that clearly are, brought to their moments.
+
+    Rounds of shifts, corners along the boards' paths, and least squares; kept only if the corners are explained better. Views of a late camera
+    where the board's path isn't known when they were taken are left out.
+    """
+    shifts = shifts_of(task, fit, Path.of(task, fit.state, time), task.corners)
+    late = tuple(c for c, s in shifts.items() if s.clear)
+    if not correct or not late:
+        return InStep(fit, task.corners, shifts)
+    first = next(c for c, s in shifts.items() if s.moments == 0)
+    now, found, total = _brought(task, fit, time, {c: shifts[c].moments for c in late}, spacing), shifts, {}
+    for _ in range(ROUNDS):
+        found = shifts_of(task, now.fit, Path.of(task, now.fit.state, time), now.corners, first)
+        change = {c: found[c].moments for c in late if c in found}
+        total = {c: now.shifts[c].moments + change.get(c, 0.0) for c in late}
+        now = _brought(task, now.fit, time, total, spacing)
+        if max(map(abs, change.values()), default=0.0) < SETTLED:
+            break
+    if not _spread(now.fit) < _spread(fit):
+        return InStep(fit, task.corners, shifts)
+    every = {c: replace(found.get(c, s), moments=total[c]) if c in late else found.get(c, s) for c, s in shifts.items()}
+    return replace(now, shifts=every, late=late)
+
+
+def _brought(
+    task: RigTask, before: robust.Fit, time: Mapping[str, float], late: Mapping[int, float], spacing: float
+) -> InStep:
+    """The solution with the corners of the `late` cameras (number → moments) where they would have been seen in step, by the paths of `before`."""
+    corners, _, lost = _corrected(task, before.state, Path.of(task, before.state, time), late)
+    sigma = np.where(lost, FAR, task.sigma)
+    fit = refitted(replace(task.joint, corners=corners, sigma=sigma), before, spacing)
+    corners, taken, lost = _corrected(task, fit.state, Path.of(task, fit.state, time), late)
+    gone = {(c, k) for (c, k), rows in task.rows.items() if lost[rows].any()}
+    fit = replace(fit, used=fit.used & ~lost, residuals=residuals(fit.state, corners))
+    return InStep(fit, corners, {c: TimeShift(by, 0.0) for c, by in late.items()}, tuple(late), taken, gone)
+
+
+def _spread(fit: robust.Fit) -> float:
+    """Median length of all residuals, those of views left out, too."""
+    return float(np.median(np.nan_to_num(np.linalg.norm(fit.residuals, axis=1), nan=np.inf)))
+
+
+def _corrected(
+    task: RigTask, state: State, path: Path, late: Mapping[int, float]
+) -> tuple[Corners3, dict[tuple[int, int], Array], Array]:
+    """Corners as if the `late` cameras (number → moments) weren't, T_cam_board of their views when they were taken, and (N,) which of the corners
+    are of boards whose path isn't known then."""
+    xy, lost, taken = task.corners.xy.copy(), np.zeros(len(task.corners), bool), {}
+    for local, by in late.items():
+        poses, then = state.poses.copy(), path.later(by)
+        known = np.isfinite(then).all(axis=(1, 2))
+        poses[path.frame[known]] = then[known]
+        rows = np.flatnonzero(task.corners.camera == local)
+        some = task.corners.take(rows)
+        moved = residuals(state, some) - residuals(
+            replace(state, poses=poses), some
+        )  # how far corners moved in the picture
+        xy[rows] -= np.where(np.isfinite(moved).all(axis=1, keepdims=True), moved, 0.0)
+        lost[rows] = np.isin(some.frame, path.frame[~known])
+        for (c, k), mine in task.rows.items():
+            if c == task.cameras[local] and not lost[mine].any():
+                taken[c, k] = state.rig[local] @ poses[int(task.corners.frame[mine[0]])]
+    return replace(task.corners, xy=xy), taken, lost
+
+
+def by_name(shifts: Mapping[int, TimeShift], names: Iterable[str]) -> dict[str, TimeShift]:
+    """`shifts` by the names of the cameras."""
+    every = list(names)
+    return {every[c]: shift for c, shift in shifts.items()}

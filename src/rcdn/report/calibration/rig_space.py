@@ -1,0 +1,157 @@
+"""A rig in space: who looks where, how surely each camera's place is known, and the boards, in the frame of the first camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rcdn.errors import present
+from rcdn.geometry import transform
+from rcdn.report.calibration.charts import legend, nice, plot, thinned
+from rcdn.report.calibration.markup import Html, counted, each, number, tag
+from rcdn.report.calibration.sections import figure
+from rcdn.report.calibration.space import (
+    BELOW,
+    HEIGHT,
+    Look,
+    frustum,
+    look_at,
+    outline,
+    polygon,
+    pyramid,
+    scale_bar,
+    turn_hint,
+    turning,
+)
+from rcdn.types import Array, Pose, Rig, RigCalibration
+
+SIGMAS = 3.0
+"""standard deviations that an ellipsoid's half axes stand for"""
+SEEN = 0.05
+"""half axis of the largest ellipsoid, in the rig's size: smaller ones are drawn larger, by a round factor that is told"""
+LENGTH = 0.25
+"""length of the frusta, in the larger of the boards' and the neighbouring cameras' median distance"""
+BOARDS = 150
+"""boards that are drawn at most, evenly chosen"""
+AROUND = 24
+"""points of an ellipse"""
+
+
+def rig_figure(found: RigCalibration, weakest: str = "") -> Html:
+    """The drawing with its legend and a sentence; the frustum of the `weakest` camera stands out."""
+    rig = found.rig
+    boards, every = _boards(found)
+    length = _length(rig, boards)
+    rims = {name: _in_rig(rig, name, frustum(rig.cameras[k], length)) for k, name in enumerate(rig.names)}
+    centres = np.array([rig.centre(name) for name in rig.names])
+    look = look_at(np.concatenate([centres, *rims.values(), *boards]))
+    factor, ellipsoids = _ellipsoids(rig, float(np.ptp(centres, axis=0).max()))
+    drawn = [polygon(look, corners, "board faint") for corners in boards]
+    for k, name in enumerate(rig.names):
+        drawn.append(
+            tag("g", tag("title", _told(rig, name)), pyramid(look, rims[name], centres[k], _kind(name, weakest)))
+        )
+        drawn += [polygon(look, ring, "unsure") for ring in ellipsoids.get(name, [])]
+    drawn += [_name(look, name, centres[k]) for k, name in enumerate(rig.names)]
+    sentence = _sentence(factor, len(boards), every)
+    art = plot(
+        f"{counted(len(rig), 'camera')} and {counted(len(boards), 'board')} in space. {sentence}",
+        each(drawn),
+        scale_bar(look),
+        height=HEIGHT + BELOW,
+    )
+    return figure(
+        "Who looks where", each([turning(art, look), _legend(bool(ellipsoids), weakest), turn_hint()]), sentence
+    )
+
+
+def _kind(name: str, weakest: str) -> str:
+    return "ray weak" if name == weakest else "ray"
+
+
+def _boards(found: RigCalibration) -> tuple[list[Array], int]:
+    """(4, 3) m in the rig's frame: the outlines of boards, each as the camera that saw most of it saw it; and how many there are."""
+    largest: dict[bytes, tuple[int, Array]] = {}
+    for name in found.rig.names:
+        back = np.linalg.inv(found.rig.poses[found.rig.index(name)].T_cam_board)
+        for view in found.cameras[name].used_views:
+            if view.pose is None:
+                continue
+            where = back @ view.pose.T_cam_board
+            key = np.round(where, 6).tobytes()
+            if key not in largest or len(view) > largest[key][0]:
+                largest[key] = len(view), transform(Pose(back), outline(found.cameras[name], view))
+    every = [corners for _, corners in largest.values()]
+    return [every[k] for k in thinned(len(every), BOARDS)], len(every)
+
+
+def _in_rig(rig: Rig, name: str, points: Array) -> Array:
+    """Points (N, 3) in a camera's coordinates, in the rig's."""
+    return transform(Pose(np.linalg.inv(rig.poses[rig.index(name)].T_cam_board)), points)
+
+
+def _length(rig: Rig, boards: list[Array]) -> float:
+    """How long frusta are, m."""
+    centres = np.array([rig.centre(name) for name in rig.names])
+    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2) + np.diag(np.full(len(rig), np.inf))
+    near = float(np.median(apart.min(axis=1)))
+    if not boards:
+        return near / 2
+    middle = np.array([corners.mean(axis=0) for corners in boards])
+    away = np.linalg.norm(middle[:, None] - centres[None], axis=2).min(axis=1)
+    return LENGTH * max(float(np.median(away)), near)
+
+
+def _ellipsoids(rig: Rig, size: float) -> tuple[float, dict[str, list[Array]]]:
+    """By how much ellipsoids are drawn larger than SIGMAS deviations, and of each camera but the first the three ellipses (AROUND, 3) in its
+    main planes."""
+    if rig.covariance is None:
+        return 1.0, {}
+    axes = {}
+    for name in rig.names[1:]:
+        values, vectors = np.linalg.eigh(present(rig.centre_covariance(name), "covariance"))
+        axes[name] = SIGMAS * np.sqrt(np.maximum(values, 0)) * vectors
+    largest = max(float(np.linalg.norm(a, axis=0).max()) for a in axes.values()) if axes else 0.0
+    if not largest > 0:
+        return 1.0, {}
+    wanted = SEEN * max(size, 1e-9) / largest
+    factor = nice(wanted) if wanted > 1 else 1.0
+    angle = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    return factor, {
+        name: [rig.centre(name) + factor * (a[:, list(pair)] @ circle).T for pair in ((0, 1), (0, 2), (1, 2))]
+        for name, a in axes.items()
+    }
+
+
+def _told(rig: Rig, name: str) -> str:
+    place = ", ".join(number(v, 4) for v in rig.centre(name))
+    cov = rig.centre_covariance(name)
+    spread = "" if cov is None or name == rig.names[0] else f", ± {number(1000 * float(np.sqrt(np.trace(cov))), 2)} mm"
+    return f"{name}: at ({place}) m{spread}"
+
+
+def _name(look: Look, name: str, centre: Array) -> Html:
+    x, y = look.to(centre)[0]
+    numbers = " ".join(f"{v:.4g}" for v in centre)
+    return tag("text", name, class_="strong halo", x=float(x), y=float(y), dx=6, dy=-6, data_p=numbers)
+
+
+def _sentence(factor: float, shown: int, every: int) -> str:
+    size = f"{SIGMAS:g} standard deviations of a camera’s centre in the frame of the first one"
+    larger = f", drawn {factor:g} times larger than the rest" if factor > 1 else ", true to scale"
+    some = f" {shown} of {every:,} boards are drawn." if shown < every else ""
+    return f"Ellipsoids: {size}{larger}.{some}"
+
+
+def _legend(unsure: bool, weakest: str) -> Html:
+    marks = [
+        ("a camera and the rim of its frame", tag("path", class_="ray", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"))
+    ]
+    if weakest:
+        marks.append(
+            (f"{weakest}, known least", tag("path", class_="ray weak", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"))
+        )
+    if unsure:
+        marks.append(("where it may stand", tag("path", class_="unsure", d="M2 7a7 4 0 1 0 14 0a7 4 0 1 0-14 0")))
+    marks.append(("a board", tag("path", class_="board faint", d="M2 3l12-1 2 9-13 1z")))
+    return legend(*marks)

@@ -1,0 +1,127 @@
+"""`rcdn calibrate --rig --camera`: files of lenses that are known, by name, in one file, in a folder."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from rcdn.batch.known_cameras import known_cameras
+from rcdn.batch.rig_runs import _with_neighbours
+from rcdn.cli import app
+from rcdn.errors import ConfigError
+from rcdn.io import write_camera, write_rig
+from rcdn.types import Pose, Rig
+from rcdn_lab.camera_scenes import SPACING
+from rcdn_lab.rig_scenes import row
+from saved_boards import save
+
+SCENE = row([0.2], ("brown",))
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """Detections of two cameras by order, files of their lenses."""
+    monkeypatch.chdir(tmp_path)
+    boards, moments = SCENE.views(np.random.default_rng(2), [(0, 1)] * 6)
+    both = [m for m in moments["c0"] if m in moments["c1"]]
+    for name, side in (("c0", "left"), ("c1", "right")):
+        save(f"{side}.json", [boards[name][moments[name].index(m)] for m in both])
+    left, right = SCENE.cameras.values()
+    Path("lenses").mkdir()
+    write_camera("lenses/left_camera_info.yaml", left)
+    write_camera("lenses/right.yaml", right)
+    Path("lenses/notes.txt").write_text("taken on Monday")
+    rig = Rig(("left", "right"), (left, right), (Pose(np.eye(4)), Pose(np.eye(4))))
+    for name in ("rig.json", "rig.toml", "camera_array.toml"):
+        write_rig(name, rig)
+    return left, right
+
+
+def run(*words):
+    return CliRunner().invoke(
+        app, ["calibrate", "left.json", "right.json", *map(str, words), "--spacing", str(SPACING), "--no-cache"]
+    )
+
+
+def test_one_command_holds_the_lenses_of_a_folder(made):
+    result = run("--rig", "--camera", "lenses", "--json", "all.json")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("brown as given") == 2
+    written = json.loads(Path("all.json").read_text())
+    assert written["given"] == ["left", "right"]
+    assert [c["camera"]["K"] for c in written["cameras"]] == [c.K.tolist() for c in made]
+
+
+@pytest.mark.parametrize(
+    "files", [["rig.json"], ["rig.toml"], ["lenses"], ["lenses/left_camera_info.yaml", "right=lenses/right.yaml"]]
+)
+def test_cameras_are_known_by_their_names(made, files):
+    found = known_cameras([Path(f) for f in files], ["left", "right"])
+    assert [found[n].parameters.tolist() for n in ("left", "right")] == [c.parameters.tolist() for c in made]
+
+
+def test_numbers_of_a_file_count_in_order(made, capsys):
+    found = known_cameras([Path("camera_array.toml")], ["left", "right"])
+    assert found["right"].parameters.tolist() == made[1].parameters.tolist()
+
+
+def test_some_may_be_known_and_the_others_not(made):
+    assert list(known_cameras([Path("lenses/right.yaml")], ["left", "right"])) == ["right"]
+
+
+@pytest.mark.parametrize(
+    ("files", "names", "text"),
+    [
+        (["lenses/right.yaml"], ["a", "b"], "right is no input; the inputs are a, b"),
+        (["rig.json"], ["left", "b", "c"], "right is no input"),
+        (["lenses/right.yaml", "rig.json"], ["left", "right"], "right is given twice"),
+        (["top=rig.json"], ["left", "right"], "holds the cameras left, right, not top"),
+        (["left=lenses"], ["left", "right"], "is a folder"),
+    ],
+)
+def test_names_that_dont_match_are_refused(made, files, names, text):
+    with pytest.raises(ConfigError, match=text):
+        known_cameras([Path(f) for f in files], names)
+
+
+def test_a_folder_without_cameras_and_use_without_a_rig_are_refused(made):
+    Path("empty").mkdir()
+    with pytest.raises(ConfigError, match="no file in it holds one camera"):
+        known_cameras([Path("empty")], ["left", "right"])
+    result = run("--stereo", "--camera", "rig.json")
+    assert result.exit_code == 2
+    assert "--camera names lenses that are known, for --rig" in result.stderr
+
+
+def test_time_is_corrected_only_in_a_rig(made):
+    result = run("--rig", "--camera", "lenses", "--correct-time")
+    assert result.exit_code == 0, result.output
+    result = run("--stereo", "--correct-time")
+    assert result.exit_code == 2
+    assert "--correct-time is for cameras of a rig" in result.stderr
+
+
+def test_frames_beside_the_chosen_ones_are_looked_at():
+    assert _with_neighbours(((0, 5, 9),)) == ((0, 1, 4, 5, 6, 8, 9),)
+
+
+def test_a_rig_has_a_page(made):
+    result = run("--rig", "--camera", "lenses", "--report", "page.html")
+    assert result.exit_code == 0, result.output
+    page = Path("page.html").read_text()
+    for word in ("Who looks where", "Pair by pair", "epipolar, px", "left – right", "Lenses given", "data-look"):
+        assert word in page
+
+
+def test_what_a_format_cant_hold_is_told_before_the_work(made):
+    result = run("--rig", "--model", "brown", "-o", "camchain.yaml", "-o", "cameras.json")
+    assert result.exit_code == 1
+    assert result.stderr.index("camchain.yaml is not written: camera left: Kalibr's camchain: radtan holds") >= 0
+    assert Path("cameras.json").exists()
+    result = run("--rig", "--model", "brown", "-o", "camchain.yaml")
+    assert result.exit_code == 1
+    assert "rig of 2 cameras" not in result.stdout
