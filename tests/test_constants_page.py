@@ -38,7 +38,7 @@ def numeric(value):
 def written(source, node, module):
     """An expression as the code has it, on one line, with numbers for what comes from C."""
     text = " ".join(ast.get_source_segment(source, node).split())
-    return re.sub(r'(?:constants\("\w+"\)|_C)\["\w+"\]', lambda m: str(eval(m[0], vars(module))), text)
+    return re.sub(r'(?:constants\("\w+"\)|_[A-Z]+)\["\w+"\]', lambda m: str(eval(m[0], vars(module))), text)
 
 
 def of_module(path):

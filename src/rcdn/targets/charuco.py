@@ -39,11 +39,6 @@ RIMS = 4
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
-<<<<<<< HEAD
-MOST_COLUMNS = 64
-"""of a board"""
-=======
->>>>>>> main
 FRAMED = 16.0
 """bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
 HOPEFUL = 100
