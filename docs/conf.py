@@ -83,6 +83,7 @@ docs/conventions
 docs/formats
 docs/formulation
 docs/pipeline
+docs/constants
 docs/glossary
 ```
 ```{toctree}

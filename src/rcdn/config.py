@@ -30,6 +30,7 @@ WIDEST, WINDOW = 999, 64
 MANY = 1_000_000
 """corners or px: upper limit of every setting that counts them"""
 CLUSTERS, THREADS = 1000, 1024
+"""largest numbers of clusters and of threads"""
 
 
 def _bounded(owner: object, name: str, low: float, high: float, whole: bool = False) -> None:

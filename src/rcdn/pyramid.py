@@ -32,6 +32,7 @@ AROUND = 1.5
 LEAST_REDUCED = 140 * 100
 """px; a picture is halved, and halved again, as long as this is left of it"""
 MOST_HALVINGS = 3
+"""how often a picture is halved"""
 PLAIN_REDUCED = 6.0
 """px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
 SURE, SURE_REACH = 0.4, 48

@@ -39,6 +39,7 @@ NEAR_SEARCHED, FIT_SEARCHED = 0.12, 0.6
 SUPPORT, SHORTEST = 3, 3.0
 """labelled corners that a prediction needs, and the least step there, px"""
 ROUNDS = 60
+"""of growth, at most"""
 
 
 def find_deltilles(

@@ -25,6 +25,7 @@ from rcdn.types.arrays import Bool, Int, Real
 
 _usual = bind("rcdn_grid_usual")
 ROUNDS = 8
+"""of filling, at most"""
 LEAST_SUPPORT = 5
 """labelled neighbours that a prediction stands on"""
 SEEN, SEEN_RIM = 0.35, 0.5

@@ -14,6 +14,7 @@ from rcdn.types.arrays import Real
 ACROSS = 5.0
 """Weight of the distance across the direction in the cost of a neighbour."""
 CONE = np.deg2rad(25)
+"""How far a neighbour may lie from the direction in which it is sought."""
 NEAREST, NEAREST_TO_GUESS = 64, 24
 """Only this many nearest corners are looked at, so that time is bounded: around a corner, and around a prediction."""
 AHEAD = 0.75

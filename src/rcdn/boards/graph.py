@@ -26,6 +26,7 @@ _cells = bind("rcdn_quads")
 _label = bind("rcdn_label")
 
 NEIGHBOURS = 14
+"""nearest corners that may be linked: the next line is among them while steps along both axes differ by less than 7 : 1"""
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
 """how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
 LEAST_CONTRAST = 0.3

@@ -78,6 +78,7 @@ class _Offers(NamedTuple):
 _sign, _seen = bind("rcdn_grid_sign"), bind("rcdn_grid_seen")
 _offers = bind("rcdn_grid_offers", _Rim, _Corners, _Rules, _Offers)
 ROUNDS = 40
+"""of growth of a grid, at most"""
 NEAR, NEAR_WEAK = 0.28, 0.24
 """a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
 PLAIN = 5
@@ -89,6 +90,7 @@ MANY = 64
 SLACK = 3.0
 """px by which refinement may move a peak"""
 FAR_AXIS = np.deg2rad(30)
+"""how far a corner's axes may turn from the predicted steps"""
 SHOWN, SHOWN_WEAK = 0.2, 0.3
 """share of the board's contrast that an edge to a labelled neighbour shows"""
 

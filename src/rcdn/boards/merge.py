@@ -23,6 +23,7 @@ OFF = 0.08
 STRETCH = 0.25
 """largest difference of the two lattices' steps where they face each other, squares"""
 LEAST_VOTES, SHARE = 3, 0.8
+"""corners that must agree on how two parts lie, and share of those within `GAP` of the other part"""
 Motion = tuple[int, int, int]
 """quarter turns, shift in u, shift in v"""
 

@@ -30,7 +30,9 @@ START_ENERGY = -6.0
 RATIO = (0.8, 1.2)
 """mean edge of a cell ÷ mean edge of the initial cell, where cells merge (the paper's figures)"""
 QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+"""Diagonals of a 3 × 3 matrix, clockwise on the screen."""
 CELL = 4
+"""corners of the smallest board"""
 """corners of the smallest board"""
 Labels = dict[Label, int]
 

@@ -21,6 +21,7 @@ the prediction stands on few corners (`ENOUGH`)"""
 OFF_PX, OFF_USUAL, OFF_MOST = 0.6, 6.0, 0.06
 """what is always allowed: so many px, and so many times the board's median, but no more of a step than this"""
 ENOUGH = 7
+"""corners on which a prediction stands firmly"""
 EVEN, EVEN_USUAL, EVEN_MOST = 0.02, 10.0, 0.4
 """most of a ring's variance that doesn't change its sign under half a turn, that as a multiple of the board's median (noise has it, too), and
 whatever is usual: the edge of a shadow or of a cover near a corner, which draws it aside"""

@@ -21,6 +21,7 @@ from rcdn.types.arrays import Bool, Real
 STEPS = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
 """from a corner to its neighbours, by rising angle"""
 NEIGHBOURS = 10
+"""nearest corners that may be linked"""
 TURN = 0.4
 """how far a link may turn from the axis at its ends, share of the angle to the next axis"""
 UNLIKE = 2.5

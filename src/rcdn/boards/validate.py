@@ -18,6 +18,7 @@ from rcdn.types.arrays import Int, Real, Shaped
 _prune = bind("rcdn_grid_prune")
 _excess = bind("rcdn_grid_excess")
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""to a corner's neighbours"""
 RESIDUAL = 0.15
 """largest distance from the neighbours' prediction, share of the pitch"""
 RESIDUAL_LOOSE = 0.18

@@ -16,11 +16,13 @@ from rcdn.types.arrays import Real, Shaped
 LONE_PITCH = 20.0
 """Distance to the next corner that is assumed for a corner without one, px."""
 FIT_LEVELS = (2, 3, 4, 6, 8)
+"""Half windows of the surface fits that are made, px."""
 FIT_SHARE = 0.4
 """Half window of the surface fit, share of the pitch."""
 DISC_SHARE = 0.45
 """Radius of the symmetry disc, share of the pitch: it stops short of the neighbours' edges."""
 DISC_RANGE = (2, 10)
+"""Its limits, px."""
 
 
 def nearest_pitch(xy: Shaped[Array, "n 2"]) -> Real[Array, " n"]:

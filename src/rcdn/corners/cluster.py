@@ -9,7 +9,9 @@ from rcdn.types import Array
 from rcdn.types.arrays import Int, Real, Shaped
 
 STARTS = 10
+"""runs of k-means++, of which the best counts"""
 ITERATIONS = 100
+"""steps of a run, at most"""
 
 
 def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:

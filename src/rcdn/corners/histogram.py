@@ -13,6 +13,7 @@ BINS = 32
 BEFORE, AFTER = 10, 9
 """The window of 20 × 20 px: offsets from the rounded corner, which has no middle pixel to be centred on."""
 SMOOTH = np.array([1, 4, 6, 4, 1]) / 16
+"""Weights that smooth the histogram around the circle."""
 LEAST_WEIGHT = 0.25
 """Share of the strongest maximum that a maximum must have."""
 MOST = 4

@@ -13,6 +13,7 @@ from rcdn.types.arrays import Real, Shaped
 
 KINDS = ("minmax", "local")
 WINDOW = 25
+"""px, side of the window of local contrast"""
 FLOOR = 6.0
 """grey levels; keeps the noise of flat areas from being blown up"""
 

@@ -32,6 +32,7 @@ RANGE = (3, 12)
 RING, RING_RANGE = 0.3, (3.0, 16.0)
 """radius of the rings, share of that distance, and its limits, px"""
 RINGS = (0.8, 1.0, 1.2)
+"""radii of the rings, × that of the corner"""
 BATCH = 512
 """corners at a time: what they need at once fits into a core's cache"""
 

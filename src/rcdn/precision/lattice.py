@@ -22,6 +22,7 @@ REACH = 2
 FAR = 0.05
 """weight of those two squares away against those next to it"""
 TERMS = constants("lattice")["TERMS"]
+"""of a quadratic in two variables"""
 STIFF = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
 """pull of the terms towards 0: of the quadratic ones it decides where neighbours lack on one side"""
 RING = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])

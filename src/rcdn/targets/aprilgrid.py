@@ -15,6 +15,7 @@ from rcdn.types import AprilGrid, Array
 from rcdn.types.arrays import Bool, Int, Real
 
 SAMPLES = 32
+"""a square's side on the raster"""
 FRAMES = (Frame(2, filling=True), Frame(1, filling=True))
 NAMES = {
     "DICT_APRILTAG_16h5": "tag16h5",

@@ -19,6 +19,7 @@ from rcdn.types import Array, Board, Charuco, Status
 from rcdn.types.arrays import Bool, Real, Shaped
 
 ROUNDS = 12
+"""of completion, at most"""
 SEEN = 0.3
 """least strength of both edges, share of the usual one on the board"""
 OFF = 0.14

@@ -20,6 +20,7 @@ MANY = 400
 BLUR = 0.05
 """squares, to begin with"""
 SHARPEST, SOFTEST = 0.005, 0.3
+"""limits of the blur, squares"""
 USUAL = np.array([0.003, 0.003, 0.01, 1.0, 1.0, 0.01, 0.01])
 """standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the errors of its corners"""
 BLURS, FRAME = slice(3, 5), slice(5, 7)
