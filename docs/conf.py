@@ -32,7 +32,7 @@ html_show_copyright = False
 nitpicky = True
 nitpick_ignore_regex = [  # types of other packages: nothing is fetched from the network to link them
     (r"py:.*", r"(np|numpy|npt|NDArray|Array|ArrayLike|Path|pathlib|Any|typing|collections|Callable|os|PathLike)\b.*"),
-    (r"py:.*", r"'.*'|rcdn\.types\.arrays\..*"),  # shapes of arrays
+    (r"py:.*", r"'.*|[ \w]*'|rcdn\.types\.arrays\..*"),  # shapes of arrays
     (r"py:.*", r"rcdn\.types\.(base|named|plane)\..*|rcdn\.io\.finding\.Found"),
 ]
 myst_heading_anchors = 6
