@@ -1,8 +1,10 @@
-"""Reads ChArUco boards without being told which: the layout of markers under which all squares together are most likely.
+"""Reads ChArUco boards without being told which: the layout of markers under which all squares together are most
+likely.
 
-Each module of a marker has a log-likelihood ratio of white to black. A layout (dictionary, turn, size, place) says which bits all squares show; its
-evidence is the likelihood of these bits against that of fair coins, log2. If bits were fair coins, the evidence of one layout would exceed T with a
-probability of at most 2^−T (Markov), and any of M layouts with at most M · 2^−T.
+Each module of a marker has a log-likelihood ratio of white to black. A layout (dictionary, turn, size, place) says
+which bits all squares show; its evidence is the likelihood of these bits against that of fair coins, log2. If bits were
+fair coins, the evidence of one layout would exceed T with a probability of at most 2^−T (Markov), and any of M layouts
+with at most M · 2^−T.
 """
 
 from __future__ import annotations
@@ -22,25 +24,28 @@ from rcdn.types import Array, Charuco
 from rcdn.types.arrays import Bool, Real
 
 ACCEPT = 49.0
-"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
-62 widths, 2,000 places, 4 rims; 8 pieces of boards)"""
+"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2
+parities, 62 widths, 2,000 places, 4 rims; 8 pieces of boards)"""
 SURE = 23.0
 """bits of evidence that make one layout certain: 10⁻⁶, of 8 pieces"""
 CERTAIN = 5.0
 """bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
 MIRRORED = ACCEPT / 2
-"""bits of evidence that a layout must be able to have in the mirror image, as told from the picture itself, to be looked for there"""
+"""bits of evidence that a layout must be able to have in the mirror image, as told from the picture itself, to be
+looked for there"""
 MARGIN = 14.0
 """bits by which it must exceed the next layout"""
 ENDED = 20.0
-"""bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a cover along that very edge)"""
+"""bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a
+cover along that very edge)"""
 RIMS = 4
 """layouts of a place that differ in which outermost squares are on the board"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
 FRAMED = 16.0
-"""bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
+"""bits of evidence for the black borders of all markers together, under which there are none: textures and drawings
+have none, boards hundreds"""
 HOPEFUL = 100
 """layouts of one kind and turn that all squares are asked about"""
 ANCHORS, CANDIDATES = 12, 4
@@ -63,7 +68,8 @@ class _Layout:
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """What the squares of a board say if they hold markers of `families`, whose modules they show: `squares`, and the markers' `look`."""
+    """What the squares of a board say if they hold markers of `families`, whose modules they show: `squares`, and the
+    markers' `look`."""
 
     squares: MarkedSquares
     look: Appearance
@@ -77,8 +83,9 @@ def markers_of(
     aspect: float,
     told: Charuco | None = None,
 ) -> list[Markers]:
-    """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be.
+    """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those
+    that hold markers; `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height,
+    px; `told`: the only board that it may be.
 
     One for each number of bits that a marker may have; none where nothing is framed as markers are.
     """
@@ -152,11 +159,12 @@ def ends_of(squares: Array, inner: Array) -> Bool[Array, "r c"]:
 
 
 def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array) -> Reading | None:
-    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier.
+    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that
+    begins with another is likelier.
 
-    Then paper must be seen above its first row (`ended`), else there may be more rows, hidden or cut off. What is seen of the sides mustn't speak
-    against it: a part of a larger board that begins with another number could look the same. A part without `ends` doesn't tell which it is; see
-    `_ends`.
+    Then paper must be seen above its first row (`ended`), else there may be more rows, hidden or cut off. What is seen
+    of the sides mustn't speak against it: a part of a larger board that begins with another number could look the same.
+    A part without `ends` doesn't tell which it is; see `_ends`.
     """
     usual = _likeliest(scored, shape, ends, ended, any_first=False)
     if (not usual or usual[0].bits < ACCEPT) and (ends is None or ended.sum() < 3):
@@ -180,7 +188,8 @@ def _seen_whole(ended: Array) -> bool:
 
 
 def _place(scored: list[_Scores], told: Charuco) -> Reading | None:
-    """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that one."""
+    """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that
+    one."""
     usable = [s for s in scored if (s.look.white < 0) == told.inverted]
     count = 0
     layouts: list[_Layout] = []
@@ -212,7 +221,8 @@ def _weighed(layout: _Layout, shape: tuple[int, ...], ended: Array) -> _Layout:
 
 
 def _against(layout: _Layout, shape: tuple[int, ...], ended: Array) -> int:
-    """On how many sides a board by this layout doesn't end where the squares (R, C) seen do, though it has `ended` there."""
+    """On how many sides a board by this layout doesn't end where the squares (R, C) seen do, though it has `ended`
+    there."""
     sides, (u, v) = np.rot90(ended, layout.turns), layout.place
     width = shape[1 - layout.turns % 2]
     return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != layout.columns)
@@ -245,7 +255,8 @@ def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
 
 @dataclass(frozen=True, eq=False)
 class _Scores:
-    """Evidence `gain` (K, N), bits, of N markers in K squares at `row`, `column` (K,) of a picture's (height, width) squares, turned."""
+    """Evidence `gain` (K, N), bits, of N markers in K squares at `row`, `column` (K,) of a picture's (height, width)
+    squares, turned."""
 
     gain: Array
     row: Array
@@ -266,7 +277,8 @@ class _Scores:
         return float(np.maximum(self.most, 0).sum()) if self.gain.size else 0.0
 
     def layouts(self, any_first: bool) -> Iterator[_Layout]:
-        """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as large as the squares seen."""
+        """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as
+        large as the squares seen."""
         yield from self.scored(self._hopeful(_unique(self._whole_boards() if any_first else self._parts_of_boards())))
 
     def _hopeful(self, found: Array) -> Real[Array, "m 5"]:
@@ -279,8 +291,8 @@ class _Scores:
         return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
 
     def _markers_of(self, found: Real[Array, "m 5"], some: Array, rows: int | None) -> tuple[Array, Array, Array]:
-        """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is such a marker, and whether the
-        square is on the board."""
+        """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is
+        such a marker, and whether the square is on the board."""
         u, v, columns, odd, first = (a[:, None] for a in found.T)
         column, row = u + self.column[some], v + self.row[some]
         on_board = (column >= 0) & (row >= 0) & (column < columns) & (row < (rows or np.inf))
@@ -288,7 +300,8 @@ class _Scores:
         return marker, on_board & (marker >= 0) & (marker < len(self.family)), on_board
 
     def scored(self, found: Real[Array, "m 5"], rows: int | None = None) -> Iterator[_Layout]:
-        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: of the board, if that is known."""
+        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: of the board, if that is
+        known."""
         if not len(found):
             return
         marker, exists, on_board = self._markers_of(found, np.arange(len(self.row)), rows)
@@ -306,7 +319,8 @@ class _Scores:
                 )  # fmt: skip
 
     def _agree_with(self, gain: Real[Array, " k"]) -> bool:
-        """Do most of the squares that are certain of their marker by themselves show that of a layout, whose evidence in each is `gain` (K,)?
+        """Do most of the squares that are certain of their marker by themselves show that of a layout, whose evidence
+        in each is `gain` (K,)?
 
         Else a few markers that happen to follow each other would outweigh all that the others say.
         """
@@ -314,7 +328,8 @@ class _Scores:
         return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
 
     def _anchors(self) -> tuple[Array, Array]:
-        """Squares (A,) that are surest of their marker, and the likeliest markers of each, together (A · CANDIDATES,)."""
+        """Squares (A,) that are surest of their marker, and the likeliest markers of each, together (A ·
+        CANDIDATES,)."""
         surest = np.argsort(-self.most)[:ANCHORS]
         least = min(CANDIDATES, self.gain.shape[1]) - 1
         markers = np.argpartition(-self.gain[surest], least, axis=1)[:, : least + 1]
@@ -344,7 +359,8 @@ class _Scores:
         return np.stack([u.ravel(), v.ravel(), *known], axis=1)
 
     def _whole_boards(self) -> Real[Array, "m 5"]:
-        """Candidate layouts (M, 5) of boards that are just the squares seen; which squares have the markers tells the parity."""
+        """Candidate layouts (M, 5) of boards that are just the squares seen; which squares have the markers tells the
+        parity."""
         square, marker = self._anchors()
         column, row = self.column[square], self.row[square]
         columns, odd, zero = np.full_like(square, self.shape[1]), (column + row) % 2, np.zeros_like(square)

@@ -1,9 +1,10 @@
 """Tells a grid of circles from a checkerboard: the gaps between discs make a square lattice of saddles, too.
 
-The squares of a board are looked at through their own corners. On a checkerboard the dark ones and the bright ones are alike but for their colour,
-and their edges run straight from corner to corner; among discs the dark "squares" are round, and the bright ones are what these leave. Both are
-models under a blur; the one that leaves less of the variance of the board's usual square unexplained is what is printed. Cameras cut off white and
-black and bend the curve of grey between them, which rounds the corners of squares: both models may do so.
+The squares of a board are looked at through their own corners. On a checkerboard the dark ones and the bright ones are
+alike but for their colour, and their edges run straight from corner to corner; among discs the dark "squares" are
+round, and the bright ones are what these leave. Both are models under a blur; the one that leaves less of the variance
+of the board's usual square unexplained is what is printed. Cameras cut off white and black and bend the curve of grey
+between them, which rounds the corners of squares: both models may do so.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ FAINT = 0.01
 FINE = 4
 """places of the models' raster in one of SAMPLES"""
 SHARE, ROUND, STRAIGHT = 0.3, 0.04, 0.004
-"""variance that the discs leave unexplained: at most this share of what the checkerboard leaves, at most ROUND of all; and the checkerboard
-must leave STRAIGHT of all at least, since under a wide blur both are one"""
+"""variance that the discs leave unexplained: at most this share of what the checkerboard leaves, at most ROUND of all;
+and the checkerboard must leave STRAIGHT of all at least, since under a wide blur both are one"""
 
 
 def is_circle_grid(glance: Glance) -> bool:
@@ -48,8 +49,8 @@ def is_circle_grid(glance: Glance) -> bool:
 
 
 def _usual_square(glance: Glance) -> Array:
-    """The dark and the bright squares around a corner, folded by their symmetries (2 · N,): the median over all corners, each with the same mean and
-    contrast, so that shade, noise and what covers some don't count."""
+    """The dark and the bright squares around a corner, folded by their symmetries (2 · N,): the median over all
+    corners, each with the same mean and contrast, so that shade, noise and what covers some don't count."""
     around = _folded(glance.squares)
     one, other = (around[:, 0, 0] + around[:, 1, 1]) / 2, (around[:, 0, 1] + around[:, 1, 0]) / 2
     swap = glance.odd[:, None]
@@ -81,7 +82,8 @@ def _weights() -> Array:
 
 
 def _unexplained(models: Array, seen: Array) -> float:
-    """Share of the variance of `seen` (2 · N,) that the best of `models` (K, 2 · N), none with mean, all with a variance of 1, leaves."""
+    """Share of the variance of `seen` (2 · N,) that the best of `models` (K, 2 · N), none with mean, all with a
+    variance of 1, leaves."""
     weights = _weights()
     seen = seen - seen @ weights
     variance = float(seen**2 @ weights)

@@ -47,7 +47,8 @@ def read_target(path: str | Path) -> Printed:
 
 
 def write_target(path: str | Path, printed: Printed) -> None:
-    """Write the target's YAML: a checkerboard's and a usual AprilGrid's in Kalibr's form, which rcdn reads, too; others' in rcdn's own.
+    """Write the target's YAML: a checkerboard's and a usual AprilGrid's in Kalibr's form, which rcdn reads, too;
+    others' in rcdn's own.
 
     Raises OutputError.
     """

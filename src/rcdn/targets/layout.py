@@ -8,13 +8,14 @@ from rcdn.types import Array, Charuco
 
 
 def odd_markers(board: Charuco) -> bool:
-    """Whether the markers stand in the squares whose column + row is odd; else where it is even. With an odd number of rows a legacy board is as
-    any other."""
+    """Whether the markers stand in the squares whose column + row is odd; else where it is even. With an odd number of
+    rows a legacy board is as any other."""
     return not (board.legacy and (board.rows or 0) % 2 == 0)
 
 
 def markers_in(board: Charuco, square: Array) -> tuple[Array, Array]:
-    """The numbers (...) of the markers in the squares (..., 2), column and row, and whether markers stand there at all."""
+    """The numbers (...) of the markers in the squares (..., 2), column and row, and whether markers stand there at
+    all."""
     odd = odd_markers(board)
     index = index_of(square[..., 0], square[..., 1], np.array(board.columns), np.array(odd))
     return board.first_id + index, np.asarray(square.sum(axis=-1) % 2 == odd)

@@ -1,4 +1,5 @@
-"""What a square with a marker looks like, and what its modules are: size of the marker, blur, log-likelihood ratios of white to black."""
+"""What a square with a marker looks like, and what its modules are: size of the marker, blur, log-likelihood ratios of
+white to black."""
 
 from __future__ import annotations
 
@@ -24,7 +25,8 @@ CAP = 4.0
 LEAST_SIGMA = 0.08
 """standard deviation of a module of the sharpest picture, black to white: prints and lenses aren't perfect"""
 ASPECTS = 0.04
-"""steps of the logarithm of the squares' aspect, by which the blur differs along both: it is known to a third of itself"""
+"""steps of the logarithm of the squares' aspect, by which the blur differs along both: it is known to a third of
+itself"""
 PRIOR = 1.0
 """weight of what the gaps say of white beside tags that fill their squares: sharp tags show none but inside"""
 STIFF = 0.02
@@ -33,8 +35,8 @@ STIFF = 0.02
 
 @dataclass(frozen=True)
 class Appearance:
-    """Side of the markers (`ratio`) and `blur` along x and along y, squares; `white`: grey levels over the dark squares, below 0 if the colours are
-    inverted."""
+    """Side of the markers (`ratio`) and `blur` along x and along y, squares; `white`: grey levels over the dark
+    squares, below 0 if the colours are inverted."""
 
     ratio: float
     blur: tuple[float, float]
@@ -43,8 +45,9 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Frame:
-    """How a marker stands in its square: `border`, bits of black around its own; `filling`: it fills the square, which touches dark squares at its
-    corners and white gaps at its sides (AprilGrid). Else there is white around it, and dark squares at its sides (ChArUco)."""
+    """How a marker stands in its square: `border`, bits of black around its own; `filling`: it fills the square, which
+    touches dark squares at its corners and white gaps at its sides (AprilGrid). Else there is white around it, and dark
+    squares at its sides (ChArUco)."""
 
     border: int = 1
     filling: bool = False
@@ -66,8 +69,9 @@ def _dot(one: list[_Part], two: list[_Part]) -> Real[Array, " k"]:
 
 @dataclass(frozen=True, eq=False)
 class _Models:
-    """What a square with a marker may look like: sides of the marker and blurs (K,); `parts`: the white around it, and what is inside of it, as sums
-    of products; `gram`: products (K,) of the first with itself, of both, of the second with itself."""
+    """What a square with a marker may look like: sides of the marker and blurs (K,); `parts`: the white around it, and
+    what is inside of it, as sums of products; `gram`: products (K,) of the first with itself, of both, of the second
+    with itself."""
 
     ratio: Array
     along_x: Array
@@ -78,7 +82,8 @@ class _Models:
 
 @lru_cache(maxsize=64)
 def _models(side: int, frame: Frame, aspect: int) -> _Models:
-    """Models of all sizes and blurs of markers with `side`² bits; `aspect`: the logarithm of the squares' one, in steps of `ASPECTS`."""
+    """Models of all sizes and blurs of markers with `side`² bits; `aspect`: the logarithm of the squares' one, in steps
+    of `ASPECTS`."""
     x, stretch = _middles(COARSE), float(np.exp(aspect * ASPECTS))
     ratio, blur = (a.ravel() for a in np.meshgrid([1.0] if frame.filling else RATIOS, BLURS, indexing="ij"))
     along_x, along_y = blur / np.sqrt(stretch), blur * np.sqrt(stretch)
@@ -90,8 +95,8 @@ def _models(side: int, frame: Frame, aspect: int) -> _Models:
 
 
 def appearance(mean: Real[Array, "s s"], side: int, frame: Frame, aspect: float) -> Appearance | None:
-    """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
-    `aspect`: width over height of the squares in the picture, where the blur is round.
+    """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits;
+    dark squares are at 0. `aspect`: width over height of the squares in the picture, where the blur is round.
 
     None if no marker explains it.
     """
@@ -124,10 +129,11 @@ def modules(
     frame: Frame,
     open_sides: Bool[Array, "k 4"] | None = None,
 ) -> Real[Array, "k n n"]:
-    """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
+    """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken
+    out; NaN where unseen.
 
-    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
-    if the marker's border is darker then.
+    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it
+    is if the marker's border is darker then.
     """
     unblurred, beyond = _unblurring(squares.shape[-1], look.ratio, look.blur, side, frame)
     values = unblurred(squares / look.white)
@@ -148,8 +154,8 @@ def modules(
 def _unblurring(
     samples: int, ratio: float, blurs: tuple[float, float], side: int, frame: Frame
 ) -> tuple[Callable[[Array], Array], Array]:
-    """What takes squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the white that comes from beyond each of a square's four
-    sides, if it is white there, (4, S, S)."""
+    """What takes squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the white that comes from
+    beyond each of a square's four sides, if it is white there, (4, S, S)."""
     x = _middles(samples)
     (near_x, solve_x), (near_y, solve_y) = (_unmixing(x, ratio, blur, side + 2 * frame.border) for blur in blurs)
     along_x, along_y = (np.array([blur]) for blur in blurs)
@@ -186,8 +192,8 @@ def _unmixing(x: Real[Array, " s"], ratio: float, blur: float, count: int) -> tu
 def evidence(values: Array, border: int, trusted: Bool[Array, " k"] | None = None) -> Real[Array, "k n n"]:
     """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
 
-    The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)
-    to show markers (all, if it is None).
+    The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the
+    squares that are `trusted` (K,) to show markers (all, if it is None).
     """
     inside = inner_modules(values.shape[-1], border)
     sample = values if trusted is None else values[trusted]
@@ -212,7 +218,8 @@ def _middles(samples: int) -> Array:
 
 
 def _box(x: Real[Array, " s"], width: Array | float, blur: Real[Array, " k"]) -> Array:
-    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about the middle: (K, S)."""
+    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about
+    the middle: (K, S)."""
     s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
     step = erf((x - 0.5 + half) / s)
     return np.asarray(0.5 * (step + step[:, ::-1]))

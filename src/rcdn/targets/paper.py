@@ -1,6 +1,8 @@
-"""Where a board is seen to end: its squares stop at an edge of the lattice, and the plain paper that they are printed on goes on.
+"""Where a board is seen to end: its squares stop at an edge of the lattice, and the plain paper that they are printed
+on goes on.
 
-A board that is covered or cut shows the same only if that happens along the very edge of squares, and what is beyond is as bright as its white.
+A board that is covered or cut shows the same only if that happens along the very edge of squares, and what is beyond is
+as bright as its white.
 """
 
 from __future__ import annotations
@@ -29,10 +31,11 @@ LEAST = 8.0
 
 
 def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"]:
-    """(3, 3) bool: whether the board is seen to end above [0, 1], on the left [1, 0], on the right [1, 2] and below [2, 1]; else it isn't known.
+    """(3, 3) bool: whether the board is seen to end above [0, 1], on the left [1, 0], on the right [1, 2] and below [2,
+    1]; else it isn't known.
 
-    `squares` (R + 2, C + 2, S, S): grey of the board's squares and of one more on each side, NaN where nothing is seen; `marked` (R, C): those that
-    hold markers. Around inverted boards paper may be printed black.
+    `squares` (R + 2, C + 2, S, S): grey of the board's squares and of one more on each side, NaN where nothing is seen;
+    `marked` (R, C): those that hold markers. Around inverted boards paper may be printed black.
     """
     ended = np.zeros((3, 3), bool)
     inner = squares[1:-1, 1:-1]
@@ -53,7 +56,8 @@ def _rim(squares: Array) -> float:
 
 
 def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
-    """Whether paper is seen above the board's `squares`, with those above them; `white` (R, C): those with white at their edges."""
+    """Whether paper is seen above the board's `squares`, with those above them; `white` (R, C): those with white at
+    their edges."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)
     seen = np.isfinite(level).all(axis=1) & (level[:, 1] - level[:, 0] >= LEAST)
@@ -72,7 +76,8 @@ def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
 
 
 def _levels(squares: Array) -> Real[Array, "k 2"]:
-    """Dark and white (K, 2) of a row of squares (K, S, S) and of those beside each; NaN where a square isn't all seen."""
+    """Dark and white (K, 2) of a row of squares (K, S, S) and of those beside each; NaN where a square isn't all
+    seen."""
     flat = np.pad(squares.reshape(len(squares), -1), ((1, 1), (0, 0)), constant_values=np.nan)
     three = np.concatenate([flat[:-2], flat[1:-1], flat[2:]], axis=1)
     out = np.full((len(squares), 2), np.nan)
@@ -94,7 +99,8 @@ def _is_paper(strips: Array) -> Bool[Array, " k"]:
 
 
 def _end_of_dark(along: Array, out: Real[Array, " t"]) -> Real[Array, " k"]:
-    """(K,): how far `out` (T,), falling, profiles (K, T) of black 0 and white 1 are last dark; infinite if they aren't, or don't end."""
+    """(K,): how far `out` (T,), falling, profiles (K, T) of black 0 and white 1 are last dark; infinite if they aren't,
+    or don't end."""
     dark = along < 0.5
     last = dark.argmax(axis=1)  # the outermost
     known = dark.any(axis=1) & (last > 0)

@@ -20,13 +20,15 @@ OFF = 0.3
 RATIO = 0.09
 """how much the measured sizes of the markers of one board may differ, squares"""
 INSIDE = 0.9
-"""share of a piece's corners that are those of one plain board, above which the piece tells nothing that the board doesn't"""
+"""share of a piece's corners that are those of one plain board, above which the piece tells nothing that the board
+doesn't"""
 SHARED = 0.25
 """share of a plain board's corners that are those of a read one, above which it is that one"""
 
 
 def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Target | None) -> list[Board]:
-    """The `boards`, some of which were read, with what the codes on `pieces` of boards add: corners of theirs, or boards of their own.
+    """The `boards`, some of which were read, with what the codes on `pieces` of boards add: corners of theirs, or
+    boards of their own.
 
     A piece whose code isn't certain is nothing.
     """
@@ -48,7 +50,8 @@ def _held(piece: Board, read: list[Board]) -> bool:
 
 
 def _inside(piece: Board, boards: list[Board]) -> bool:
-    """Are nearly all corners of a piece those of one board that wasn't read? That one tells more, and it isn't certain."""
+    """Are nearly all corners of a piece those of one board that wasn't read? That one tells more, and it isn't
+    certain."""
     plain = [b for b in boards if b.target is None]
     return any((nearest(b.xy, piece.xy, 1)[0][:, 0] < OFF * _pitch(b)).mean() > INSIDE for b in plain)
 
@@ -63,7 +66,8 @@ def _with(read: list[Board], piece: Board) -> list[Board]:
 
 
 def joined(one: Board, two: Board) -> Board | None:
-    """Two read boards as one; None if they are two, or of two targets. Where both have a corner the larger one's stands."""
+    """Two read boards as one; None if they are two, or of two targets. Where both have a corner the larger one's
+    stands."""
     if len(two) > len(one):
         one, two = two, one
     target = common(one.target, two.target)

@@ -1,4 +1,5 @@
-"""Where the markers of a ChArUco board stand in its squares, as printed: programs that draw on a raster put them off by parts of a dot."""
+"""Where the markers of a ChArUco board stand in its squares, as printed: programs that draw on a raster put them off by
+parts of a dot."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ BLUR = 0.05
 """squares, to begin with"""
 SHARPEST, SOFTEST = 0.005, 0.3
 USUAL = np.array([0.003, 0.003, 0.01, 1.0, 1.0, 0.01, 0.01])
-"""standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the errors of its corners"""
+"""standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the errors
+of its corners"""
 BLURS, FRAME = slice(3, 5), slice(5, 7)
 """where a state has the blurs, and the square's shift"""
 SURE = 4.0
@@ -39,8 +41,8 @@ DIGITS = 0.0005
 
 
 class Placement(NamedTuple):
-    """How a board's markers stand off the middles of their squares: `across` (C,) along i, by column, `down` (R,) along j, by row, and their `side`;
-    squares."""
+    """How a board's markers stand off the middles of their squares: `across` (C,) along i, by column, `down` (R,) along
+    j, by row, and their `side`; squares."""
 
     across: Array
     down: Array
@@ -54,10 +56,11 @@ class Placement(NamedTuple):
 
 
 def placement(grey: Shaped[Array, "h w"], board: Board, target: Charuco) -> Placement | None:
-    """By least squares from all squares with markers whose bits are known, beside levels and blur; None where the picture doesn't tell.
+    """By least squares from all squares with markers whose bits are known, beside levels and blur; None where the
+    picture doesn't tell.
 
-    `grey` (H, W); the board's labels are places on the target. The mean of all squares tells most, then each column and each row as far as its
-    squares agree.
+    `grey` (H, W); the board's labels are places on the target. The mean of all squares tells most, then each column and
+    each row as far as its squares agree.
     """
     grid, found = grid_with_ring(board)
     row, column = np.nonzero(whole_squares(found))
@@ -86,14 +89,15 @@ def _rounded(value: Array) -> Array:
 
 
 def _outside_bits(modules: int, side: float) -> Bool[Array, "s s"]:
-    """(S, S) bool: places from the middle of a marker's black border to the squares beside its own. What its bits say of its place is less than how
-    they were rounded."""
+    """(S, S) bool: places from the middle of a marker's black border to the squares beside its own. What its bits say
+    of its place is less than how they were rounded."""
     x = np.abs(PLACES - 0.5)
     return np.asarray((np.maximum(x[:, None], x) > side * (0.5 - 0.5 / modules)) & (np.minimum(x[:, None], x) < 0.5))
 
 
 def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Array) -> Real[Array, "k 2"]:
-    """By how much more (K, 2) than `state` says the markers of squares (K, P) with `cells` (K, n, n) stand off their middles."""
+    """By how much more (K, 2) than `state` says the markers of squares (K, P) with `cells` (K, n, n) stand off their
+    middles."""
     moved = state + STEP * np.eye(len(state))[[0, 1, 5, 6]]
     drawn = _drawn(cells, state, where)
     jacobian = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
@@ -105,7 +109,8 @@ def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Ar
 
 
 def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array, " k"]) -> tuple[Array, Array]:
-    """Levels (K,) of a square, and their derivatives (7, K) by the state, with the black and the white that are nearest to `square` (K,)."""
+    """Levels (K,) of a square, and their derivatives (7, K) by the state, with the black and the white that are nearest
+    to `square` (K,)."""
     values = np.array(
         [_levelled(square, _drawn(cells, one, where)) for one in (state, *(state + STEP * np.eye(len(state))))]
     )
@@ -113,8 +118,8 @@ def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array,
 
 
 def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> Array:
-    """Shifts by line (column or row), 0 to the last: `usual`, and the mean of what the squares in the `line` (K,) say besides, `own` (K,); each
-    as far as it exceeds what the scatter of squares makes of none (James and Stein)."""
+    """Shifts by line (column or row), 0 to the last: `usual`, and the mean of what the squares in the `line` (K,) say
+    besides, `own` (K,); each as far as it exceeds what the scatter of squares makes of none (James and Stein)."""
     count = np.bincount(line)
     known, mean = count > 0, np.bincount(line, own) / np.maximum(count, 1)
     within = np.square(own - mean[line]).sum() / max(len(own) - known.sum(), 1)
@@ -127,8 +132,9 @@ def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> A
 def _fitted(
     mean: Array, cells: Real[Array, "n n"], where: Array, side: float, aspect: float
 ) -> Real[Array, " k"] | None:
-    """The state under which the mean (K,) of squares shows markers of `cells` (n, n), 1 white, whose side should be `side`: shift (2) and side of the
-    marker, logs of the blurs (2), shift of the square itself (2). None where the fit fails."""
+    """The state under which the mean (K,) of squares shows markers of `cells` (n, n), 1 white, whose side should be
+    `side`: shift (2) and side of the marker, logs of the blurs (2), shift of the square itself (2). None where the fit
+    fails."""
     usual = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
     state = usual.copy()
     for _ in range(STEPS):
@@ -152,7 +158,8 @@ def _levelled(mean: Array, drawn: Array) -> Array:
 
 
 def _drawn(cells: Real[Array, "... n n"], state: Array, where: Bool[Array, "s s"]) -> Real[Array, "... p"]:
-    """The levels (..., P) `where` (S, S) a square is looked at that has a marker of `cells` (..., n, n), black 0, white 1, in dark squares."""
+    """The levels (..., P) `where` (S, S) a square is looked at that has a marker of `cells` (..., n, n), black 0, white
+    1, in dark squares."""
     count = cells.shape[-1]
     values = np.zeros((*cells.shape[:-2], count + 4, count + 4))
     values[..., 1:-1, 1:-1] = 1.0

@@ -23,7 +23,8 @@ SAMPLES = 32
 
 
 def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None, part: bool = False) -> Board:
-    """The board with its `target` and `ids`, its labels being places on the target; the same board if it carries no code that is certain.
+    """The board with its `target` and `ids`, its labels being places on the target; the same board if it carries no
+    code that is certain.
 
     `grey` (H, W), 0..255; `told`: the only target that it may be; `part`: the board may go on where its corners end.
     Wrong at most once in a million boards whose squares hold random dots.
@@ -71,7 +72,8 @@ def check_told(target: Target) -> None:
 
 
 def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
-    """Grey (R, C) of the squares without markers beside each square, mean of up to four; of the whole board where there is none."""
+    """Grey (R, C) of the squares without markers beside each square, mean of up to four; of the whole board where there
+    is none."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = squares[:, :, part, part].mean(axis=(2, 3))
     usable = ~marked & np.isfinite(level)
@@ -103,7 +105,8 @@ def _placed(board: Board, reading: Reading) -> Board:
 
 
 def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Board:
-    """The board whose grid has the corners `index` (R, C), −1 for none, turned as its target is labelled, row by row again."""
+    """The board whose grid has the corners `index` (R, C), −1 for none, turned as its target is labelled, row by row
+    again."""
     index, target = np.rot90(index, reading.turns), reading.target
     row, column = np.nonzero(index >= 0)
     order = index[row, column]

@@ -9,8 +9,8 @@ from rcdn.types import Target
 
 @dataclass(frozen=True)
 class Reading:
-    """`turns` (quarters, counter-clockwise) after which the grid of the picture lies as its target is labelled; `place`: the label of its first
-    corner then.
+    """`turns` (quarters, counter-clockwise) after which the grid of the picture lies as its target is labelled;
+    `place`: the label of its first corner then.
 
     `bits` of evidence, and their `margin` over the next possibility.
     """

@@ -17,8 +17,8 @@ FAR = -1e6
 
 
 def grid_with_ring(board: Board) -> tuple[Array, Array]:
-    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others are
-    predicted by those beside them."""
+    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others
+    are predicted by those beside them."""
     grid = np.pad(board.grid(), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     found = np.isfinite(grid[..., 0])
     for _ in range(max(grid.shape)):
@@ -31,7 +31,8 @@ def grid_with_ring(board: Board) -> tuple[Array, Array]:
 
 
 def wider(grid: Array) -> Real[Array, "r c 2"]:
-    """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted by those before; NaN where nothing predicts it."""
+    """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted by those before; NaN where nothing
+    predicts it."""
     out = np.pad(grid, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     for _ in range(2):  # the ones at the ends of lines by those beside them
         predicted = _predicted(out)
@@ -41,15 +42,16 @@ def wider(grid: Array) -> Real[Array, "r c 2"]:
 
 
 def _predicted(grid: Array) -> Array:
-    """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has."""
+    """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where
+    none has."""
     out = np.empty(grid.shape)
     _extrapolated(np.ascontiguousarray(grid, np.float64), out)
     return out
 
 
 def rectified(grey: Array, grid: Array, samples: int) -> Array:
-    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32, NaN outside
-    of the picture."""
+    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32,
+    NaN outside of the picture."""
     rows, columns = grid.shape[0] - 1, grid.shape[1] - 1
     down, across = _linear(rows, samples), _linear(columns, samples)
     xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
@@ -60,8 +62,9 @@ def rectified(grey: Array, grid: Array, samples: int) -> Array:
 def squares_in_perspective(
     grey: Array, grid: Array, row: Real[Array, " k"], column: Real[Array, " k"], places: Real[Array, " s"]
 ) -> Real[Array, "k s s"]:
-    """Grey (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,) squares from their first corner each
-    way; with the perspective within each, which moves its middle by some thousandths. NaN outside of the picture."""
+    """Grey (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,)
+    squares from their first corner each way; with the perspective within each, which moves its middle by some
+    thousandths. NaN outside of the picture."""
     nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape[1::-1])), axis=2).astype(float)
     seen = np.isfinite(grid[..., 0])
     H = homography(nodes[seen], grid[seen])
@@ -100,7 +103,8 @@ def _area(grid: Array) -> float:
 
 
 def _sampled(grey: Array, xy: Real[Array, "... 2"], step: float) -> Array:
-    """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than that."""
+    """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than
+    that."""
     x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
     near = (x > -0.5 * grey.shape[1]) & (y > -0.5 * grey.shape[0])
     if not near.any():

@@ -27,7 +27,8 @@ STEPS = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
 
 
 def surroundings(grey: Shaped[Array, "h w"], board: Board) -> Surroundings | None:
-    """What is printed around the corners of a board that was read in the picture `grey` (H, W); None if it is nothing but squares, or not known."""
+    """What is printed around the corners of a board that was read in the picture `grey` (H, W); None if it is nothing
+    but squares, or not known."""
     if isinstance(board.target, Charuco):
         placed = placement(grey, board, board.target)
         return None if placed is None else _charuco(board.target, board.ij, placed)
@@ -82,7 +83,8 @@ def _puzzle(ij: Array) -> Surroundings:
 
 @lru_cache
 def _half_disc(down: int, upper: int, white: int) -> Shape:
-    """Half a circle on an edge along u (or, `down`, along v), the half towards positive v (or u) if `upper`; white on black or black on white."""
+    """Half a circle on an edge along u (or, `down`, along v), the half towards positive v (or u) if `upper`; white on
+    black or black on white."""
     cut = RADIUS * np.sin(np.linspace(0, np.pi / 2, STRIPS + 1))
     area = (cut * np.sqrt(np.maximum(RADIUS**2 - cut**2, 0)) + RADIUS**2 * np.arcsin(np.minimum(cut / RADIUS, 1))) / 2
     half = np.diff(area) / np.diff(cut)  # widths of the strips, falling
