@@ -24,8 +24,8 @@ def edge_directions(grey: Array, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Edge directions of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
 
     Paper section 3.4: the local maxima of the gradient histogram of the 20 × 20 window. The histogram has 32 bins of
-    edge directions (gradient + π/2) weighted by the gradient's length (Sobel) and smoothed around the circle by [1 4 6
-    4 1]/16; a parabola through a maximum and its neighbours places it between the bins. Returns `angles` (N, 4),
+    edge directions (gradient + π/2) weighted by the gradient's length (Sobel) and smoothed around the circle by
+    [1 4 6 4 1]/16; a parabola through a maximum and its neighbours places it between the bins. Returns `angles` (N, 4),
     radians in [0, π), the four strongest by falling weight, NaN where there are fewer; and `count` (N,), how many
     maxima there are: an ideal X-corner has 2, a flat window none. Outside the image the border pixels are repeated.
     Never fails.

@@ -29,8 +29,8 @@ ATTRIBUTE_INT, ATTRIBUTE_TEXT, ATTRIBUTE_INTS, ATTRIBUTE_KIND = 3, 4, 8, 20
 
 
 def to_onnx(network: CellNetwork, ranges: Sequence[Sequence[float]]) -> bytes:
-    """The ONNX file of a network that takes `image` (N, 1, H, W), normalised and padded, and returns `response` (N, 1,
-    h, w).
+    """The ONNX file of a network that takes `image` (N, 1, H, W), normalised and padded, and returns `response`
+    (N, 1, h, w).
 
     `ranges`: as in `CellNetwork.of`.
     """

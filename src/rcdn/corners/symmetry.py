@@ -40,8 +40,8 @@ def symmetry_centre(
     `half`: radius of the disc around each centre, px, one number or (N,). Gauss–Newton steps of at most 1 px until they
     are shorter than `done`, on the picture smoothed by a Gaussian of 1 px, which makes the error of linear
     interpolation negligible and the gradients usable in noise. NaN where the window has no edges, or edges of one
-    direction only, where the steps have not converged after `repeats`, or where the centre is more than max(1, half /
-    2) px from the start.
+    direction only, where the steps have not converged after `repeats`, or where the centre is more than
+    max(1, half / 2) px from the start.
     """
     start = np.ascontiguousarray(start, np.float64).reshape(-1, 2)
     xy = np.empty(start.shape)

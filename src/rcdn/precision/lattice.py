@@ -74,8 +74,8 @@ class Lattice:
     def pixels(
         self, which: Int[Array, " k"], uv: Real[Array, "k 2"], start: Real[Array, "k 2"], repeats: int = 4
     ) -> Real[Array, "k 2"]:
-        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton's method from `start` (K,
-        2) px.
+        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton's method from `start`
+        (K, 2) px.
 
         Raises LinAlgError where a map is singular.
         """

@@ -51,8 +51,8 @@ def first_prior(state: Array) -> Prior:
 def board_prior(
     ij: Int[Array, "n 2"], state: Array, variance: Array, before: Prior, plane: Array | None = None
 ) -> Prior:
-    """The prior of the corners at `ij` (N, 2), with means and spreads estimated from the board itself (empirical
-    Bayes).
+    """The prior of the corners at `ij` (N, 2), with means and spreads estimated from the board itself
+    (empirical Bayes).
 
     `state`, `variance` (N, COUNT): the first round's parameters and their variances, given the prior `before`; `plane`:
     as of `lattice`. The means of blur and bleed are those of the board; those of the gradients of illumination follow

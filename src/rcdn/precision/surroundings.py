@@ -51,8 +51,8 @@ PLAIN = Print(
 class Surroundings:
     """What is printed around each of N corners.
 
-    `drawn`: the shapes, for kernels; of several alternatives the one that fits the picture best is used. `ends` (N,
-    SIDES): distance towards −u, +u, −v, +v up to which the print is known, squares. `plane` (N, 2): the corners'
+    `drawn`: the shapes, for kernels; of several alternatives the one that fits the picture best is used. `ends`
+    (N, SIDES): distance towards −u, +u, −v, +v up to which the print is known, squares. `plane` (N, 2): the corners'
     positions on the board, squares; `by_gap` (N, 2): their derivative with respect to a distance on the board that
     isn't known exactly.
     """

@@ -67,7 +67,7 @@ class TurnedSquares:
 @dataclass(frozen=True, eq=False)
 class MarkedSquares:
     """Log-likelihood `ratios` (R, C, m, m) of white to black modules in the squares of a board; `marked` (R, C):
-    every second one, which may hold markers with `border` modules around their bits; `inner` (R, C): those all of
+    every second one, which may contain markers with `border` modules around their bits; `inner` (R, C): those all of
     whose corners were found."""
 
     ratios: Array

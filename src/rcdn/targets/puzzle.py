@@ -74,8 +74,8 @@ def _edges(seen: Bool[Array, "r c"]) -> int:
 
 
 def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:
-    """Log-likelihood ratios of white to black circles on the edges along x (rows, columns − 1) and along y (rows − 1,
-    columns); 0 where no circle is visible, and everywhere if the board has none."""
+    """Log-likelihood ratios of white to black circles on the edges along x (rows, columns − 1) and along y
+    (rows − 1, columns); 0 where no circle is visible, and everywhere if the board has none."""
     along_x = _ratio_to_sides(grey, grid, found)
     along_y = _ratio_to_sides(grey, grid.swapaxes(0, 1), found.T).T
     both = np.concatenate([along_x.ravel(), along_y.ravel()])
@@ -89,8 +89,8 @@ def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:
 
 
 def _ratio_to_sides(grey: Array, grid: Array, found: Array) -> Array:
-    """(grey level at the middle of each edge along axis 1 − mean of both sides) ÷ contrast of the sides, (rows, columns
-    − 1); `grid`: with its ring of predicted corners."""
+    """(grey level at the middle of each edge along axis 1 − mean of both sides) ÷ contrast of the sides,
+    (rows, columns − 1); `grid`: with its ring of predicted corners."""
     start, end = grid[1:-1, 1:-2], grid[1:-1, 2:-1]
     middle = (start + end) / 2
     above, below = ((grid[k, 1:-2] + grid[k, 2:-1]) / 2 for k in (slice(None, -2), slice(2, None)))
