@@ -13,7 +13,7 @@ ITERATIONS = 100
 
 
 def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
-    """Which of `xy` (N, 2) px stay: boolean (N,), False in clusters of at most `rule.drop` points.
+    """(N,) bool: the candidates `xy` (N, 2) px that are kept; False in clusters of at most `rule.drop` points.
 
     Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own. All
     stay if there are fewer than `rule.least`. The best of ten initialisations is used, drawn with the seed `rule.seed`,

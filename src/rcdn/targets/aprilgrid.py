@@ -29,7 +29,7 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
     """The numbering of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if none is
     certain.
 
-    `told`: the only target that it may be, if that is given.
+    `told`: the target given by the user (None: unknown).
     """
     lifted = _lifted(rectified(grey, grid, SAMPLES))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))

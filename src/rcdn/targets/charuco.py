@@ -87,7 +87,7 @@ def markers_of(
 
     `squares` (R, C, S, S): grey level above that of the dark squares around each, NaN outside the picture; `marked`
     (R, C): the squares that contain markers; `inner` (R, C): those all of whose corners were detected; `aspect`: their
-    width ÷ height in pixels; `told`: the only board that it may be, if that is given.
+    width ÷ height in pixels; `told`: the board given by the user (None: unknown).
     """
     out = []
     known = None if told is None else (family_of(told.dictionary),)
@@ -111,7 +111,7 @@ def read_charuco(
 ) -> Reading | None:
     """The layout of the `markers` of a board, or None if none is certain.
 
-    `told`: the only board that it may be, if that is given; `ends`: see `ends_of`, or None if the board may extend
+    `told`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
     beyond its detected corners; `ended` returns (3, 3) bool, see `ended_sides`; None: False on all sides.
     """
     if told is not None:

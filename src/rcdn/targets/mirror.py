@@ -15,8 +15,8 @@ def identified_or_mirrored(
     grey: Shaped[Array, "h w"], board: Board, told: Target | None = None
 ) -> tuple[Board, Target | None]:
     """The board with its decoded target, as `identified`; if it has none, also the target that is decoded with
-    certainty in the mirror image of the picture `grey` (H, W), else None. `told`: the only target that the board may
-    be, if that is given."""
+    certainty in the mirror image of the picture `grey` (H, W), else None. `told`: the target given by the
+    user (None: unknown)."""
     known, markers = identified_straight(grey, board, told)
     return known, None if known.target is not None else _mirrored_target(grey, board, told, markers)
 

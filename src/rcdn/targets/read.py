@@ -26,7 +26,7 @@ def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = N
     """The board with its `target` and `ids`, and with positions on the target as labels; the same board if no code is
     certain.
 
-    `grey` (H, W), 0..255; `told`: the only target that it may be, if that is given; `part`: the board may extend beyond
+    `grey` (H, W), 0..255; `told`: the target given by the user (None: unknown); `part`: the board may extend beyond
     its corners. Wrong for at most one in a million boards whose squares contain random dots.
     """
     return identified_straight(grey, board, told, part)[0]
