@@ -21,11 +21,11 @@ __all__ = ["Candidates", "Maxima", "candidates_at", "find_candidates", "find_max
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Corners of one picture with what the recovery of boards needs to know of them.
+    """The corners of one picture, with the data that board recovery needs.
 
-    `all` (N): every peak that may start a board or is a corner by itself, `orientation` theirs; `sure` (N,) bool: above the
-    threshold, which is what a user calls a corner; `seed` (N,) bool: may start a board; `peaks`: weaker ones that a board may
-    take, not refined yet.
+    `all` (N): every peak that may start a board or is a corner by itself; `orientation`: their edge directions; `sure`
+    (N,) bool: above the threshold, which makes a peak a corner in the results; `seed` (N,) bool: may start a board;
+    `peaks`: weaker peaks, not refined yet, that a growing board may include.
     """
 
     all: Corners
@@ -46,7 +46,7 @@ def find_candidates(grey: Shaped[Array, "h w"], response: Real[Array, "h w"], co
 
 
 def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
-    """Refinement → orientation of the strong peaks; the weak ones wait."""
+    """Refinement → orientation of the strong peaks; the weak ones are refined only when a board needs them."""
     grey, strong = plain(grey), found.strong(config)
     weak = Peaks(found.xy[~strong], found.score[~strong], found.xy[strong], grey, response, config.refine)
     score, pitch = found.score[strong], nearest_other(weak.strong, weak.strong)
@@ -61,7 +61,8 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
 
 
 def first_of_each(xy: Array, score: Array) -> Array:
-    """Indices, rising, without the weaker of any two corners that came to lie on one spot."""
+    """Indices, rising, of the corners that remain when the weaker of any two with the same refined position is
+    removed."""
     close = pairs(xy, SAME)
     if not len(close):
         return np.arange(len(xy))

@@ -1,4 +1,4 @@
-"""Refinement on the picture with windows that follow the size of the squares (the `auto` preset)."""
+"""Refinement on the picture with windows in proportion to the size of the squares (the `auto` preset)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rcdn.types import Array
 from rcdn.types.arrays import Real, Shaped
 
 LONE_PITCH = 20.0
-"""Distance to the next corner that is assumed for a corner without one, px."""
+"""Distance to the nearest neighbour that is assumed for a single corner, px."""
 FIT_LEVELS = (2, 3, 4, 6, 8)
 """Half windows of the surface fits that are made, px."""
 FIT_SHARE = 0.4
 """Half window of the surface fit, share of the pitch."""
 DISC_SHARE = 0.45
-"""Radius of the symmetry disc, share of the pitch: it stops short of the neighbours' edges."""
+"""Radius of the symmetry disc, share of the pitch: the disc ends before the neighbours' edges."""
 DISC_RANGE = (2, 10)
 """Its limits, px."""
 
@@ -40,10 +40,10 @@ def adaptive_fit(
 ) -> Real[Array, "n 2"]:
     """Corners (N, 2) px of `grey` (H, W) near integer `seeds` (N, 2); NaN where there is no saddle.
 
-    First a weighted surface fit, which finds the corner from over a pixel away, then the centre of point symmetry,
-    which is more precise; where the second fails, the first stands. `pitch` (N,) px, the distance to the nearest
-    neighbouring corner, sets both windows; not finite or None: measured among the seeds. `careful` (N,) bool: which corners get the
-    second step (None: all).
+    First a weighted surface fit, which converges from more than a pixel away, then the centre of point symmetry, which
+    is more precise; where the second fails, the result of the first is kept. `pitch` (N,) px, the distance to the
+    nearest neighbouring corner, determines both windows: `LONE_PITCH` where it isn't finite; None: measured among the
+    seeds. `careful` (N,) bool: the corners that get the second step (None: all).
     """
     seeds = np.asarray(seeds, np.int64).reshape(-1, 2)
     pitch = nearest_pitch(seeds) if pitch is None else np.asarray(pitch, np.float64)
@@ -51,7 +51,7 @@ def adaptive_fit(
     grey = plain(grey)
     level = np.searchsorted(FIT_LEVELS[1:], FIT_SHARE * pitch, side="right")
     xy = surface_fits(grey, seeds, _fits(), level)
-    lost = np.isnan(xy[:, 0])  # neighbours in the window, at a steep tilt, or too few pixels in it
+    lost = np.isnan(xy[:, 0])  # at a steep tilt the window includes neighbours, or it has too few pixels
     if lost.any():
         xy[lost] = surface_fit(grey, seeds[lost], rochade(2))
     polish = ~np.isnan(xy[:, 0]) if careful is None else careful & ~np.isnan(xy[:, 0])

@@ -18,8 +18,9 @@ def blurred_axes(rings: Array, radius: Real[Array, "n 3"], start: Real[Array, "n
 
     `radius` (N, 3) px; `start` (N, 2) radians, a < b < a + π. Damped Gauss–Newton on m + c erf(d₁/s) erf(d₂/s), d the
     distances to the two edges: two blurred straight edges that cross. Blur makes the narrow sectors of a tilted corner
-    look wider than they are, and only a model of it tells. m and c are solved for (variable projection); a weak belief in a usual blur
-    decides where noise hides it. Where the fit gets worse or runs away, `start` stands.
+    appear wider than they are, which only a model of the blur corrects. m and c are eliminated (variable projection); a
+    weak prior on the blur s decides where noise hides it. Where the residual grows or the fit diverges, `start` is
+    kept.
     """
     rings = np.ascontiguousarray(rings, np.float32)
     if rings.shape[1:] != (RINGS, HALF_TURN):

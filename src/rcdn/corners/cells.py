@@ -1,4 +1,4 @@
-"""The cell network (docs/decisions/0002), evaluated in a compiled kernel, and only where it is asked for."""
+"""The cell network (docs/decisions/0002), evaluated by a compiled kernel, and only in the cells that are requested."""
 
 from __future__ import annotations
 
@@ -17,32 +17,34 @@ from rcdn.native import bind, constants
 from rcdn.types import Array
 
 SHAPES = ((16, 1, 5, 5), (32, 16, 3, 3), *[(32, 32, 3, 3)] * 5, (16, 32, 1, 1))
-"""of the weights of its convolutions: outputs, inputs, height, width"""
+"""shapes of the weights of its convolutions: outputs, inputs, height, width"""
 NODES = ("Conv", "Relu") * 7 + ("Conv", "Sigmoid", "DepthToSpace")
 STRIDES = (2, 2, 1, 1, 1, 1, 1, 1)
-"""of its convolutions"""
+"""strides of its convolutions"""
 BAND = 16
-"""rows of cells that a thread takes at least"""
+"""least number of rows of cells per thread"""
 
 LEVELS, WEIGHT_LEVELS = np.iinfo(np.uint8).max, np.iinfo(np.int8).max
-"""largest input and weight in whole numbers"""
+"""largest quantised activation and weight"""
 LARGEST, LEAST = 1e6, 1e-30
-"""of a weight, and of the largest weight of an output: one that has none is divided by it"""
+"""largest magnitude of a weight, and the least value used as an output's largest weight, which avoids a division by
+0"""
 GROUP = constants("network")["GROUP"]
-"""inputs that the kernel multiplies together"""
+"""input channels that the kernel multiplies together"""
 BEST = constants("network")["BEST"]
-"""level of the processor's instructions that is taken, if there: 2 VNNI, 1 AVX2, 0 any"""
+"""highest instruction set that the kernel uses, if the processor has it: 2 VNNI, 1 AVX2, 0 any"""
 
 _network = bind("rcdn_network")
 
 
 @dataclass(frozen=True, eq=False)
 class CellNetwork:
-    """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8; `pool`: the threads that it runs on.
+    """A cell network's weights as the kernel reads them: `reals` float32, `whole` int8; `pool`: the threads that it
+    runs on.
 
-    Hidden layers pass on whole numbers 0..255, one unit of which is a channel's largest value on rendered pictures (`ranges`) ÷ 255; weights
-    have 8 bits, and a scale for each output. Export makes, tries and stores them (`quantised.py`). Responses differ from the network's own by .005
-    in the mean where they are over .3.
+    Activations of hidden layers are integers 0..255, one unit of which is a channel's largest value on rendered
+    pictures (`ranges`) ÷ 255; weights have 8 bits, with one scale per output. Export computes, tests and stores them
+    (`quantised.py`). Responses above .3 differ from those of the floating-point network by .005 in the mean.
     """
 
     reals: Array
@@ -51,14 +53,17 @@ class CellNetwork:
 
     @staticmethod
     def fits(graph: Graph) -> bool:
-        """Is this the network that the kernel knows?"""
+        """Whether the graph has the architecture that the kernel implements."""
         return (
             graph.nodes == NODES and all(len(names) == 3 for names in _convolutions(graph)) and _shapes(graph) == SHAPES
         )
 
     @staticmethod
     def of(graph: Graph, ranges: Sequence[Sequence[float]] | None, pool: Threads | None = None) -> CellNetwork | None:
-        """The network of an ONNX file with the largest values of its hidden layers' channels; None if it is another network, or they are unknown."""
+        """The network of an ONNX file, given the largest values `ranges` of its hidden layers' channels.
+
+        None if it has another architecture, or if the ranges are unknown.
+        """
         if ranges is None or not CellNetwork.fits(graph):
             return None
         tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
@@ -81,10 +86,11 @@ class CellNetwork:
         return CellNetwork(flat, np.concatenate(whole), pool or Threads())
 
     def __call__(self, grey: Array, cells: Array, threads: int = 0, level: int = BEST) -> Array:
-        """Response (H, W) float32 of `grey` (H, W), uint8 or float32 in 0..255: of `cells` (⌈H/4⌉, ⌈W/4⌉) bool, 0 elsewhere.
+        """Response (H, W) float32 of `grey` (H, W), uint8 or float32 in 0..255: of `cells` (⌈H/4⌉, ⌈W/4⌉) bool, 0
+        elsewhere.
 
-        The picture is continued by reflection. `threads`: 0 = all cores. What is computed depends neither on them nor on the other cells. `level`:
-        as `BEST`.
+        The picture is extended by reflection. `threads`: 0 = all cores. The response of a cell depends neither on the
+        number of threads nor on the other cells. `level`: as `BEST`.
         """
         height = len(cells)
         out = np.zeros(grey.shape, np.float32)
@@ -102,24 +108,26 @@ class CellNetwork:
 
 
 def units(ranges: Sequence[Sequence[float]]) -> list[Array]:
-    """What one whole number stands for in each channel of each hidden layer. Raises RcdnError if there are more or fewer of them."""
+    """The value of one quantisation step in each channel of each hidden layer. Raises RcdnError if their number is
+    wrong."""
     if [len(values) for values in ranges] != [shape[0] for shape in SHAPES[:-1]]:
         raise RcdnError("model: 'ranges' must hold a number for each output of each hidden layer")
     return [np.array(values) / LEVELS for values in ranges]
 
 
 def _convolutions(graph: Graph) -> list[tuple[str, ...]]:
-    """Names of the inputs of each: what it acts on, weights, biases."""
+    """Names of the inputs of each convolution: its input, its weights, its biases."""
     return [graph.inputs[k] for k, name in enumerate(graph.nodes) if name == "Conv"]
 
 
 def _shapes(graph: Graph) -> tuple[tuple[int, ...], ...]:
-    known = graph.tensors  # of float32
+    known = graph.tensors  # float32 only
     return tuple(known[n[1]].shape if n[1] in known and n[2] in known else () for n in _convolutions(graph))
 
 
 def _grouped(weight: Array) -> Array:
-    """Weights (outputs, inputs, 3, 3) in the order (height, width, group of inputs, output, input of the group), flat."""
+    """Weights (outputs, inputs, 3, 3), flattened in the order (height, width, group of inputs, output, input of the
+    group)."""
     outputs, inputs = weight.shape[:2]
     apart = weight.transpose(2, 3, 1, 0).reshape(9, inputs // GROUP, GROUP, outputs)
     return np.ascontiguousarray(apart.swapaxes(2, 3)).ravel()

@@ -15,11 +15,11 @@ ITERATIONS = 100
 
 
 def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
-    """Which of `xy` (N, 2) px stay: boolean (N,), False in clusters of at most `rule.drop` points.
+    """(N,) bool: the candidates `xy` (N, 2) px that are kept; False in clusters of at most `rule.drop` points.
 
-    Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own.
-    All stay if there are fewer than `rule.least`. The best of ten starts counts, drawn from `rule.seed`, so the
-    result depends on the input only. Known weakness: a true corner in a small cluster goes too.
+    Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own. All
+    stay if there are fewer than `rule.least`. The best of ten initialisations is used, drawn with the seed `rule.seed`,
+    so that the result depends only on the input. Known weakness: a true corner in a small cluster is dropped, too.
     """
     if len(xy) < rule.least or len(xy) == 0:
         return np.ones(len(xy), bool)
@@ -42,7 +42,7 @@ def _plus_plus(xy: Array, k: int, rng: np.random.Generator) -> Array:
     """k-means++ seeding (Arthur and Vassilvitskii 2007): each next centre is drawn by squared distance."""
     picks = [int(rng.integers(len(xy)))]
     nearest = _squared(xy, xy[picks])[:, 0]
-    while len(picks) < k and nearest.sum() > 0:  # zero: every distinct point is a centre already
+    while len(picks) < k and nearest.sum() > 0:  # zero if every distinct point is already a centre
         picks.append(int(rng.choice(len(xy), p=nearest / nearest.sum())))
         nearest = np.minimum(nearest, _squared(xy, xy[picks[-1:]])[:, 0])
     return xy[picks]

@@ -1,4 +1,5 @@
-"""Edge directions of corners from a histogram of gradients: the paper's way (section 3.4). `orientation` is ours."""
+"""Edge directions of corners from a histogram of gradients: the paper's method (section 3.4). `orientation` has rcdn's
+own."""
 
 from __future__ import annotations
 
@@ -9,25 +10,26 @@ from rcdn.types import Array
 from rcdn.types.arrays import Real
 
 BINS = 32
-"""of edge directions in [0, π)"""
+"""bins of edge directions in [0, π)"""
 BEFORE, AFTER = 10, 9
-"""The window of 20 × 20 px: offsets from the rounded corner, which has no middle pixel to be centred on."""
+"""The window of 20 × 20 px, as offsets from the rounded corner: a window of even size has no middle pixel."""
 SMOOTH = np.array([1, 4, 6, 4, 1]) / 16
 """Weights that smooth the histogram around the circle."""
 LEAST_WEIGHT = 0.25
-"""Share of the strongest maximum that a maximum must have."""
+"""Least height of a maximum, share of the strongest one."""
 MOST = 4
-"""Directions that are handed on; a corner with more is no start for a board."""
+"""Number of directions returned; a corner with more can't start a board."""
 
 
 def edge_directions(grey: Array, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Edge directions of corners at `xy` (N, 2) px of `grey` (H, W; uint8 or float).
 
-    Paper section 3.4: the local maxima of the gradient histogram of the 20 × 20 window. The histogram has 32 bins of edge
-    directions (gradient + π/2) weighted by the gradient's length (Sobel) and smoothed around the circle by [1 4 6 4 1]/16;
-    a parabola through a maximum and its neighbours places it between the bins. Returns `angles` (N, 4), radians in [0, π),
-    the four strongest by falling weight, NaN where there are fewer; and `count` (N,), how many maxima there are: an ideal
-    X-corner has 2, a flat window none. Outside the image the border pixels are repeated. Never fails.
+    Paper section 3.4: the local maxima of the gradient histogram of the 20 × 20 window. The histogram has 32 bins of
+    edge directions (gradient + π/2) weighted by the gradient's length (Sobel) and smoothed around the circle by
+    [1 4 6 4 1]/16; a parabola through a maximum and its neighbours places it between the bins. Returns `angles` (N, 4),
+    radians in [0, π), the four strongest by falling weight, NaN where there are fewer; and `count` (N,), how many
+    maxima there are: an ideal X-corner has 2, a flat window none. Outside the image the border pixels are repeated.
+    Never fails.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     angles, count = np.full((len(xy), MOST), np.nan), np.zeros(len(xy), int)
@@ -39,7 +41,8 @@ def edge_directions(grey: Array, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
 
 
 def _histograms(windows: Array) -> Array:
-    """Smoothed histograms (N, BINS) of windows (N, 23, 23) that hold one pixel more than they need on every side."""
+    """Smoothed histograms (N, BINS) of windows (N, 23, 23), which include the margin of one pixel that the gradients
+    need."""
     end = BEFORE + AFTER + 3
     w = windows[:, :end, :end]
     dx, dy = w[:, :, 2:] - w[:, :, :-2], w[:, 2:] - w[:, :-2]

@@ -1,4 +1,4 @@
-"""The peaks of a response map that are worth a look: threshold → NMS → clustering."""
+"""The candidate peaks of a response map: threshold → NMS → clustering."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from rcdn.types import Array, Warnings
 from rcdn.types.arrays import Bool, Real
 
 RESCUE, RESCUE_SHARE = 0.15, 0.41
-"""least top response of a map without any response above the usual level that is still looked at, and the threshold's share of it"""
+"""for a map without any response above the usual level: the least maximum at which peaks are still searched for, and
+the threshold as a share of that maximum"""
 STANDS_OUT, COMMON = 20.0, 0.01
-"""no more than this share of the map may come within so many times of that top"""
+"""such a maximum counts only if at most the share `COMMON` of the map has responses of at least maximum /
+`STANDS_OUT`"""
 
 
 @dataclass(frozen=True, eq=False)
 class Maxima:
-    """Peaks of a response map: `xy` (N, 2) px, integers; `score` (N,) falling; `level`: the threshold; `rescued`: was it lowered?"""
+    """Peaks of a response map: `xy` (N, 2) px, integers; `score` (N,) falling; `level`: the threshold; `rescued`:
+    whether it was lowered."""
 
     xy: Array
     score: Array
@@ -29,21 +32,21 @@ class Maxima:
     rescued: bool
 
     def take(self, index: Array) -> Maxima:
-        """Those at `index` (integers or a boolean mask)."""
+        """The peaks at `index` (integers or a boolean mask)."""
         return Maxima(self.xy[index], self.score[index], self.level, self.rescued)
 
     def strong(self, config: DetectorConfig) -> Bool[Array, " n"]:
-        """(N,) bool: which may start a board."""
+        """(N,) bool: the peaks that may start a board."""
         return np.asarray(self.score >= self.level * config.seed)
 
 
 def find_maxima(
     response: Real[Array, "h w"], config: DetectorConfig, cells: Array | None = None, warnings: Warnings | None = None
 ) -> Maxima:
-    """Threshold → NMS → clustering: the peaks of `response` (H, W) that are worth a look.
+    """Threshold → NMS → clustering: the candidate peaks of `response` (H, W).
 
-    `cells` (⌈H/4⌉, ⌈W/4⌉) bool: the cells of 4×4 px outside of which the response is 0; None: it may be anything anywhere. `warnings`
-    are told if there are more than can be looked at.
+    `cells` (⌈H/4⌉, ⌈W/4⌉) bool: the cells of 4×4 px outside of which the response is 0; None: it may be non-zero
+    anywhere. A warning is added to `warnings` if there are more peaks than can be processed.
     """
     level = threshold_value(response, config.threshold, cells)
     rescued = config.rescue and not np.isfinite(level)
@@ -59,7 +62,8 @@ def find_maxima(
 
 
 def _rescue(response: Array) -> float:
-    """Threshold of a map without any response above the usual level: 0.41 of its maximum where that stands out, else +inf."""
+    """Threshold of a map without any response above the usual level: 0.41 of its maximum if that stands out, else
+    +inf."""
     top = float(response.max(initial=0))
     if top > RESCUE and np.count_nonzero(response * STANDS_OUT >= top) <= COMMON * response.size:
         return RESCUE_SHARE * top

@@ -1,4 +1,4 @@
-"""What the .json beside an ONNX file must say of a network, checked before it is used."""
+"""The metadata of a network (the .json beside its ONNX file), validated before use."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from rcdn.corners.normalise import KINDS
 from rcdn.errors import RcdnError, shown
 
 MOST_MARGIN = 1024
-"""px of context around a tile"""
+"""largest context around a tile, px"""
 CELLS = (1, 2, 4, 8, 16, 32, 64)
-"""px: tiles are multiples of them"""
+"""allowed cell sizes, px; the sides of tiles are multiples of the cell size"""
 SCALE = (1e-12, 1e12)
-"""of the largest value of a channel"""
+"""allowed range of a channel's largest value"""
 FIX = "export the network again: rcdn export"
-"""what errors of a network's files say to do"""
+"""the fix that error messages about a network's files suggest"""
 
 
 def read_facts(text: str, where: str) -> dict[str, Any]:
-    """The facts in `text`, with those that inference takes checked. Raises RcdnError that opens with `where`, the file."""
+    """The metadata in `text`; the fields that inference uses are validated. Raises RcdnError, which begins with the
+    file `where`."""
     try:
         facts = json.loads(text)
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Non-maximum suppression of equal boxes: exact greedy, in bounded time."""
+"""Non-maximum suppression with boxes of equal size: exact greedy algorithm, in bounded time."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from rcdn.types import Array, Warnings, allowed
 from rcdn.types.arrays import Int, Real
 
 ROOM = 4096
-"""candidates that are usual"""
+"""usual number of candidates: the first size of their array"""
 MOST, MOST_PEAKS = 20_000, 125_000
-"""candidates that compete; of peaks, so many a megapixel: twice as many as the smallest squares that the network knows have"""
+"""largest number of candidates that compete; if only peaks are candidates, the largest number per megapixel: twice that
+of a board with the smallest squares that the network resolves"""
 _candidates = bind("rcdn_candidates")
 _suppress = bind("rcdn_suppress")
 
@@ -25,8 +26,8 @@ def candidates(
 ) -> Array:
     """Pixels of `response` (H, W) that are at least `threshold`, as (N, 2) integer (x, y), row by row.
 
-    `peaks`: only those that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf leaves none. `cells`: as in
-    `find_maxima`; where nothing can be as high, nothing is looked at.
+    `peaks`: only pixels that none of their eight neighbours exceeds. NaN is never a candidate; a threshold of +inf
+    gives none. `cells`: as in `find_maxima`; pixels outside of them are skipped, where that can't change the result.
     """
     if not np.isfinite(threshold):
         return np.zeros((0, 2), np.int64)
@@ -52,9 +53,10 @@ def nms(
     """Candidates that survive greedy suppression by falling response, ties by (y, x).
 
     Paper section 3.3: boxes of one size (side `rule.box`, px) around the candidates; one that overlaps a stronger
-    survivor by more than `rule.overlap` (intersection ÷ box area, as in the code of its predecessor CCDN) goes.
-    Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete (None: `MOST`), so
-    that the time is bounded whatever the map shows; with fewer of them the result is that of plain greedy. More of them are told to `warnings`.
+    survivor by more than `rule.overlap` (intersection ÷ box area, as in the code of its predecessor CCDN) is removed.
+    Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete (None:
+    `MOST`, `MOST_PEAKS`), which bounds the time for any map; with no more candidates than that, the result is that of
+    plain greedy suppression, with more a warning is added to `warnings`.
     """
     xy = candidates(response, threshold, rule.peaks, cells)
     limit = (allowed(response.size, MOST, MOST_PEAKS) if rule.peaks else MOST) if limit is None else limit
@@ -69,7 +71,8 @@ def nms(
 
 @lru_cache(maxsize=32)
 def stencil(rule: Nms) -> Array:
-    """Offsets that a survivor suppresses: boolean (2r + 1, 2r + 1), rows are dy, its own pixel in the middle."""
+    """Offsets at which a survivor suppresses others: boolean (2r + 1, 2r + 1), rows are dy, its own pixel in the
+    middle."""
     side = rule.box - np.abs(np.arange(1 - rule.box, rule.box))
     mask = side[:, None] * side > rule.overlap * rule.box**2
     reach = np.abs(np.nonzero(mask.any(axis=0))[0] - (rule.box - 1)).max()

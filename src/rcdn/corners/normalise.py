@@ -1,4 +1,5 @@
-"""What the networks see: grey levels freed from gain and offset. The same code in training and in inference."""
+"""Normalisation of the networks' input, which removes gain and offset of the grey levels. Training and inference use
+the same code."""
 
 from __future__ import annotations
 
@@ -15,18 +16,19 @@ KINDS = ("minmax", "local")
 WINDOW = 25
 """px, side of the window of local contrast"""
 FLOOR = 6.0
-"""grey levels; keeps the noise of flat areas from being blown up"""
+"""grey levels, added to the standard deviation so that the noise of flat areas is not amplified"""
 
 
 STEP = np.float32(256)
-"""floats are rounded to 1/256 grey level, so that sums over windows are exact and don't depend on where a tile begins"""
+"""floats are rounded to 1/256 grey level, so that sums over windows are exact and do not depend on a tile's origin"""
 
 
 @dataclass(frozen=True)
 class Normaliser:
-    """What turns a picture's grey levels, or any part of it, into what a network sees.
+    """Maps the grey levels of a picture, or of any part of it, to a network's input.
 
-    `reach`: px around a part that its numbers depend on; `low`, `high`: levels of the whole picture that go to 0 and 1 (`minmax`).
+    `reach`: margin around a part on which its result depends, px; `low`, `high`: levels of the whole picture that map
+    to 0 and 1 (`minmax`).
     """
 
     kind: str
@@ -35,7 +37,7 @@ class Normaliser:
     high: float = 0.0
 
     def __call__(self, part: Array) -> Array:
-        """Normalised (H, W) float32. `part` (H, W) uint8 or float32, 0..255, continued by reflection at its border."""
+        """Normalised (H, W) float32. `part` (H, W) uint8 or float32, 0..255, extended by reflection at its border."""
         if self.kind == "local":
             return _local_contrast(part)
         scale = 1.0 / (self.high - self.low) if self.high > self.low else 0.0
@@ -45,8 +47,9 @@ class Normaliser:
 def normaliser(grey: Shaped[Array, "h w"], kind: str) -> Normaliser:
     """The normaliser of a picture `grey` (H, W).
 
-    `minmax`: the 0.1 and 99.9 percentiles go to 0 and 1 (hot pixels don't count), not clipped; a flat picture becomes zeros.
-    `local`: local contrast normalisation, (I − mean) / (std + 6) over 25×25 px. Raises ConfigError for any other kind.
+    `minmax`: the 0.1 and 99.9 percentiles map to 0 and 1 (which ignores hot pixels), without clipping; a flat picture
+    becomes zeros. `local`: local contrast normalisation, (I − mean) / (std + 6) over 25×25 px. Raises ConfigError for
+    any other kind.
     """
     if kind == "minmax":
         return Normaliser(kind, 0, *_levels(grey))

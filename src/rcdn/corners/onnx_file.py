@@ -1,6 +1,7 @@
-"""The little of an ONNX file that a network's weights take: which operations follow each other, and their tensors.
+"""A minimal reader of ONNX files: the sequence of a network's operations, and their tensors.
 
-ONNX files are protocol buffers (onnx.proto): a message is a row of fields, each a number and a type, then a value.
+ONNX files are protocol buffers (onnx.proto): a message is a sequence of fields, each a field number and a type, then a
+value.
 """
 
 from __future__ import annotations
@@ -15,20 +16,21 @@ from rcdn.errors import RcdnError
 from rcdn.types import Array
 
 GRAPH, NODE, INITIALIZER = 7, 1, 5
-"""fields of a model and of a graph"""
+"""field numbers: the graph of a model; nodes and initializers of a graph"""
 INPUT, OPERATION = 1, 4
-"""of a node"""
+"""field numbers of a node"""
 DIMS, KIND, FLOATS, NAME, RAW = 1, 2, 4, 8, 9
-"""of a tensor"""
+"""field numbers of a tensor"""
 FLOAT = 1
-"""kind of a tensor of float32"""
+"""data type of a float32 tensor"""
 BITS = 70
-"""of the longest number, in groups of seven"""
+"""bits of the longest varint, in groups of seven"""
 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """The operations `nodes` of a network in their order, the names of the `inputs` of each, and its constant float32 `tensors` by name."""
+    """The operations `nodes` of a network in order, the names of each one's `inputs`, and its constant float32
+    `tensors` by name."""
 
     nodes: tuple[str, ...]
     inputs: tuple[tuple[str, ...], ...]
@@ -36,7 +38,8 @@ class Graph:
 
 
 def read_graph(data: bytes) -> Graph:
-    """The graph of an ONNX file's bytes. Tensors of other types than float32 are left out. Raises RcdnError for anything else."""
+    """The graph in the bytes of an ONNX file, without tensors of other types than float32. Raises RcdnError if it is no
+    ONNX file."""
     try:
         return _graph(_bytes(_first(memoryview(data), GRAPH, "graph")))
     except (IndexError, OverflowError, ValueError) as error:
@@ -73,7 +76,7 @@ def _tensor(data: memoryview) -> tuple[str, Array | None]:
 
 
 def _first(data: memoryview, field: int, what: str) -> Any:
-    """Value of the first field of that number."""
+    """Value of the first field with the number `field`."""
     for number, value in _fields(data):
         if number == field:
             return value
@@ -91,7 +94,7 @@ def _text(value: Any) -> str:
 
 
 def _fields(data: memoryview) -> Iterator[tuple[int, Any]]:
-    """Number and value of each field of a message: integers as they are, all else as bytes."""
+    """Number and value of each field of a message: varints as integers, all other types as bytes."""
     at = 0
     while at < len(data):
         key, at = _number(data, at)
@@ -121,7 +124,7 @@ def _numbers(data: memoryview) -> list[int]:
 
 
 def _number(data: memoryview, at: int) -> tuple[int, int]:
-    """A number in groups of seven bits, the lowest first, and where it ends."""
+    """The varint at `at` (groups of seven bits, the lowest first), and the position after it."""
     value = shift = 0
     while shift < BITS:
         if at == len(data):

@@ -1,4 +1,4 @@
-"""A cell network's 8-bit weights as an ONNX file, for ONNX Runtime on a GPU: the same weights, in floating point.
+"""Writes a cell network's 8-bit weights as an ONNX file in floating point, for ONNX Runtime on a GPU.
 
 ONNX files are protocol buffers (onnx.proto); `onnx_file.py` reads them.
 """
@@ -17,19 +17,23 @@ from rcdn.corners.sieve import CELL
 from rcdn.types import Array
 
 IR_VERSION, OPSET = 8, 17
-"""of the file, and of its operations"""
+"""version of the file format, and of its operator set"""
 VERSION, OPERATIONS = 1, 8
-"""fields of a model, beside its graph"""
+"""field numbers of a model, besides its graph"""
 GRAPH_NAME, GRAPH_INPUT, GRAPH_OUTPUT = 2, 11, 12
-"""of a graph"""
+"""field numbers of a graph"""
 OUTPUT, ATTRIBUTE = 2, 5
-"""of a node"""
+"""field numbers of a node"""
 ATTRIBUTE_INT, ATTRIBUTE_TEXT, ATTRIBUTE_INTS, ATTRIBUTE_KIND = 3, 4, 8, 20
-"""of an attribute"""
+"""field numbers of an attribute"""
 
 
 def to_onnx(network: CellNetwork, ranges: Sequence[Sequence[float]]) -> bytes:
-    """The ONNX file: `image` (N, 1, H, W) normalised and padded → `response` (N, 1, h, w). `ranges`: as in `CellNetwork.of`."""
+    """The ONNX file of a network that takes `image` (N, 1, H, W), normalised and padded, and returns `response`
+    (N, 1, h, w).
+
+    `ranges`: as in `CellNetwork.of`.
+    """
     parts, last, layer = [], "image", 0
     names = [f"v{k}" for k in range(len(NODES) - 1)] + ["response"]
     for name, operation in zip(names, NODES, strict=True):
@@ -52,7 +56,7 @@ def to_onnx(network: CellNetwork, ranges: Sequence[Sequence[float]]) -> bytes:
 
 
 def tensors(network: CellNetwork, ranges: Sequence[Sequence[float]]) -> list[tuple[Array, Array]]:
-    """Weights and biases of each convolution, float32: `CellNetwork.of` the other way."""
+    """Weights and biases of each convolution, float32: the inverse of `CellNetwork.of`."""
     reals, whole = network.reals.astype(float), network.whole
     outputs, inputs, height, width = SHAPES[0]
     unit = [*units(ranges), np.ones(SHAPES[-1][0])]
@@ -100,7 +104,7 @@ def _tensor(name: str, values: Array) -> bytes:
 
 
 def _value(name: str) -> bytes:
-    """An input or output (N, 1, H, W): only its channels have a number."""
+    """An input or output (N, 1, H, W): only the number of its channels is fixed."""
     free = [_field(2, f"{name}_{axis}".encode()) for axis in "nhw"]
     dims = (free[0], _field(1, 1), *free[1:])
     shape = b"".join(_field(1, dim) for dim in dims)
@@ -108,14 +112,14 @@ def _value(name: str) -> bytes:
 
 
 def _field(number: int, value: int | bytes) -> bytes:
-    """A field of a message: an integer, or bytes with their length."""
+    """A field of a message: an integer, or bytes preceded by their length."""
     if isinstance(value, int):
         return _number(number << 3) + _number(value)
     return _number(number << 3 | 2) + _number(len(value)) + value
 
 
 def _number(value: int) -> bytes:
-    """In groups of seven bits, the lowest first."""
+    """`value` as a varint: groups of seven bits, the lowest first."""
     out = bytearray()
     while value > 127:
         out.append(value & 127 | 128)

@@ -18,14 +18,14 @@ HALF_TURN = constants("rings")["DIRECTIONS"]
 RINGS = constants("rings")["RINGS"]
 """Rings around a corner, at 0.8, 1 and 1.2 times its radius."""
 MIN_CONTRAST = 1.0
-"""Smallest difference of the sectors, grey levels."""
+"""Least difference between the sectors, grey levels."""
 _axes = bind("rcdn_axes")
 _sample = bind("rcdn_sample_rings")
 
 
 @dataclass(frozen=True, eq=False)
 class Orientation:
-    """What the rings around N corners show.
+    """Edge directions and contrast of N corners, measured on rings around them.
 
     `axes` (N, 2) the two edge directions a < b, radians in [0, π), x right and y down; NaN where there aren't two.
     `contrast` (N,) difference of the sectors' means, grey levels, ≥ 0. `polarity` (N,) int8: +1 where the sector from
@@ -45,9 +45,9 @@ def axes(grey: Array, xy: Real[Array, "n 2"], radius: Array, careful: Bool[Array
     `radius` (N,) px, or one number, about a third of the pitch: rings at 0.8, 1 and 1.2 times that should stay within
     the adjacent squares. On a ring an X-corner has s(φ + π) = s(φ) and two levels. Opposite directions are averaged,
     which cancels a small error of `xy`; the pair of directions with the largest variance between its two sectors is the
-    start of a fit that knows of blur (`blurred_axes`). What isn't symmetric lowers `fit`, so that edges and L- and
-    T-junctions score low. Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get that fit (None: all);
-    the others keep the start, good to a few degrees.
+    initial guess of a fit that models blur (`blurred_axes`). Asymmetry lowers `fit`, so that edges and L- and
+    T-junctions score low. Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get
+    that fit (None: all); the others keep the initial guess, which is accurate to a few degrees.
     """
     xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
     count = len(xy)
@@ -71,14 +71,15 @@ def sample_rings(grey: Array, xy: Array, radius: Real[Array, "n r"]) -> Array:
 
 @lru_cache(maxsize=1)
 def directions() -> Array:
-    """Cosines and sines (2, 2 HALF_TURN) of the directions in which rings are sampled."""
+    """Cosines and sines (2, 2 HALF_TURN) of the directions at which rings are sampled."""
     angle = np.arange(2 * HALF_TURN) * (np.pi / HALF_TURN)
     return np.stack(cos_sin(angle)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)
 def _gain() -> Array:
-    """(2 HALF_TURN,) at HALF_TURN + k: what makes the variance between two sectors from the square of the sum over the one of k directions."""
+    """(2 HALF_TURN,), at HALF_TURN + k: the factor from the squared sum over a sector of k directions to the variance
+    between both sectors."""
     wide = np.arange(1.0, HALF_TURN)
     out = np.zeros(2 * HALF_TURN, np.float32)
     out[HALF_TURN + 1 :] = 1 / (wide * (HALF_TURN - wide))

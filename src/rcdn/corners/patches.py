@@ -10,11 +10,12 @@ from rcdn.types import Array
 from rcdn.types.arrays import Shaped
 
 CHUNK = 1 << 20
-"""Pixels held at once by the functions that gather windows: bounds the memory whatever the number of corners."""
+"""Pixels gathered at once by the functions that gather windows: bounds the memory for any number of corners."""
 
 
 def plain(grey: Shaped[Array, "h w"]) -> Array:
-    """`grey` (H, W) as kernels take it: uint8 stays, all else becomes float32; contiguous. No copy where that's possible."""
+    """`grey` (H, W) in the form that the kernels read: contiguous, uint8 unchanged, any other type as float32. Copied
+    only if needed."""
     return np.ascontiguousarray(grey, np.uint8 if grey.dtype == np.uint8 else np.float32)
 
 

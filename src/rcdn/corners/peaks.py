@@ -1,4 +1,4 @@
-"""Weak peaks of a response map, looked at only where a board asks for them."""
+"""Weak peaks of a response map, which are refined only where a growing board needs them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ from rcdn.types import Array
 from rcdn.types.arrays import Real, Shaped
 
 DEFAULT_PITCH = 20.0
-"""px; of a corner that is alone in its picture"""
+"""pitch of the only corner in its picture, px"""
 RING_SHARE, RING = 0.35, (3.0, 16.0)
-"""radius of the rings on which edge directions are read, share of the pitch, and its limits, px; blurred corners need the room"""
+"""radius of the rings on which edge directions are measured, share of the pitch, and its limits, px; blurred corners
+need large rings"""
 SAME = 3.0
-"""px; refined corners closer than this are one corner (squares under 5 px are beyond the network)"""
+"""px; refined corners closer than this are one corner (the network does not resolve squares under 5 px)"""
 
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """Peaks `xy` (M, 2) px, integers, with responses `score` (M,), that are no corners by themselves.
+    """Peaks `xy` (M, 2) px, integers, with responses `score` (M,), too weak to be corners by themselves.
 
-    `strong` (S, 2): the peaks beside them that are; `grey`, `response` (H, W); `rule`: how positions are refined.
+    `strong` (S, 2): the other, strong peaks of the picture; `grey`, `response` (H, W); `rule`: the method of
+    refinement.
     """
 
     xy: Array
@@ -36,7 +38,7 @@ class Peaks:
     rule: Refine
 
     def look(self, index: Array) -> tuple[Array, Array, Orientation]:
-        """Refined positions (K, 2), whether that worked (K,), and edge directions of some of the peaks."""
+        """Refined positions (K, 2), their status (K,), and the edge directions of the peaks at `index` (K,)."""
         xy = self.xy[index]
         pitch = nearest_other(self.strong, xy)
         careful = np.zeros(len(xy), bool)
@@ -45,7 +47,7 @@ class Peaks:
 
 
 def ring(pitch: Real[Array, " n"]) -> Real[Array, " n"]:
-    """Radius (N,) of the rings around corners `pitch` (N,) px apart."""
+    """Radius (N,) px of the rings around corners whose nearest neighbour is `pitch` (N,) px away."""
     return np.asarray(np.clip(RING_SHARE * pitch, *RING))
 
 

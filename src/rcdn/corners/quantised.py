@@ -1,4 +1,5 @@
-"""The 8-bit weights of a cell network in a file, as `rcdn export` has tried them: they run as they are stored."""
+"""The file of a cell network's 8-bit weights: inference uses exactly the weights that `rcdn export` has tested and
+stored."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ FORMS = {
     "reals": (np.dtype(np.float32), prod(SHAPES[0]) + SHAPES[0][0] + 2 * sum(s[0] for s in SHAPES[1:]) + prod(SHAPES[-1])),
     "whole": (np.dtype(np.int8), sum(prod(s) for s in SHAPES[1:-1])),
 }  # fmt: skip
-"""type and length of the arrays: first layer, scales and biases of the others, last layer; and the layers between"""
+"""type and length of the arrays. `reals`: first layer, scales and biases of the others, last layer; `whole`: the layers
+between"""
 
 
 def to_npz(network: CellNetwork) -> bytes:
@@ -28,7 +30,10 @@ def to_npz(network: CellNetwork) -> bytes:
 
 
 def read_npz(data: bytes, sha256: object, name: str) -> CellNetwork:
-    """The network in a file's content. Raises RcdnError, which opens with the file's `name`, if its checksum or its arrays are wrong."""
+    """The network in a file's content `data`.
+
+    Raises RcdnError, which begins with the file's `name`, if the checksum or the arrays are wrong.
+    """
     if hashlib.sha256(data).hexdigest() != sha256:
         raise RcdnError(f"{name} is not the file that the .json beside it describes (sha256 differs); {FIX}")
     try:

@@ -14,9 +14,9 @@ from rcdn.types import Array, Status
 from rcdn.types.arrays import Real, Shaped
 
 FLOOR = 0.01
-"""Smallest neighbour, share of the peak: a ReLU response is often exactly 0, which has no logarithm."""
+"""Least value used for a neighbour, share of the peak: a ReLU response is often exactly 0, which has no logarithm."""
 DISAGREEMENT = 1.0
-"""Distance, px, between the two estimates of `mixed` above which the response decides alone."""
+"""Distance, px, between the two estimates of `mixed` above which only the estimate from the response is used."""
 EDGE_HALF = 4
 """Half window of cornerSubPix, px (9×9, paper section 4.3)."""
 
@@ -29,13 +29,13 @@ def refine(
     pitch: Real[Array, " n"] | None = None,
     careful: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Sub-pixel positions of corners and whether they can be trusted.
+    """Sub-pixel positions of corners, and whether refinement succeeded.
 
     `grey` (H, W) uint8 or float, 0..255; `response` (H, W); `xy` (N, 2) response peaks, px, integers; `pitch` (N,) px,
-    distance to the nearest neighbouring corner (None: measured among `xy`), which only `rule.half` None uses;
-    `careful` (N,) bool: corners worth the last step of that method (None: all).
-    Returns `xy` (N, 2) float and `status` (N,) uint8: `Status.REFINED`, or `Status.SEED` where the method failed, and
-    then the position is the seed, unchanged. A window that sticks out of the image never raises.
+    distance to the nearest neighbouring corner (None: measured among `xy`), used only if `rule.half` is None;
+    `careful` (N,) bool: corners that get the last step of that method (None: all).
+    Returns `xy` (N, 2) float and `status` (N,) uint8: `Status.REFINED`, or `Status.SEED` where the method failed; the
+    position is then the seed, unchanged. A window that extends beyond the image never raises.
     """
     if grey.ndim != 2 or grey.shape != response.shape:
         raise RcdnError(f"grey and response must be (H, W) arrays of one shape, not {grey.shape} and {response.shape}")
@@ -73,8 +73,8 @@ def _positions(
 def mix(by_peak: Array, by_saddle: Array) -> Real[Array, "n 2"]:
     """The paper's mixed refinement: the mean of two estimates (N, 2), px.
 
-    Paper section 3.3. It is silent about failures: the one that is left counts where the other is NaN, and the
-    response peak alone where they are more than `DISAGREEMENT` apart. NaN where both are.
+    Paper section 3.3, which does not define failures. Here, where one estimate is NaN, the result is the other; where
+    they are more than `DISAGREEMENT` apart, it is the response peak alone. NaN where both are.
     """
     mean = (by_peak + by_saddle) / 2
     far = np.linalg.norm(by_peak - by_saddle, axis=1) > DISAGREEMENT
@@ -86,7 +86,8 @@ def mix(by_peak: Array, by_saddle: Array) -> Real[Array, "n 2"]:
 def saddle_position(
     grey: Array, peaks: Array, half: int | None, pitch: Array | None = None, careful: Array | None = None
 ) -> Real[Array, "n 2"]:
-    """Saddles (N, 2) px of the grey surface: the paper's fit over (2 half + 1)²; if None, windows from the pitch.
+    """Saddles (N, 2) px of the grey surface: the paper's fit over (2 half + 1)² px; if `half` is None, windows from the
+    pitch.
 
     NaN where there is none; see `surface_fit` and `adaptive_fit`.
     """
@@ -96,7 +97,7 @@ def saddle_position(
 def _three(response: Array, peaks: Array) -> tuple[Array, Array, Array]:
     """Response before, at and after each peak along x and y, (N, 2) each; NaN where a peak is no maximum.
 
-    No maximum: not positive, exceeded by one of its four neighbours, level with both on an axis, or at the border.
+    No maximum: not positive, exceeded by one of its four neighbours, equal to both on an axis, or at the border.
     """
     window = gather_zero(np.asarray(response, np.float64), peaks, 1)
     middle = np.repeat(window[:, 1, 1, None], 2, axis=1)
@@ -111,8 +112,8 @@ def peak_offset(response: Real[Array, "h w"], peaks: Shaped[Array, "n 2"]) -> Ar
     """Sub-pixel offset of response peaks by a three-point Gaussian fit.
 
     Paper section 3.3, Eq. (4). `response` (H, W), `peaks` (N, 2) integer (x, y). Returns (N, 2) offsets (dx, dy), px,
-    within ±0.5. A neighbour below 1 % of the peak counts as 1 %: its logarithm must exist, and a tiny one would push
-    the offset to ±0.5. NaN where the pixel is no local maximum or touches the border.
+    within ±0.5. A neighbour below 1 % of the peak is raised to 1 %: its logarithm must exist, and a tiny value would
+    push the offset to ±0.5. NaN where the pixel is no local maximum or touches the border.
     """
     before, middle, after = _three(response, peaks)
     before, after = (np.log(np.maximum(side, FLOOR * middle)) for side in (before, after))
@@ -131,7 +132,7 @@ def parabola_offset(response: Array, peaks: Array) -> Array:
 def com_offset(response: Array, peaks: Shaped[Array, "n 2"], half: int = 4) -> Real[Array, "n 2"]:
     """Offset (N, 2), px, from `peaks` (N, 2) to the centre of mass of the response over (2 half + 1)² pixels.
 
-    Paper section 4.3: 9×9. Negative responses and pixels outside the image weigh nothing; NaN if no weight is left.
+    Paper section 4.3: 9×9. Negative responses and pixels outside the image have weight 0; NaN if the total weight is 0.
     """
     out = np.full((len(peaks), 2), np.nan)
     reach = np.arange(-half, half + 1.0)
@@ -144,10 +145,12 @@ def com_offset(response: Array, peaks: Shaped[Array, "n 2"], half: int = 4) -> R
 
 
 def edge_position(grey: Array, peaks: Array) -> Real[Array, "n 2"]:
-    """Positions (N, 2) px by OpenCV's cornerSubPix: gradients at right angles to the line from the corner.
+    """Positions (N, 2) px by OpenCV's cornerSubPix: gradients are orthogonal to the line from the corner to their
+    pixel.
 
-    Paper section 4.3: 9×9 window; at most 40 steps, until they are below 1e-3 px. OpenCV returns the start where it
-    finds no corner or ends outside the window; a point that doesn't move is tried from ¼ px off to tell: NaN then.
+    Paper section 4.3: 9×9 window; at most 40 iterations, until a step is below 1e-3 px. OpenCV returns the initial
+    guess where it finds no corner or ends outside the window: a point that did not move is tried again from ¼ px away,
+    and is NaN if it does not move from there either.
     """
     pad = EDGE_HALF + 3
     image = cv2.copyMakeBorder(np.asarray(grey, np.float32), pad, pad, pad, pad, cv2.BORDER_REPLICATE)

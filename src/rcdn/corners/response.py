@@ -1,4 +1,5 @@
-"""Response maps of pictures of any size: cell networks by a compiled kernel, all others, and all on a GPU, by ONNX Runtime, in tiles."""
+"""Response maps of pictures of any size: cell networks run in a compiled kernel; all other networks, and all networks
+on a GPU, run in ONNX Runtime, in tiles."""
 
 from __future__ import annotations
 
@@ -27,10 +28,11 @@ from rcdn.types import Array
 from rcdn.types.arrays import Real
 
 TILE = 512
-"""px of output a tile: memory stays bounded, and the tiles, not the threads, decide what is computed together"""
+"""side of a tile's output, px: it bounds the memory, and the tiles, not the number of threads, determine what is
+computed together"""
 PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 HIGHEST = 1e6
-"""of a response; a network's are about 1"""
+"""largest valid magnitude of a response; those of a trained network are about 1"""
 BATCH = 16
 """tiles that a GPU computes together"""
 NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
@@ -40,9 +42,10 @@ NAMES = {"auto": "rcdn_q", "paper": "rcdn_f"}
 class ResponseModel:
     """A network ready to run.
 
-    `data`: the ONNX file, None: made of `quantised` if it's needed; `normalisation`: see `normalise`; `margins`: px of context
-    before and after a tile; `cell`: tiles start at multiples of it; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights,
-    if it has any; `pool`: the threads that it runs on; `name`: what errors call it.
+    `data`: the ONNX file, or None: written from `quantised` if it is needed; `normalisation`: see `normalise`;
+    `margins`: px of context before and after a tile; `cell`: tiles start at multiples of it, px; `facts`: the metadata
+    of its .json; `device`: `cpu` or `cuda`; `quantised`: its stored 8-bit weights, if it has any; `pool`: the threads
+    that it runs on; `name`: its name in error messages.
     """
 
     data: bytes | None
@@ -56,12 +59,14 @@ class ResponseModel:
     name: str = "the network"
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is made at its first use: ONNX Runtime's session can't be copied, and is made again."""
+        """The state without the cached properties: ONNX Runtime's session can't be copied, and is created again when
+        needed."""
         return {key: value for key, value in self.__dict__.items() if key not in ("session", "cells")}
 
     @property
     def onnx(self) -> bytes:
-        """The ONNX file that ONNX Runtime runs. Raises RcdnError if there is none, and the .json lacks what it would be made with."""
+        """The ONNX file that ONNX Runtime runs. Raises RcdnError if there is none and the .json lacks the `ranges` to
+        write it."""
         if self.data is not None:
             return self.data
         if self.quantised is None or self.facts.get("ranges") is None:
@@ -70,15 +75,16 @@ class ResponseModel:
 
     @cached_property
     def session(self) -> Any:
-        """The ONNX Runtime session: one thread each, since tiles run side by side and must not depend on the thread count."""
+        """The ONNX Runtime session, with one thread per call: tiles run in parallel, and results must not depend on the
+        thread count."""
         ort = _onnxruntime()
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        again = self.device != "cpu"  # on the CPU after a GPU that fails; after the CPU ONNX Runtime only prints
+        again = self.device != "cpu"  # falls back from a GPU that fails; on the CPU, ONNX Runtime would only print
         try:
             return ort.InferenceSession(self.onnx, options, providers=[PROVIDERS[self.device]], enable_fallback=again)
-        except Exception as error:  # of a dozen kinds that ONNX Runtime names nowhere
+        except Exception as error:  # ONNX Runtime raises a dozen undocumented types
             raise self._bad(f"ONNX Runtime can't load it ({_shortened(error)})") from error
 
     def _bad(self, message: str) -> RcdnError:
@@ -86,27 +92,30 @@ class ResponseModel:
 
     @cached_property
     def cells(self) -> CellNetwork | None:
-        """The network as the compiled kernel takes it, or None if that isn't for it or not for the device."""
+        """The network for the compiled kernel; None if the kernel doesn't support the network or the device."""
         if self.quantised is None or self.device != "cpu" or self.normalisation != "local":
             return None
         return replace(self.quantised, pool=self.pool)
 
     def cells_of(self, grey: Array) -> Array | None:
-        """The cells in which an X-corner can be (`sieve.cells_with_saddles`); None: this network is always computed everywhere."""
+        """The cells that may contain an X-corner (`sieve.cells_with_saddles`); None for a network that is always
+        computed everywhere."""
         return None if self.cells is None else cells_with_saddles(grey)
 
     def __call__(self, grey: Array, threads: int = 0, tile: int = TILE, cells: Array | None = None) -> Array:
         """Response (H, W) float32, ≥ 0, of `grey` (H, W) uint8 or float32 in 0..255.
 
-        The picture is continued by reflection at its border. `threads`: 0 = all cores; `tile`: px, a multiple of `cell`. The result
-        depends on neither. `cells`: as from `cells_of`; outside of them the response is 0. None: everywhere.
+        The picture is extended by reflection at its border. `threads`: 0 = all cores; `tile`: px, a multiple of `cell`.
+        The result depends on neither. `cells`: as from `cells_of`, the cells outside of which the response is 0; None:
+        all cells.
         """
         if self.cells is not None:
             return self.cells(grey, every_cell(grey) if cells is None else cells, threads)
         return self.by_onnx_runtime(grey, threads, tile)
 
     def by_onnx_runtime(self, grey: Array, threads: int = 0, tile: int = TILE) -> Array:
-        """As a call, but without the compiled kernel: in floating point. On a GPU, tiles of one shape go together."""
+        """As a call, but in floating point, without the compiled kernel. On a GPU, tiles of the same shape form
+        batches."""
         if tile < 1 or tile % self.cell:
             raise ConfigError(f"tile must be a positive multiple of {self.cell}, not {tile}")
         height, width = grey.shape
@@ -129,7 +138,7 @@ class ResponseModel:
                 h, w = min(tile, height - y), min(tile, width - x)
                 out[y : y + h, x : x + w] = found[:h, :w]
 
-        alone = session.get_inputs()[0].shape[0] == 1  # exported before tiles went together
+        alone = session.get_inputs()[0].shape[0] == 1  # a file exported with a fixed batch size of 1
         together = _batches(height, width, tile, 1 if self.device == "cpu" or alone else BATCH)
         count = min(threads or os.cpu_count() or 1, len(together)) if self.device == "cpu" else 1
         self.pool(run, together, count)
@@ -152,17 +161,17 @@ class ResponseModel:
         return result
 
     def _padded(self, grey: Array, reach: int) -> Array:
-        """The picture with all the context that its border tiles need, by reflection."""
+        """The picture, padded by reflection with all the context that its border tiles need."""
         before = self.margins[0] + reach
         extra = [self.margins[1] + reach + -n % self.cell for n in grey.shape]
         if min(grey.shape) > max(before, *extra):
             return np.asarray(cv2.copyMakeBorder(grey, before, extra[0], before, extra[1], cv2.BORDER_REFLECT_101))
-        mode = "reflect" if min(grey.shape) > 1 else "edge"  # np.pad reflects again and again in a small picture
+        mode = "reflect" if min(grey.shape) > 1 else "edge"  # np.pad reflects a small picture as often as needed
         return np.pad(grey, ((before, extra[0]), (before, extra[1])), mode=mode)  # type: ignore[call-overload]
 
 
 def _batches(height: int, width: int, tile: int, most: int) -> list[list[tuple[int, int]]]:
-    """Where tiles begin (y, x), at most so many of one shape together."""
+    """The origins (y, x) of the tiles, in batches of at most `most` tiles of the same shape."""
     alike: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for y in range(0, height, tile):
         for x in range(0, width, tile):
@@ -171,10 +180,11 @@ def _batches(height: int, width: int, tile: int, most: int) -> list[list[tuple[i
 
 
 def _onnxruntime() -> Any:
-    """ONNX Runtime, kept to itself: on being imported it would write an identifier of this machine below the user's cache folder, and queue what
-    it observes for its makers. A program that has imported it already keeps its own settings."""
+    """ONNX Runtime with its telemetry disabled: when imported, it would write an identifier of the machine below the
+    user's cache folder and queue usage data for its publisher. A program that has imported it already keeps its own
+    settings."""
     first = "onnxruntime" not in sys.modules
-    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read on being imported only, by releases that send telemetry
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read only at import, by releases that send telemetry
     try:
         import onnxruntime
     except ImportError as error:
@@ -190,18 +200,20 @@ def _missing(what: str, why: str = "isn't installed") -> DependencyError:
 
 
 def _has_onnxruntime() -> bool:
-    """Whether ONNX Runtime is installed; it isn't imported for that."""
+    """Whether ONNX Runtime is installed, without importing it."""
     return importlib.util.find_spec("onnxruntime") is not None
 
 
 def _shortened(error: Exception) -> str:
-    """What ONNX Runtime says, shortened."""
+    """The message of ONNX Runtime's error, shortened."""
     return " ".join(str(error).split())[:200]
 
 
 def device_of(wanted: str) -> str:
-    """`cpu` or `cuda`, as `wanted`, or for `auto` as ONNX Runtime can, without which it's the CPU. Raises ConfigError if it can't do what is
-    wanted, DependencyError if it isn't installed."""
+    """`cpu` or `cuda`, as `wanted`; for `auto`, `cuda` if ONNX Runtime is installed and supports it.
+
+    Raises ConfigError if ONNX Runtime doesn't support the device, DependencyError if it is needed and isn't installed.
+    """
     if wanted == "cpu" or (wanted == "auto" and not _has_onnxruntime()):
         return "cpu"
     if not _has_onnxruntime():
@@ -218,14 +230,14 @@ def device_of(wanted: str) -> str:
 
 
 def _weights(name: str, ending: str) -> Any:
-    """A file of the weights `name`, as in `load_model`."""
+    """The path of the file with this `ending` of the weights `name`, as in `load_model`."""
     if name.endswith(".onnx"):
         return Path(name).with_suffix(ending)
     return files("rcdn") / "weights" / (NAMES.get(name, name) + ending)
 
 
 def _stored(name: str, facts: object) -> CellNetwork:
-    """The 8-bit weights of a network whose .json says `facts` of them."""
+    """The stored 8-bit weights of a network; `facts`: the entry of its .json about them."""
     path = _weights(name, ".npz")
     try:
         return read_npz(path.read_bytes(), facts.get("sha256") if isinstance(facts, dict) else None, f"model: {path}")
@@ -238,10 +250,11 @@ def _stored(name: str, facts: object) -> CellNetwork:
 def load_model(name: str, device: str = "cpu", stored: bool = True) -> ResponseModel:
     """Weights by name (`auto`, `paper`, or a file in rcdn/weights without its ending) or by the path of an .onnx file.
 
-    A network whose .json speaks of 8-bit weights runs with those of the .npz file beside it, on every device: it needs no .onnx file. Any
-    other, and all with `stored` False, run in ONNX Runtime as their .onnx file says. `device`: `cpu`, `cuda`, or `auto`: a GPU if ONNX
-    Runtime has one. Raises RcdnError if there are none, or if a file isn't the one its .json speaks of; ConfigError for a device that
-    isn't there; DependencyError if ONNX Runtime is needed and isn't installed.
+    A network whose .json has an entry for 8-bit weights runs, on every device, with those of the .npz file beside it,
+    and needs no .onnx file. Any other network, and every network if `stored` is False, runs in ONNX Runtime from its
+    .onnx file. `device`: `cpu`, `cuda`, or `auto`, a GPU if ONNX Runtime supports one. Raises RcdnError if there are no
+    such weights, or if a file doesn't match the checksum in its .json; ConfigError for a device that isn't available;
+    DependencyError if ONNX Runtime is needed and isn't installed.
     """
     target, facts_at = _weights(name, ".onnx"), _weights(name, ".json")
     try:

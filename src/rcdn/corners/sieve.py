@@ -1,4 +1,4 @@
-"""Where X-corners can be at all: what a network needn't look at."""
+"""Cells that may contain X-corners: a network need not be evaluated elsewhere."""
 
 from __future__ import annotations
 
@@ -9,33 +9,37 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Shaped
 
 CELL = constants("network")["CELL"]
-"""px"""
+"""side of a cell, px"""
 SHARE = 0.115
-"""least √−det of the Hessian at half resolution, share of the local contrast"""
+"""least √(−det) of the Hessian at half resolution, share of the local contrast"""
 FLOOR = 6.0
-"""grey levels added to the contrast, as in the networks' normalisation: noise in flat areas is no saddle"""
+"""grey levels added to the contrast, as in the networks' normalisation, so that noise in flat areas gives no saddles"""
 
 STEEP = 0.45
-"""the same where squares are small: those of 5 to 10 px are steep all over, under noise of a tenth of their contrast and blurs to 1.5 px"""
+"""the same for steep saddles: the saddles of squares of 5 to 10 px are all steep, with noise of up to a tenth of their
+contrast and blur of up to 1.5 px"""
 STEEP_FLOOR, STEEP_FLOOR_BESIDE = 1.0, 3.0
-"""grey levels: of squares from a contrast of 15 levels on, and of textures and drawings in 2 to 8 % of the cells; beside boards that are known,
-from 30 levels on, and in 1 to 3 % (rendered boards, photographs)"""
+"""grey levels added to the contrast for steep saddles. The first finds squares with a contrast of 15 levels or more,
+and marks 2 to 8 % of the cells of textures and drawings; the second, for use beside known boards, finds those of 30
+levels or more, and marks 1 to 3 % (rendered boards, photographs)"""
 
 _sieve = bind("rcdn_sieve")
 
 
 def cells_with_saddles(grey: Shaped[Array, "h w"], share: float = SHARE) -> Array:
-    """Which cells of 4×4 px an X-corner's response may peak in, (⌈H/4⌉, ⌈W/4⌉) bool, of a picture `grey` (H, W), uint8 or float32.
+    """The cells of 4×4 px in which an X-corner's response may peak, (⌈H/4⌉, ⌈W/4⌉) bool, of a picture `grey` (H, W),
+    uint8 or float32.
 
-    An X-corner is a saddle of the grey levels. The picture is halved and smoothed (both 2 px wide or so), and a local peak of −det of the Hessian
-    passes if its root is at least `share` of the local standard deviation (over 24 px) + `FLOOR`: the cells of pixels within 4.5 px of it
-    along each axis are marked.
+    An X-corner is a saddle of the grey levels. The picture is halved and smoothed (both about 2 px wide). A local peak
+    of −det of the Hessian passes if its square root is at least `share` · (local standard deviation over 24 px +
+    `FLOOR`): the cells of all pixels within 4.5 px of it along each axis are marked.
     """
     return _marked(grey, share) > 0
 
 
 def saddles_and_steep_ones(grey: Array, floor: float) -> tuple[Array, Array]:
-    """`cells_with_saddles`, and those among them whose saddles reach `STEEP` of the local standard deviation + `floor`, as in small squares."""
+    """`cells_with_saddles`, and those among them with a steep saddle, as in small squares: at least
+    `STEEP` · (local standard deviation + `floor`)."""
     kinds = _marked(grey, SHARE, floor)
     return kinds > 0, kinds > 1
 

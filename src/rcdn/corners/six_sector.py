@@ -1,7 +1,9 @@
-"""Corners of deltilles: six sectors of two colours, where three edges cross. Their refinement and their edge directions.
+"""Refinement and edge directions of the corners of deltilles: six sectors of alternating colour, where three edges
+cross.
 
-Half a turn about such a corner exchanges its colours. The grey levels on a ring, opposite ones subtracted, change their sign at the three
-edges; what doesn't change sign under half a turn (an X-corner, a bar) cancels, and an edge changes it but once.
+Half a turn about such a corner exchanges its colours. On a ring, the difference of opposite grey levels changes sign at
+the three edges. Patterns that are even under half a turn (an X-corner, a bar) cancel, and a single edge changes the
+sign only once.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from rcdn.types.arrays import Bool, Real, Shaped
 HALF_TURN = 48
 """directions in [0, π) at which the rings are sampled; as in `orientation`"""
 NARROWEST = 3
-"""fewest directions of a sector, 11°: a deltille that is tilted by 75° has such"""
+"""least width of a sector, in directions (11°): a deltille tilted by 75° has sectors this narrow"""
 MIN_FIT = 0.45
 """below this `fit` there are no axes"""
 SHARE = 0.45
@@ -34,18 +36,21 @@ RING, RING_RANGE = 0.3, (3.0, 16.0)
 RINGS = (0.8, 1.0, 1.2)
 """radii of the rings, × that of the corner"""
 BATCH = 512
-"""corners at a time: what they need at once fits into a core's cache"""
+"""corners processed at a time: their data fits into a core's cache"""
 
 
 @dataclass(frozen=True, eq=False)
 class SixSectors(Orientation):
-    """What the rings around N corners show, as `Orientation` with `axes` (N, 3); `even` (N,): share of the variance that half a turn keeps."""
+    """Orientation of N six-sector corners, as `Orientation` but with `axes` (N, 3).
+
+    `even` (N,): share of the rings' variance in the part that is even under half a turn.
+    """
 
     even: Array
 
 
 def six_candidates(grey: Array, response: Array, found: Maxima, config: DetectorConfig) -> Candidates:
-    """Refinement → orientation of all peaks, weak ones too: there are few. `orientation.axes` is (N, 3)."""
+    """Refinement → orientation of all peaks, also the weak ones, which are few. `orientation.axes` is (N, 3)."""
     strong = found.strong(config)
     pitch = nearest_other(found.xy[strong], found.xy)
     fine, status = refine_six(grey, response, found.xy, pitch)
@@ -66,8 +71,9 @@ def ring(pitch: Real[Array, " n"]) -> Real[Array, " n"]:
 def refine_six(grey: Array, response: Array, xy: Shaped[Array, "n 2"], pitch: Real[Array, " n"]) -> tuple[Array, Array]:
     """Sub-pixel positions (N, 2) of six-sector corners near response peaks `xy` (N, 2), and their status (N,).
 
-    First the Gaussian through the response (paper Eq. 4), then the centre of antisymmetry within 0.45 of `pitch` (N,), px, the distance
-    to the next corner. `Status.SEED`, and the peak itself, where there is none.
+    First the Gaussian through the response (paper Eq. 4), then the centre of antisymmetry of a disc with a radius of
+    0.45 `pitch` (N,), px, the distance to the next corner. Where there is none, `Status.SEED` and the position of the
+    response's peak.
     """
     start = np.asarray(xy, np.float64)
     offset = peak_offset(response, np.rint(start).astype(np.int64)) if len(start) else np.zeros((0, 2))
@@ -79,7 +85,8 @@ def refine_six(grey: Array, response: Array, xy: Shaped[Array, "n 2"], pitch: Re
 
 
 def antisymmetry(grey: Array, start: Real[Array, "n 2"], pitch: Real[Array, " n"]) -> Real[Array, "n 2"]:
-    """Centres of antisymmetry (N, 2) px near `start` (N, 2); NaN where there is none. `pitch` (N,) px as in `refine_six`."""
+    """Centres of antisymmetry (N, 2) px near `start` (N, 2); NaN where there is none. `pitch` (N,) px as in
+    `refine_six`."""
     fine = np.full((len(start), 2), np.nan)
     half = np.clip(np.rint(SHARE * np.nan_to_num(pitch, nan=20.0)), *RANGE).astype(int)
     for size in np.unique(half):
@@ -91,10 +98,11 @@ def antisymmetry(grey: Array, start: Real[Array, "n 2"], pitch: Real[Array, " n"
 def six_axes(grey: Shaped[Array, "h w"], xy: Real[Array, "n 2"], radius: Real[Array, " n"]) -> SixSectors:
     """The three edge directions of corners at `xy` (N, 2) px of `grey` (H, W), with contrast and colours.
 
-    `radius` (N,) px, about 0.3 of the distance to the next corner. `axes` (N, 3) rising, radians in [0, π), NaN where there aren't three;
-    `contrast` (N,) grey levels between sectors; `polarity` (N,): +1 where the sector from the first axis to the second is bright; `fit`
-    (N,) in [0, 1]: share of the ring's variance that six sectors of two levels explain (a sine of three periods: 0.81); `even` (N,): share that keeps
-    its sign under half a turn.
+    `radius` (N,) px, about 0.3 of the distance to the next corner. `axes` (N, 3) rising, radians in [0, π), NaN where
+    there aren't three; `contrast` (N,) grey levels between sectors; `polarity` (N,): +1 where the sector from the first
+    axis to the second is bright; `fit` (N,) in [0, 1]: share of the ring's variance that six sectors of two levels
+    explain (a sine of three periods: 0.81); `even` (N,): share of the variance in the part that keeps its sign under
+    half a turn.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     radius = np.broadcast_to(np.asarray(radius, np.float64), len(xy))
@@ -123,17 +131,18 @@ def _three(signal: Array) -> tuple[Array, Array, Array, Array, Array]:
     contrast = 2 * total / HALF_TURN
     ok = (fit >= MIN_FIT) & (contrast >= MIN_CONTRAST) & _all_three(odd * sign[:, None], bounds, contrast)
     axes = _crossings(odd, bounds)
-    turned = axes[:, 0] < 0  # the first axis lies just before 0: it is the last
+    turned = axes[:, 0] < 0  # an axis just below 0 becomes the last one, just below π
     axes = np.where(turned[:, None], np.column_stack([axes[:, 1:], axes[:, 0] + np.pi]), axes)
     polarity = np.where(ok, sign * np.where(turned, -1, 1), 0).astype(np.int8)
     return np.where(ok[:, None], axes, np.nan), contrast, polarity, np.minimum(fit, 1), kept / np.maximum(energy, 1e-9)
 
 
 def _boundaries(odd: Array) -> tuple[Array, Array]:
-    """Where the best signal of two levels changes, bins (N, 3) a < b < c, and how well it matches `odd` (N, HALF_TURN).
+    """Steps of the best two-level signal, bins (N, 3) a < b < c, and its correlation with `odd` (N, HALF_TURN).
 
-    It is −1 before a, 1 to b, −1 to c, 1 after; over half a turn more it is the negative of that. A match is W − 2 F(a) + 2 F(b) − 2 F(c)
-    with F the running sum and W the whole one, so that the best a before each b and the best b before each c are enough.
+    The signal is −1 before a, 1 from a to b, −1 from b to c, 1 after c; over the next half turn it is the negative of
+    that. The correlation is W − 2 F(a) + 2 F(b) − 2 F(c) with F the running sum and W the total, so that it is
+    maximised by dynamic programming: the best a before each b, then the best b before each c.
     """
     row = np.arange(len(odd))
     F = np.concatenate([np.zeros((len(odd), 1)), np.cumsum(odd, axis=1)[:, :-1]], axis=1)
@@ -151,14 +160,15 @@ def _nothing(odd: Array) -> Array:
 
 
 def _running_best(values: Real[Array, "n k"]) -> tuple[Array, Array]:
-    """The largest of `values` (N, K) up to each column, and the column where it is."""
+    """Running maximum of `values` (N, K) along the columns, and the column where it occurs, (N, K) each."""
     best = np.maximum.accumulate(values, axis=1)
     new = np.concatenate([np.ones((len(values), 1), bool), values[:, 1:] > best[:, :-1]], axis=1)
     return best, np.maximum.accumulate(np.where(new, np.arange(values.shape[1]), 0), axis=1)
 
 
 def _all_three(odd: Array, bounds: Array, contrast: Array) -> Bool[Array, " n"]:
-    """(N,) bool: is each of the three sectors wide enough, and does it show its colour, by a tenth of what is usual?"""
+    """(N,) bool: whether each of the three sectors is wide enough and has its colour, by at least a tenth of half the
+    contrast."""
     a, b, c = bounds.T
     bins = np.arange(HALF_TURN)
     first = (bins >= a[:, None]) & (bins < b[:, None])
@@ -170,7 +180,8 @@ def _all_three(odd: Array, bounds: Array, contrast: Array) -> Bool[Array, " n"]:
 
 
 def _crossings(odd: Array, bounds: Array) -> Real[Array, "n 3"]:
-    """Directions (N, 3) at which `odd` passes zero nearest to the bins `bounds`, between samples by a straight line."""
+    """Directions (N, 3) of the zero crossings of `odd` at the bins `bounds`, by linear interpolation between
+    samples."""
     row = np.arange(len(odd))[:, None]
     before = np.where(bounds == 0, -1, 1) * odd[row, (bounds - 1) % HALF_TURN]
     after = odd[row, bounds]

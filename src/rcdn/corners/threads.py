@@ -1,4 +1,4 @@
-"""Threads that share out work: one pool for as long as its owner lives, not one a picture."""
+"""A pool of threads for parallel work: one for the lifetime of its owner instead of one per picture."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rcdn import interrupts
 
 Item = TypeVar("Item")
 MOST = max(64, os.cpu_count() or 1)
-"""threads of a pool; they are made when there is work for them"""
+"""largest number of threads in a pool; they are started only when there is work for them"""
 
 
 class Threads:
-    """A pool of threads, made at its first use and gone with this object. Several threads may use it at once.
+    """A pool of threads, created at its first use and released with this object. Several threads may use it at once.
 
-    A copy, a forked process and whoever unpickles it have a pool of their own.
+    A copy, an unpickled object and the object in a forked process each have a pool of their own.
     """
 
     _pool: ThreadPoolExecutor | None
@@ -34,7 +34,10 @@ class Threads:
         return Threads, ()
 
     def __call__(self, run: Callable[[Item], object], items: Iterable[Item], count: int) -> None:
-        """`run` each of `items` on `count` threads, of which the caller's is one. What `run` raises is raised when all have stopped."""
+        """Call `run` with each of `items` on `count` threads, one of which is the caller's.
+
+        An exception of `run` is raised again once all threads have stopped.
+        """
         left = deque(items)
 
         def work() -> None:
@@ -53,14 +56,16 @@ class Threads:
         try:
             work()
         finally:
-            busy = [other for other in others if not other.cancel()]  # those that haven't begun aren't waited for
+            busy = [other for other in others if not other.cancel()]  # futures that haven't started are cancelled
             wait(busy)
         for other in busy:
             other.result()
 
     def _submitted(self, work: Callable[[], None], count: int) -> list[Future[None]]:
-        """So many futures of `work`. A thread that has begun, but that its pool doesn't know yet, would be waited for at the end of the program, and
-        never told to end: the command lets Ctrl-C wait meanwhile, in another program it ends the pool."""
+        """`count` futures of `work`. Python would wait at exit for a thread that was started but not yet registered in
+        its pool, and never signal it to stop. The command therefore defers Ctrl-C meanwhile; in any other program an
+        exception here shuts the pool down.
+        """
         if count < 1:
             return []
         pool = self._executor()
@@ -86,7 +91,7 @@ _every: WeakSet[Threads] = WeakSet()
 
 
 def _after_fork() -> None:
-    """A forked process has the objects, but no threads, and locks that nobody will open."""
+    """Reset all pools: a forked process has the objects but not their threads, and locks that are never released."""
     for threads in list(_every):
         threads._forget()
 

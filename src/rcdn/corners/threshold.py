@@ -18,9 +18,10 @@ def threshold_value(response: Array, rule: Threshold, cells: Array | None = None
     """The threshold of `rule` on a response map (H, W), in response units; pixels at or above it are candidates.
 
     Paper section 3.3 and Table 2: `Fixed` is a constant (MATE's 0.5), `Std` is Eq. (3) over all pixels, `MaxFraction`
-    is linear in the largest response, `Adaptive` is the mean of the responses above its level. The paper is silent
-    about a map without any such response: there is no corner then, and the threshold is +inf. The same holds for a
-    map without any positive response under the rules that follow the map. `cells`: as in `find_maxima`.
+    is linear in the largest response, `Adaptive` is the mean of the responses above its level. The paper does not
+    define the threshold of a map without any such response: here it is +inf, so that there is no corner. The same
+    holds, under the rules that depend on the map, for a map without any positive response. `cells`: as in
+    `find_maxima`.
     """
     if isinstance(rule, Fixed):
         return float(rule.value)

@@ -1,4 +1,4 @@
-"""The last decimals: corners of a recovered board, fitted again with the board known."""
+"""The final fit: the corners of a recovered board are fitted again with the board known."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from rcdn.types.arrays import Bool, Real, Shaped
 __all__ = ["sharpen"]
 
 FAR = 0.15
-"""share of the pitch that the fit may move a refined corner"""
+"""largest distance by which the fit may move a refined corner, share of the pitch"""
 FAINT = 0.2
 """least contrast, share of the board's median"""
 NOTHING = 0.25
-"""grey levels; a board of less contrast is not there"""
+"""grey levels; with less contrast than this a corner is not visible"""
 NOISY = 9.0
 """largest residual variance, × the board's median"""
 KEPT = 0.5
-"""least share of the pixels that must agree with the model"""
+"""least share of a corner's pixels that must agree with the model"""
 ASTRAY = (1.2, 0.02)
-"""how far a fit may lie from its neighbours' prediction: × what it was before, + squares"""
+"""largest distance of a fitted corner from its neighbours' prediction: × the distance before the fit, + squares"""
 DOUBTFUL = 3.0
-"""standard deviation of a corner whose fit failed, × the board's median"""
+"""least standard deviation of a corner whose fit failed, × the board's median"""
 
 
 def sharpen(
     grey: Shaped[Array, "h w"], board: Board, geometry: bool = True, around: Surroundings | None = None
 ) -> Board:
-    """The same board with its corners where a model of the picture says, and their `sigma` (M,), px an axis.
+    """The same board with corner positions fitted by a model of the picture, and their `sigma` (M,), px along an axis.
 
-    `grey` (H, W), 0..255; `geometry`: corners also learn from the smoothness of their board; `around`: what is
-    printed besides squares. No corner comes, goes or is
-    renamed. Where the fit fails, a corner stays where it was, with a sigma that says so.
+    `grey` (H, W), 0..255; `geometry`: the positions are also estimated from the smoothness of the board; `around`: what
+    is printed besides squares. No corner is added, dropped or relabelled. A corner whose fit fails keeps its position,
+    with a larger sigma.
     """
     if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
         return board
     try:
         fit = fit_corners(grey, board.ij, board.xy, around)
-    except np.linalg.LinAlgError:  # a board so crooked that its map folds: nothing is known better
+    except np.linalg.LinAlgError:  # so strongly distorted that a local map is singular: the board can't be improved
         return board
     plane = None if around is None else around.plane
     good = _good(board, fit, plane)
@@ -62,12 +62,12 @@ def sharpen(
 
 
 def _sigma(cov: Array) -> Real[Array, " m"]:
-    """Standard deviations (M,) along an axis, of covariances (M, 2, 2)."""
+    """Standard deviations (M,) along an axis, RMS of both axes, from covariances (M, 2, 2)."""
     return np.sqrt((cov[:, 0, 0] + cov[:, 1, 1]) / 2)
 
 
 def _good(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
-    """Fits (M,) that may be believed."""
+    """(M,) bool: the fits that are accepted."""
     pitch = nearest_pitch(board.xy)
     move = np.linalg.norm(fit.xy - board.xy, axis=1)
     contrast = fit.state[:, CONTRAST] * (1 - 2.0 * (board.ij.sum(axis=1) % 2))
@@ -80,7 +80,8 @@ def _good(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
 
 
 def _astray(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
-    """Fits (M,) that lie further from where their neighbours expect a corner than the corner did before."""
+    """(M,) bool: outliers, whose fit lies further from the position predicted by the neighbours than the corner did
+    before."""
     xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
     alone, every = lattice(board.ij, xy, 0.0, plane), np.arange(len(xy))
     after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))

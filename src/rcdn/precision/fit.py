@@ -1,4 +1,5 @@
-"""The parametric fit of all corners of a board: each by itself first, then with what the board has in common."""
+"""The parametric fit of all corners of a board: each corner independently at first, then with the parameters that they
+share."""
 
 from __future__ import annotations
 
@@ -21,24 +22,25 @@ from rcdn.types import Array
 from rcdn.types.arrays import Int, Real, Shaped
 
 BLURS = np.array([0.5, 0.8, 1.2, 2.0, 3.2, 5.0])
-"""px that the fit may start from"""
+"""initial guesses of the blur, px"""
 WIDE = 6.0
-"""px; a blur that no band cuts off"""
+"""px; with bands for this blur, windows include the pixels of any blurred edge"""
 FEW, SOME = 60, 300
-"""pixels a corner that are enough to choose the start, and for the first round"""
+"""numbers of pixels per corner for the choice of the initial guess, and for the first round"""
 TRUSTING = 2
-"""Gauss–Newton steps before residuals are judged"""
+"""Gauss–Newton steps before pixels are weighted by their residuals"""
 ROUNDS = (2, 2, 1)
-"""steps of the rounds that follow"""
+"""Gauss–Newton steps of the rounds that follow"""
 ODD = 0.1
-"""squares by which a corner may be wrong whose pixels all disagree with the model, more than the board's usually do; where
-part of them does, this share squared (shadow edges and covers, as rendered)"""
+"""standard error, squares, of a corner all of whose pixels disagree with the model; if only a share does, beyond what
+is usual on the board, × the square of that share (shadow edges and covers, as rendered)"""
 CROOKED = 0.012
-"""error of a corner, × how far its neighbours lie off its map (measured on bent boards and barrels)"""
+"""standard error of a corner, × the misfit of its neighbours to its map (measured on bent boards and barrel
+distortion)"""
 
 
 class Settings(NamedTuple):
-    """How the kernel fits, see `fit_round`."""
+    """Settings of the kernel, see `fit_round`."""
 
     noise: float
     steps: int
@@ -49,7 +51,7 @@ class Settings(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What the kernel finds, see `Round`."""
+    """Outputs of the kernel, see `Round`."""
 
     variance: Array
     kept: Array
@@ -64,7 +66,7 @@ _levels = bind("rcdn_fit_levels", Maps, Print)
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What the fit found at each of N corners.
+    """The fit of N corners.
 
     `xy` (N, 2) px and `cov` (N, 2, 2) px², from noise, its correlation between pixels, and misfit. `state` (N, COUNT);
     `variance` (N,) of the residuals; `kept` (N,) the share of the pixels that agree with the model.
@@ -79,8 +81,9 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """State (N, COUNT); variance (N,); share of pixels (N,); of the inverse normal matrix the diagonal `own` (N, COUNT) and the shift's
-    `unit` (N, 2, 2); and sums (N, 2) for `spreads`."""
+    """One round of the fit: `state` (N, COUNT); `variance` (N,) of the residuals; `kept` (N,), share of the pixels that
+    agree; of the inverse normal matrix the diagonal `own` (N, COUNT) and the block `unit` (N, 2, 2) of the shift; and
+    the sums `scores` (N, 2) for `spreads`."""
 
     state: Array
     variance: Array
@@ -95,8 +98,8 @@ def fit_corners(
 ) -> Fit:
     """Fit every corner of a board with labels `ij` (N, 2) near `xy` (N, 2) px of `grey` (H, W).
 
-    In the rounds after the first, windows and maps start from the corners of the one before, and blur, bleed and light of the
-    whole board are known. `around`: what is printed besides squares.
+    The rounds after the first take windows and maps from the corners of the previous round, and a prior of blur, bleed
+    and illumination from the whole board. `around`: what is printed besides squares.
     """
     if grey.dtype != np.uint8:
         grey = grey.astype(np.float32, copy=False)
@@ -105,7 +108,7 @@ def fit_corners(
     every, maps, rim = np.arange(len(xy)), lattice(ij, xy, plane=plane), _rim(ij)
     blur, state, noise, drawn = _start(grey, maps, frames(maps, xy, rim, WIDE, FEW, ends), prints)
     prior, frame = first_prior(state), frames(maps, xy, rim, blur, SOME, ends)
-    state[:, SHIFT] = maps(every, xy)  # the map is a fit, and doesn't go through its own corner
+    state[:, SHIFT] = maps(every, xy)  # the map is a least-squares fit that need not pass through its own corner
     trusting = fit_round(grey, frame, maps, state, prior, noise, TRUSTING, drawn=drawn, robust=False, tell=False)
     state, noise = trusting.state, min(median(trusting.variance), noise)
     for index, steps in enumerate(ROUNDS):
@@ -128,7 +131,8 @@ def fit_corners(
 def levels(
     grey: Array, frame: Array, maps: Lattice, blurs: Real[Array, " k"], drawn: Print = PLAIN
 ) -> Real[Array, "k n 3"]:
-    """Residual variance, grey level and contrast (K, N, 3) of straight edges of `blurs` (K,) px in each of N windows `frame`."""
+    """Residual variance, grey level and contrast (K, N, 3) of straight edges with `blurs` (K,) px in each of N windows
+    `frame`."""
     out = np.empty((len(blurs), len(frame), 3))
     _levels(grey, maps.maps, drawn, frame, blurs, out)
     return out
@@ -149,11 +153,13 @@ def fit_round(
     tell: bool = True,
     share: float = 0.0,
 ) -> Round:
-    """Lead the states (N, COUNT) of corners by `steps` of Gauss–Newton towards the best fit of their windows `frame`, within the prior.
+    """`steps` Gauss–Newton steps of the corners' states (N, COUNT) towards the best fit of their windows `frame` under
+    the prior.
 
-    `noise`: variance of the board's residuals; no pixel is taken as more certain than that. `robust`: pixels that disagree lose their weight.
-    `board`: the next corners have edges too. `tell`: `own` and `unit` are wanted, and `scores` from blocks whose sides are `share` of a square's,
-    if not 0; they are 0 otherwise.
+    `noise`: variance of the board's residuals, the least variance that is assumed for a pixel. `robust`: pixels that
+    disagree with the model lose their weight. `board`: the model includes the edges of the next corners. `tell`:
+    compute `own` and `unit`, and, unless `share` is 0, `scores` from blocks whose side is `share` of a square's;
+    otherwise they are 0.
     """
     state = state.copy()
     found = Found(*(np.zeros((len(frame), *tail)) for tail in ((), (), (COUNT,), (2, 2), (2,))))
@@ -163,7 +169,8 @@ def fit_round(
 
 
 def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array | None) -> Real[Array, "n 2 2"]:
-    """Covariances (N, 2, 2) px²: noise as it is, pixels that disagree, and maps that don't follow the board."""
+    """Covariances (N, 2, 2) px², from correlated noise, pixels that disagree with the model, and the misfit of the
+    maps."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
     usual = median(done.kept)
@@ -179,7 +186,8 @@ def _rim(ij: Array) -> Array:
 
 
 def _start(grey: Array, maps: Lattice, frame: Array, prints: tuple[Print, ...]) -> tuple[float, Array, float, Print]:
-    """The blur of `BLURS` and the print under which straight edges fit the board best, and the states (N, COUNT) and variance that go with them."""
+    """The blur of `BLURS` and the print with which straight edges fit the board best: blur, states (N, COUNT),
+    variance, print."""
     found = np.stack([levels(grey, frame, maps, BLURS, drawn) for drawn in prints])
     typical = [medians(each[..., 0]) for each in found]
     kind = int(np.argmin([values.min() for values in typical]))

@@ -18,21 +18,21 @@ _neighbours = bind("rcdn_lattice_neighbours")
 _lattice = bind("rcdn_lattice")
 
 REACH = 2
-"""neighbours up to this many squares away tell a corner's map"""
+"""neighbours up to this many squares away determine a corner's map"""
 FAR = 0.05
-"""weight of those two squares away against those next to it"""
+"""weight of neighbours two squares away, relative to adjacent ones"""
 TERMS = constants("lattice")["TERMS"]
 """of a quadratic in two variables"""
 STIFF = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
-"""pull of the terms towards 0: of the quadratic ones it decides where neighbours lack on one side"""
+"""regularisation of the terms towards 0; it determines the quadratic ones where neighbours are missing on one side"""
 RING = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-"""steps to a corner's neighbours and itself, in the order of `neighbours`"""
+"""offsets to a corner's neighbours and itself, in the order of `neighbours`"""
 HORIZON = 0.1
-"""least ratio of depths on the board under which its homography is not used"""
+"""least ratio of the smallest to the largest depth on the board with which its homography is used"""
 
 
 class Maps(NamedTuple):
-    """A `Lattice` as kernels take it."""
+    """A `Lattice` as an argument of kernels."""
 
     flat: Array
     origin: Array
@@ -46,8 +46,9 @@ _map, _pixels = bind("rcdn_lattice_map", Maps), bind("rcdn_lattice_pixels", Maps
 class Lattice:
     """Local maps from pixels to board coordinates around each of N corners.
 
-    A homography of the whole board takes out perspective; on top of it each corner has a quadratic of its own, for lens
-    and bent sheet. `flat` (3, 3): pixels → rectified squares; `origin` (N, 2): the corners there; `terms` (N, 6, 2).
+    A homography of the whole board removes perspective; on top of it each corner has a quadratic map of its own, for
+    lens distortion and bending. `flat` (3, 3): pixels → rectified squares; `origin` (N, 2): the rectified corners;
+    `terms` (N, 6, 2).
     """
 
     flat: Array
@@ -60,11 +61,11 @@ class Lattice:
 
     @property
     def maps(self) -> Maps:
-        """As kernels take it."""
+        """The arrays as an argument of kernels."""
         return Maps(*(np.ascontiguousarray(a, np.float64) for a in (self.flat, self.origin, self.terms)))
 
     def with_jacobian(self, which: Array, xy: Array) -> tuple[Array, Array]:
-        """As a call, and the derivatives (K, ..., 2, 2) by pixels: [..., 0, 1] is du / dy."""
+        """As a call, and the Jacobian (K, ..., 2, 2) with respect to pixels: [..., 0, 1] is du / dy."""
         uv, jacobian = np.empty(xy.shape), np.empty((*xy.shape, 2))
         which, xy = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(xy, float)
         each = (len(which), xy[..., 0].size // max(len(which), 1), 2)
@@ -74,9 +75,10 @@ class Lattice:
     def pixels(
         self, which: Int[Array, " k"], uv: Real[Array, "k 2"], start: Real[Array, "k 2"], repeats: int = 4
     ) -> Real[Array, "k 2"]:
-        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton from `start` (K, 2) px.
+        """Pixels (K, 2) of board coordinates `uv` (K, 2) of corners `which` (K,), by Newton's method from `start`
+        (K, 2) px.
 
-        Raises LinAlgError where a map folds.
+        Raises LinAlgError where a map is singular.
         """
         xy = np.array(start, float, order="C")
         which, uv = np.ascontiguousarray(which, np.int64), np.ascontiguousarray(uv, float)
@@ -88,10 +90,11 @@ class Lattice:
 def lattice(
     ij: Int[Array, "n 2"], xy: Real[Array, "n 2"], own: float = 1.0, plane: Real[Array, "n 2"] | None = None
 ) -> Lattice:
-    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px. `own`: weight of a corner in its own map.
-    `plane` (N, 2): where labels lie on the board, squares, if not where they say.
+    """The maps of a board with labels `ij` (N, 2) at `xy` (N, 2) px.
 
-    Raises LinAlgError for positions that aren't finite, as fits of a board in a line become: LAPACK would print of them.
+    `own`: weight of a corner in its own map. `plane` (N, 2): positions of the corners on the board, squares; None:
+    their labels. Raises LinAlgError for positions that aren't finite, which result from fits of a collinear board:
+    LAPACK would print a message about them.
     """
     xy = np.ascontiguousarray(xy, float)
     if not np.isfinite(xy).all():
@@ -104,9 +107,11 @@ def lattice(
 
 
 def misfit(maps: Lattice, ij: Array, xy: Array, noise: float, plane: Array | None = None) -> float:
-    """How far a board's corners lie off their neighbours' maps, median RMS along an axis, squares: what is too crooked for them.
+    """Misfit of the maps to their neighbours, median RMS along an axis, squares: distortion that the maps can't
+    represent.
 
-    Of corners with all eight neighbours, and beyond what `noise` (variance of positions, squares²) explains; 0 if there are none.
+    From corners with all eight neighbours, less the part that `noise` (variance of positions, squares²) explains; 0 if
+    there are no such corners.
     """
     near = neighbours(ij, 1)
     inner = np.flatnonzero(near.min(axis=1) >= 0)
@@ -119,7 +124,8 @@ def misfit(maps: Lattice, ij: Array, xy: Array, noise: float, plane: Array | Non
 
 
 def _rectifier(plane: Array, xy: Array) -> Array:
-    """Homography from pixels to squares; an affine map where the homography has its horizon on the board."""
+    """Homography from pixels to squares; an affine map if the horizon of the homography crosses or nearly touches the
+    board."""
     try:
         flat = inverse(homography(plane, xy))
         depth = (xy * flat[2, :2]).sum(axis=1) + flat[2, 2]
@@ -132,7 +138,8 @@ def _rectifier(plane: Array, xy: Array) -> Array:
 
 
 def neighbours(ij: Array, reach: int = REACH) -> Int[Array, "n k"]:
-    """Indices (N, K) int32 of the corners within `reach` squares, itself included, column by column; -1 where there is none."""
+    """Indices (N, K) int32 of the corners within `reach` squares of each, itself included, column by column; -1 for
+    none."""
     ij = np.ascontiguousarray(ij - ij.min(axis=0), np.int64)
     grid = np.empty(ij.max(axis=0) + 1 + 2 * reach, np.int32)
     near = np.empty((len(ij), (2 * reach + 1) ** 2), np.int32)

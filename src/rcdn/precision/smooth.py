@@ -1,8 +1,9 @@
-"""What the corners of one board know of each other: a smooth sheet seen through a smooth lens.
+"""The posterior of a board's corners under a smoothness prior: a smooth sheet seen through a smooth lens.
 
-A board is a homography plus smooth departures (lens, bend) plus what is smooth no more (paper, print). All three get a
-normal prior, whose widths are chosen for each board by marginal likelihood: on a flat board the departures vanish and
-every corner learns from all others; where corners lie truly unevenly, the third part takes over and they stay put.
+A board is a homography plus smooth deviations (lens, bending) plus irregular ones (paper, print). All three get a
+normal prior, whose widths are chosen for each board by marginal likelihood: on a flat board the deviations vanish and
+the estimate of every corner uses all others; where corners are truly irregular, the third part dominates and they keep
+their positions.
 """
 
 from __future__ import annotations
@@ -21,38 +22,38 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
 LEAST_CORNERS, LEAST_LINES = 16, 4
-"""a smaller board says too little of its own smoothness"""
+"""corners and lines of the smallest board from which its smoothness can be estimated"""
 DEGREE, TOTAL = 9, 10
-"""of the polynomials that depart from the homography: along one axis, together"""
+"""largest degrees of the polynomials of the deviation from the homography: along one axis, total"""
 WIDTHS = (0.02, 0.06, 0.2, 0.6, 2.0, 6.0, 20.0, 60.0, 200.0)
-"""standard deviations of quadratic departures that are tried, × the median uncertainty of a corner"""
+"""candidate standard deviations of quadratic deviations, × the median uncertainty of a corner"""
 DECAYS = (0.15, 0.35, 0.7, 1.0)
-"""by which they fall from degree to degree"""
+"""candidate factors by which they fall from degree to degree"""
 ROUGH = (0.0, 0.3, 0.6, 1.0, 2.0, 4.0)
-"""standard deviations of unevenness that are tried, × the median uncertainty"""
+"""candidate standard deviations of irregular deviations, × the median uncertainty"""
 FREE = 1e3
 """standard deviation of the homography's parameters, × the median uncertainty"""
 MISFIT = 3.5
-"""standard deviations off the smooth board beyond which a corner doesn't belong to it"""
+"""distance from the smooth board, in standard deviations, beyond which a corner is an outlier"""
 
 HOMOGRAPHY = constants("smooth")["FREE"]
 """parameters of a homography"""
 TILE = constants("smooth")["PANEL"]
-"""kernels take polynomials by so many, and matrices with so many columns more"""
+"""kernels require a multiple of this many polynomials, and matrices with this many columns more"""
 FEW = 24
-"""polynomials, those of low degrees, with which the coarse grid of widths is judged"""
+"""number of polynomials, those of lowest degree, with which the coarse grid of widths is evaluated"""
 CANDIDATES = 4
-"""places of that grid, the likeliest, that are judged again with all polynomials"""
+"""number of nodes of that grid, the likeliest ones, that are evaluated again with all polynomials"""
 
 Spot = tuple[int, int, int]
 STEPS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
-"""to the neighbours of a place"""
+"""offsets to the neighbours of a node of the grid of widths"""
 CHUNK = constants("smooth")["CHUNK"]
-"""corners whose posterior a kernel reckons at once"""
+"""corners whose posterior the kernel computes at once"""
 
 _POWERS = np.cumprod([[1 / (decay * decay), *[decay] * TOTAL] for decay in DECAYS], axis=1)
 _PRIORS = np.array(WIDTHS)[:, None] * _POWERS[:, None]
-"""standard deviations by decay, width and degree of a coefficient, × the median uncertainty"""
+"""prior standard deviations of coefficients by decay, width and degree, × the median uncertainty"""
 
 _tangent = bind("rcdn_smooth_tangent")
 _normal = bind("rcdn_smooth_normal")
@@ -62,9 +63,10 @@ _settle = bind("rcdn_smooth_posterior")
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """What may move a board's corners: `tangent` (N, 2, 8) by the parameters of its homography, orthonormal columns × √N, and
-    `bent` (N, T) along x, along y, by orthonormal polynomials of `degree` (T,), rising, of the labels. Zeros fill T up to a
-    multiple of `TILE`. `off` (N, 2): the data, px off the homography; `cov` (N, 2, 2) of their errors.
+    """The linear model of a board's corners: `tangent` (N, 2, 8), the Jacobian with respect to the parameters of its
+    homography, orthonormal columns × √N; and `bent` (N, T), used along x and along y, orthonormal polynomials of
+    `degree` (T,), rising, of the labels. T is padded with zeros to a multiple of `TILE`. `off` (N, 2): the data, px
+    from the homography; `cov` (N, 2, 2): covariances of their errors.
     """
 
     tangent: Array
@@ -75,7 +77,8 @@ class Sheet:
 
 
 class Evidence:
-    """How likely a sheet's data are under widths of the prior, `scale` px the unit. What was asked once is remembered."""
+    """Marginal likelihood of a sheet's data under the widths of the prior, whose unit is `scale` px. Results are
+    cached."""
 
     def __init__(self, sheet: Sheet, scale: float) -> None:
         self.sheet, self.scale = sheet, scale
@@ -85,8 +88,9 @@ class Evidence:
         self._work = np.empty(2 * (2 * terms + 2) * (2 * terms + TILE) + TILE)
 
     def normal(self, rough: int) -> tuple[Array, Array, float]:
-        """Normal matrix (D + 1, D + 8) of all coefficients under errors and unevenness, on and above the diagonal, with the data in row and column D;
-        what is left of it without the homography; and what log likelihoods have besides."""
+        """Normal matrix (D + 1, D + 8) of all coefficients under errors and irregular deviations, on and above the
+        diagonal, with the data in row and column D; its Schur complement without the homography; and the constant term
+        of log likelihoods."""
         if rough not in self._normals:
             s, bent = self.sheet, 2 * len(self.sheet.degree)
             size = HOMOGRAPHY + bent
@@ -101,13 +105,13 @@ class Evidence:
         return self._normals[rough]
 
     def ask(self, spots: list[Spot]) -> list[float]:
-        """Log marginal likelihoods of `spots`, but for a constant."""
+        """Log marginal likelihoods of `spots`, up to a constant."""
         new = sorted(set(spots) - self._known.keys())
         self._known.update(zip(new, self.judge(new, len(self.sheet.degree)), strict=True))
         return [self._known[s] for s in spots]
 
     def judge(self, spots: list[Spot], terms: int) -> list[float]:
-        """As `ask`, of `spots` in rising order, with the first `terms` polynomials only."""
+        """As `ask`, for `spots` in rising order, with only the first `terms` polynomials."""
         known: list[float] = []
         for rough, group in itertools.groupby(spots, key=lambda s: s[0]):
             root = self._roots(list(group), terms)
@@ -137,10 +141,10 @@ def smooth(
 ) -> tuple[Array, Array]:
     """Posterior positions (N, 2) px and covariances (N, 2, 2) px² of a board's corners.
 
-    `ij` (N, 2) labels, which lie on the board at `plane` (N, 2) squares if not where they say; `xy` (N, 2) px with independent errors of
-    `cov` (N, 2, 2) px². Only `trusted` (N,) corners that
-    also fit the rest take part; the others stay, those that don't fit with a covariance that allows for it. Everything stays
-    as it came if the board is too small to tell. Raises LinAlgError where a covariance is not positive definite.
+    `ij` (N, 2) labels; `plane` (N, 2): positions of the corners on the board, squares (None: their labels); `xy` (N, 2)
+    px with independent errors of covariance `cov` (N, 2, 2) px². Only `trusted` (N,) corners that are no outliers take
+    part; all others keep their positions, and outliers get a larger covariance. If the board is too small, positions
+    and covariances are returned unchanged. Raises LinAlgError where a covariance is not positive definite.
     """
     use, spread = trusted.copy(), cov.copy()
     for again in (True, False):
@@ -160,7 +164,8 @@ def smooth(
 
 
 def _posterior(ij: Array, xy: Array, cov: Array, plane: Array | None) -> tuple[Array, Array, Array, Array]:
-    """Positions (N, 2) and their covariances (N, 2, 2); what the data lie off the smooth board, (N, 2) px, and that squared (N,), in variances."""
+    """Posterior positions (N, 2) and covariances (N, 2, 2); the distances of the data from the smooth board, (N, 2) px,
+    and their squared Mahalanobis lengths (N,)."""
     base, sheet = sheet_of(ij, xy, cov, plane)
     full = Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
     best = likeliest(full)
@@ -175,7 +180,7 @@ def _posterior(ij: Array, xy: Array, cov: Array, plane: Array | None) -> tuple[A
 
 
 def sheet_of(ij: Array, xy: Array, cov: Array, plane: Array | None = None) -> tuple[Array, Sheet]:
-    """Positions (N, 2) px by a homography, and what may lead away from them. `plane`: as of `smooth`."""
+    """Positions (N, 2) px by a homography, and the linear model of deviations from them. `plane`: as of `smooth`."""
     base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, HOMOGRAPHY))
     flat = np.ascontiguousarray(ij if plane is None else plane, float)
     _tangent(flat, homography(flat, xy), base, tangent)
@@ -192,18 +197,18 @@ def sheet_of(ij: Array, xy: Array, cov: Array, plane: Array | None = None) -> tu
 
 @functools.lru_cache(maxsize=32)
 def _polynomials(size: int) -> Array:
-    """Orthonormal polynomials (size, DEGREE + 2) of labels 0 … size - 1; the last column is 0."""
+    """Orthonormal polynomials (size, DEGREE + 2) at the labels 0 … size - 1; the last column is 0."""
     return _orthonormal(2 * np.arange(size) / max(size - 1, 1) - 1, min(DEGREE, size - 1))
 
 
 def _scaled(plane: Array) -> Real[Array, "2 n"]:
-    """Both coordinates (2, N) of places (N, 2), from −1 to 1."""
+    """Both coordinates (2, N) of positions (N, 2), scaled to −1 … 1."""
     low, high = plane.min(axis=0), plane.max(axis=0)
     return np.asarray((2 * (plane - low) / np.maximum(high - low, 1e-9) - 1).T)
 
 
 def _orthonormal(at: Array, top: int) -> Array:
-    """Orthonormal polynomials (len(at), DEGREE + 2) of numbers from −1 to 1; those beyond degree `top` are 0."""
+    """Orthonormal polynomials (len(at), DEGREE + 2) at numbers from −1 to 1; those beyond degree `top` are 0."""
     out = np.zeros((len(at), DEGREE + 2))
     out[:, : top + 1] = legvander(at, top) * np.sqrt(2 * np.arange(top + 1) + 1)
     return out
@@ -211,7 +216,8 @@ def _orthonormal(at: Array, top: int) -> Array:
 
 @functools.cache
 def _pairs(columns: int, rows: int) -> tuple[Array, Array, Array]:
-    """Degrees along both axes, and together, of all polynomials up to degrees `columns` and `rows`, the lowest first, (T,); filled up with zeros."""
+    """Degrees along both axes and total degree, (T,) each, of all polynomials up to degrees `columns` and `rows`, the
+    lowest first; padded with polynomials that are 0."""
     every = itertools.product(range(columns + 1), range(rows + 1))
     pairs = sorted((a + b, a, b) for a, b in every if 2 <= a + b <= TOTAL)
     pairs += [(TOTAL, DEGREE + 1, DEGREE + 1)] * (-len(pairs) % TILE)
@@ -220,9 +226,10 @@ def _pairs(columns: int, rows: int) -> tuple[Array, Array, Array]:
 
 
 def likeliest(full: Evidence) -> Spot:
-    """The widths with the largest marginal likelihood: a coarse grid, then the best of its neighbours, again and again.
+    """The widths with the largest marginal likelihood: a search on a coarse grid, then repeated steps to the best
+    neighbour.
 
-    On the grid, polynomials of low degrees tell the few places that come into question.
+    On the coarse grid, polynomials of low degree select the few nodes that are evaluated fully.
     """
     lengths = len(ROUGH), len(DECAYS), len(WIDTHS)
     a, b, c = (range(0, length, 2) for length in lengths)

@@ -1,9 +1,10 @@
-"""How certain fitted positions are where pixels' errors are neither white nor alike.
+"""Uncertainty of fitted positions where the errors of pixels are correlated or not identically distributed.
 
-JPEG, demosaicking and sharpening make errors of neighbouring pixels go together, and a model that doesn't quite fit
-leaves residuals that are no noise at all. What counts is how much the pull of whole blocks of pixels on the position
-varies. Misfit that is the same on both sides of the corner (a blur of another shape, ink, gamma) pulls opposite blocks
-opposite ways and moves nothing: so blocks are summed with their mirror images.
+JPEG, demosaicking and sharpening correlate the errors of neighbouring pixels, and a model that doesn't fit exactly
+leaves residuals that are not noise. The uncertainty follows from the variance of the influence of whole blocks of
+pixels on the position, where influence is leverage × residual. Misfit that is the same on both sides of the corner (a
+blur of another shape, ink, gamma) has opposite influences in opposite blocks, which cancel: so blocks are summed with
+their mirror images.
 """
 
 from __future__ import annotations
@@ -19,18 +20,19 @@ SHARE = 1 / 3
 DOUBT = 0.15
 """standard deviation of the log of a board's measured factor"""
 SPILL = 1.3
-"""errors that go together don't stop at a block's rim: the true factor is the measured one to this power (low-passed noise, JPEG)"""
+"""correlation extends beyond the border of a block: the true factor is the measured one to this power (low-passed
+noise, JPEG)"""
 LOUD = 2.0
-"""a corner whose own factor is this many times the board's is less certain than the board's others"""
+"""a corner whose own factor is more than this many times the board's gets a larger variance than the others"""
 
 
 def spreads(scores: Real[Array, "n 2"], variance: Real[Array, " n"]) -> Real[Array, " n"]:
-    """Variance (N,) of the pull of a pixel, grey levels², that makes the normal matrix honest.
+    """Effective variance (N,) per pixel, grey levels², by which the inverse normal matrix is to be multiplied.
 
-    `scores` (N, 2): sums over blocks of pixels, of squared pulls on the position, and of what white noise of variance 1 would give
-    (the fit makes the pulls of all blocks of a corner add up to nothing, which it allows for). `variance` (N,) of the
-    residuals. One factor for the board, believed as far as it stands out from chance, and more for corners whose own
-    stands out from the board's.
+    `scores` (N, 2): sums over blocks of pixels of their squared influence on the position, and the expectation of that
+    for white noise of variance 1 (which allows for the constraint that the influences of all blocks of a corner add up
+    to 0). `variance` (N,) of the residuals. One factor for the board, shrunk towards 1 as far as chance explains it,
+    and a larger one for corners whose own factor is well above the board's.
     """
     white = np.maximum(scores[:, 1] * variance, 1e-12)
     factor = max(float(scores[:, 0].sum() / white.sum()), 1e-3)

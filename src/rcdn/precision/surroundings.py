@@ -1,7 +1,7 @@
-"""What a board shows besides the crossing edges of its corners: markers, circles, bits of tags.
+"""What is printed besides the crossing edges of a board's corners: markers, circles, bits of tags.
 
-The fit knows it from the board's code. It is part of the model: shapes that are constant between edges parallel to the board's axes, each edge
-blurred like those of the squares. Round shapes are made of strips.
+It is known from the decoded target, and part of the fit's model: shapes that are constant between edges parallel to the
+board's axes, each edge blurred like those of the squares. Round shapes are approximated by strips.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from rcdn.types.arrays import Bool, Real
 
 _C = constants("fit")
 EDGES, CELLS, PARTS, SIDES = (_C[name] for name in ("EDGES", "CELLS", "PARTS", "SIDES"))
-"""edges of a shape along an axis, at most, and what they part; shapes around a corner, at most; sides of a corner"""
+"""largest number of edges of a shape along an axis, and of cells between them; largest number of shapes around a
+corner; sides of a corner"""
 
 FEW = 16
-"""corners that say too little of the board's own distances"""
+"""least number of corners from which the distances on the board can be estimated"""
 STEP = 1e-4
-"""squares, for a derivative"""
+"""step of a numerical derivative, squares"""
 
 Shape = tuple[Array, Array]
 
 
 class Print(NamedTuple):
-    """As kernels take it: see src/native/fit_print.h."""
+    """What is printed, as an argument of kernels: see src/native/fit_print.h."""
 
     edge: Array
     value: Array
@@ -43,15 +44,16 @@ class Print(NamedTuple):
 PLAIN = Print(
     np.zeros((0, 2, EDGES)), np.zeros((0, CELLS, CELLS)), np.zeros((0, PARTS), np.int32), np.zeros((0, PARTS, 2)), np.zeros(0), np.zeros((0, SIDES))
 )  # fmt: skip
-"""nothing but squares"""
+"""a plain checkerboard: only squares"""
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
     """What is printed around each of N corners.
 
-    `drawn`: the shapes, for kernels; where several come into question, the picture decides. `ends` (N, SIDES): squares towards −u, +u, −v, +v to the
-    end of what is known. `plane` (N, 2): the corners' places on the board, squares, and `by_gap` (N, 2) how they change with a distance on it that
+    `drawn`: the shapes, for kernels; of several alternatives the one that fits the picture best is used. `ends`
+    (N, SIDES): distance towards −u, +u, −v, +v up to which the print is known, squares. `plane` (N, 2): the corners'
+    positions on the board, squares; `by_gap` (N, 2): their derivative with respect to a distance on the board that
     isn't known exactly.
     """
 
@@ -61,7 +63,8 @@ class Surroundings:
     by_gap: Array | None = None
 
     def plane_of(self, xy: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
-        """The places (N, 2) under which corners at `xy` (N, 2) px lie most evenly: by least squares, beside a cubic for perspective and lens."""
+        """The positions (N, 2) on the board that fit corners at `xy` (N, 2) px best: the unknown distance is estimated
+        by least squares together with a homography and a cubic for perspective and lens."""
         if self.by_gap is None or len(xy) < FEW:
             return self.plane
         x, y = (2 * (self.plane - self.plane.min(axis=0)) / np.ptp(self.plane, axis=0) - 1).T
@@ -77,7 +80,7 @@ class Surroundings:
 
 
 def without_shapes(known: Print) -> Print:
-    """The edges alone."""
+    """The edges without the shapes."""
     return known._replace(which=np.full_like(known.which, -1))
 
 
@@ -86,8 +89,9 @@ def drawn(
 ) -> Print:
     """Shapes for kernels.
 
-    `which` (N, PARTS): those around a corner, −1 for none, with their middles `at` (N, PARTS, 2) squares from it. `bright` (N,) bool: the quadrants
-    where u · v > 0 are the bright ones. `following` (N, SIDES): squares to the next edges towards −u, +u, −v, +v, if not 1.
+    `which` (N, PARTS): the shapes around a corner, −1 for none, with their centres `at` (N, PARTS, 2) squares from it.
+    `bright` (N,) bool: the quadrants where u · v > 0 are bright. `following` (N, SIDES): distance to the next edges
+    towards −u, +u, −v, +v, squares; None: 1.
     """
     edge = np.array([s[0] for s in shapes]).reshape(-1, 2, EDGES)
     value = np.array([s[1] for s in shapes]).reshape(-1, CELLS, CELLS)
@@ -97,12 +101,12 @@ def drawn(
 
 
 def shape(u: Array, v: Array, values: Real[Array, "a b"]) -> Shape:
-    """Edges (2, EDGES) and values (CELLS, CELLS) of what is `values` (A, B) between the edges `u` (A + 1,) and `v` (B + 1,), rising, squares from its
-    middle; 0 outside. In contrasts: −2 is black on white.
+    """Edges (2, EDGES) and values (CELLS, CELLS) of a shape with `values` (A, B) between the edges `u` (A + 1,) and `v`
+    (B + 1,), rising, squares from its centre; 0 outside. Values are in units of the contrast: −2 is black on white.
     """
     cells = np.pad(np.asarray(values, float), 1)
     edge, out = np.full((2, EDGES), np.inf), np.zeros((CELLS, CELLS))
-    for k, at in enumerate((u, v)):  # where nothing changes is no edge
+    for k, at in enumerate((u, v)):  # drops edges at which no value changes
         keep = np.diff(cells, axis=k).any(axis=1 - k)
         edge[k, : keep.sum()] = np.asarray(at)[keep]
         cells = cells.compress(np.append(True, keep), axis=k)

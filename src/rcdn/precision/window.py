@@ -1,9 +1,10 @@
-"""The pixels around each corner of a board, with their board coordinates: what the kernels of the fit see.
+"""The window of each corner of a board: its pixels with their board coordinates, the input of the fit's kernels.
 
-A corner's window is a parallelogram in its affine frame: half a square to each side, so that windows of neighbours touch
-but share no pixel and their errors are independent; at most 30 px along an edge, further out, its course is less certain
-than its pixels are worth; less where it would reach beyond the board's outermost squares. Of it, the pixels within a band
-along either edge are taken: 4 blurs + 3 px away they tell nothing.
+A corner's window is a parallelogram in its affine frame: half a square to each side, so that windows of neighbours
+touch but share no pixel and their errors are independent; at most 30 px along an edge, because further out the error of
+the edge's modelled course outweighs the information of its pixels; less where it would extend beyond the board's
+outermost squares. Only the pixels within a band along either edge are used: more than 4 blurs + 3 px away they carry no
+information.
 """
 
 from __future__ import annotations
@@ -19,19 +20,21 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real, Shaped
 
 FRAME, REACH, CENTRE, THIN, MIDDLE = (constants("fit")[name] for name in ("FRAME", "REACH", "CENTRE", "THIN", "MIDDLE"))
-"""numbers that tell a window, see `frames`; where its half extents, its centre and the middle of its extents begin; which is its thinning"""
+"""count of numbers that describe a window, see `frames`; indices of its half extents, its centre, its subsampling
+factor, and the middle of its extents"""
 FULL = constants("fit")["MOST"]
-"""pixels that no window exceeds"""
+"""largest number of pixels in a window"""
 
 _frames, _windows = bind("rcdn_fit_frames", Maps), bind("rcdn_fit_windows", Maps)
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """The pixels of N corners, P a corner, float32, as the kernels see them.
+    """The pixels of N corners, P per corner, float32, as the kernels use them.
 
-    `spot` (2, N, P): where, px from `centre` (N, 2); `value` (N, P) grey levels; `u`, `v` (N, P) squares from the corner;
-    `gu`, `gv` (N, P) lengths of their gradients, squares a px; `mask` (N, P) bool: False where a corner has fewer pixels.
+    `spot` (2, N, P): position, px from `centre` (N, 2); `value` (N, P) grey levels; `u`, `v` (N, P) squares from the
+    corner; `gu`, `gv` (N, P) lengths of their gradients, squares per px; `mask` (N, P) bool: False where a corner has
+    fewer pixels.
     """
 
     centre: Array
@@ -52,12 +55,13 @@ def frames(
     most: float = np.inf,
     ends: Real[Array, "n 4"] | None = None,
 ) -> Array:
-    """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2), squares; centre (2) and
-    half size (2) of a box that holds the window, px; every how many-th pixel is taken; middle (2) of the extents, squares.
+    """Windows (N, FRAME) of the corners of a board at `xy` (N, 2) px: affine map (4), half extents (2) and bands (2),
+    squares; centre (2) and half size (2) of a bounding box of the window, px; subsampling factor; middle (2) of the
+    extents, squares.
 
-    `rim` (N, 2) bool: no corner follows on one side along u, v. `blur` px, about that of the picture. Where a window holds more
-    than `most` pixels, every second, third, … is taken. `ends` (N, 4): squares towards −u, +u, −v, +v
-    beyond which no pixel is. Raises LinAlgError where a map folds.
+    `rim` (N, 2) bool: the corner has no neighbour on one side along u, v. `blur` px, about that of the picture. If
+    windows usually have more than `most` pixels, only every second, third, … pixel is used. `ends` (N, 4): distance
+    towards −u, +u, −v, +v, squares, beyond which pixels are excluded. Raises LinAlgError where a map is singular.
     """
     out = np.empty((len(xy), FRAME))
     if _frames(maps.maps, np.ascontiguousarray(xy), rim.view(np.uint8), blur, out):
@@ -69,16 +73,17 @@ def frames(
 
 
 def _cut(frame: Array, ends: Real[Array, "n 4"]) -> None:
-    """Let windows `frame` (N, FRAME) reach no further than `ends` (N, 4)."""
+    """Clip windows `frame` (N, FRAME), in place, at `ends` (N, 4)."""
     for k in (0, 1):
         reach = frame[:, REACH + k].copy()
         low, high = (np.minimum(ends[:, 2 * k + side], reach) for side in (0, 1))
         frame[:, REACH + k], frame[:, MIDDLE + k] = (high + low) / 2, (high - low) / 2
-        frame[:, THIN] *= frame[:, REACH + k] / reach  # about
+        frame[:, THIN] *= frame[:, REACH + k] / reach  # approximately, as the number of pixels changes
 
 
 def windows(grey: Shaped[Array, "h w"], maps: Lattice, frame: Array) -> Windows:
-    """The pixels of `grey` (H, W) in the windows `frame` (N, FRAME), as `maps` see them. Those outside the picture have no mask."""
+    """The pixels of `grey` (H, W) in the windows `frame` (N, FRAME), with board coordinates by `maps`. `mask` is False
+    outside the picture."""
     count, out = np.empty(len(frame), np.int64), np.zeros((8, len(frame), FULL), np.float32)
     _windows(grey, maps.maps, frame, count, out)
     x, y, value, u, v, gu, gv, mask = out[..., : max(int(count.max(initial=0)), 1)]

@@ -1,4 +1,4 @@
-"""Targets that carry codes: read on the boards that were found, without being told which."""
+"""Coded targets: recognised and decoded on recovered boards, without the user having to specify them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["check_told", "identified"]
 
 
 def __getattr__(name: str) -> Any:
-    """Loaded at their first use: few boards carry codes."""
+    """The functions are loaded at their first use, since few boards carry codes."""
     if name not in __all__:
         raise AttributeError(f"module 'rcdn.targets' has no attribute {name!r}")
     from rcdn.targets import read

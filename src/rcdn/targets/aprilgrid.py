@@ -1,4 +1,5 @@
-"""Reads AprilGrids: the tags' numbers, which run row by row upwards from the bottom left, under which all tags together are most likely."""
+"""Reads AprilGrids: finds the numbering, row by row upwards from the bottom left, for which all tags together are most
+likely."""
 
 from __future__ import annotations
 
@@ -26,8 +27,10 @@ NAMES = {
 
 
 def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> Reading | None:
-    """The numbers of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; `told`: the only target that it may be.
-    None if no numbering is certain.
+    """The numbering of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if none is
+    certain.
+
+    `told`: the target given by the user (None: unknown).
     """
     lifted = _lifted(rectified(grey, grid, SAMPLES))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
@@ -48,7 +51,7 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
     found.sort(key=lambda f: -f[0])
     if not found or found[0][0] < (ACCEPT if told is None else SURE + np.log2(4 * _places(seen.shape, told))):
         return None
-    same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbers, whatever the border
+    same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbering, for any border
     others = [f[0] for f in found if same(f) != same(found[0])]
     margin = found[0][0] - max(others, default=0.0)
     if margin < MARGIN:
@@ -62,7 +65,7 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
 
 
 def dictionary_of(family: str) -> str:
-    """OpenCV's name of a family of AprilTags. Raises ConfigError if AprilGrids of it aren't read."""
+    """OpenCV's name of a family of AprilTags. Raises ConfigError if AprilGrids with this family aren't supported."""
     for dictionary, name in NAMES.items():
         if name == family:
             return dictionary
@@ -70,7 +73,7 @@ def dictionary_of(family: str) -> str:
 
 
 def _places(shape: tuple[int, ...], told: AprilGrid) -> int:
-    """At how many places of a board `shape` (R, C) tags can lie, either way up; at least 1."""
+    """The number of positions of `shape` (R, C) tags on a board, in either orientation (R × C or C × R); at least 1."""
     rows = told.rows or MOST_COLUMNS
     return max(
         (rows - shape[0] + 1) * (told.columns - shape[1] + 1), (rows - shape[1] + 1) * (told.columns - shape[0] + 1), 1
@@ -78,7 +81,7 @@ def _places(shape: tuple[int, ...], told: AprilGrid) -> int:
 
 
 def gap_of(grid: Array) -> float:
-    """Usual distance of tags over their side, of corners `grid` (2 R, 2 C, 2)."""
+    """Median gap between tags ÷ their side, from corners `grid` (2 R, 2 C, 2)."""
     ratios = []
     for lines in (grid, grid.swapaxes(0, 1)):
         step = np.linalg.norm(np.diff(lines, axis=1), axis=2)
@@ -90,18 +93,20 @@ def gap_of(grid: Array) -> float:
 
 
 def _may_go_on(grid: Array, shape: tuple[int, ...]) -> Bool[Array, " 4"]:
-    """Whether the next tags beyond the right, upper, left and lower side, (4,) bool, would lie outside of the picture (H, W): they may be there."""
+    """(4,) bool: whether the next tags beyond the right, upper, left and lower side would lie outside the picture of
+    `shape` (H, W), so that the board may continue there."""
     out = []
     for turns in range(4):  # each side in turn becomes the right one
         turned = np.rot90(grid, -turns)
-        next_line = turned[:, -1] + 0.9 * (turned[:, -1] - turned[:, -2])  # about the middle of the next tag
+        next_line = turned[:, -1] + 0.9 * (turned[:, -1] - turned[:, -2])  # near the middle of the next tags
         known = next_line[np.isfinite(next_line[:, 0])]
         out.append(not ((known >= 0) & (known < np.array(shape[::-1]))).all())
     return np.array(out)
 
 
 def _lifted(cells: Array) -> Real[Array, "r c s s"]:
-    """Tags (R, C, S, S) over the small dark squares around them, contrast 1 (white gaps beside them)."""
+    """Grey levels of the tags (R, C, S, S), normalised: 0 is the level of the small dark squares around a tag, 1 that
+    of the white gaps beside it."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = cells[:, :, part, part].mean(axis=(2, 3))
     padded = np.pad(level, 1, constant_values=np.nan)
@@ -122,14 +127,15 @@ def _lifted(cells: Array) -> Real[Array, "r c s s"]:
 def _numberings(
     ratios: Array, seen: Array, bits: Array, name: str, border: int, told: AprilGrid | None = None
 ) -> list[tuple[float, str, int, int, int, int]]:
-    """(evidence, family, border, turns, columns, number of the tag at the bottom left of the upright grid) of the likeliest numberings."""
+    """The likeliest numberings, as (evidence, family, border, turns, columns, number of the tag at the bottom left of
+    the upright grid)."""
     out = []
     for turns in range(4):
         turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
         row, column = np.nonzero(np.rot90(seen, turns))
         height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
         up = height - 1 - row
-        # OpenCV's pictures of these tags are turned by half against those that are printed
+        # OpenCV draws these tags rotated by half a turn relative to the printed ones
         gain = gains(turned[row, column], np.rot90(bits, 2, (1, 2)), border)
         if np.maximum(gain.max(axis=1), 0).sum() < (ACCEPT if told is None else SURE):
             continue
@@ -146,14 +152,15 @@ def _numberings(
 
 
 def _choices_of(told: AprilGrid, width: int, height: int) -> Int[Array, "m 2"]:
-    """Columns and the number of the tag at the bottom left, (M, 2), of all places of width × height tags on a board."""
+    """Columns and the number of the tag at the bottom left, (M, 2), for all positions of `width` × `height` tags on a
+    board."""
     rows = told.rows or MOST_COLUMNS
     place = [(c, r) for r in range(rows - height + 1) for c in range(told.columns - width + 1)]
     return np.array([(told.columns, told.first_id + r * told.columns + c) for c, r in place]).reshape(-1, 2)
 
 
 def _choices(gain: Array, column: Array, up: Array, width: int) -> Int[Array, "m 2"]:
-    """Columns and the number of the tag at the bottom left, (M, 2), that the surest tags suggest."""
+    """Columns and the number of the tag at the bottom left, (M, 2), as hypotheses from the most certain tags."""
     surest = np.argsort(-gain.max(axis=1))[:8]
     tag = np.argsort(-gain[surest], axis=1)[:, :CANDIDATES]
     k, columns = (
@@ -176,7 +183,8 @@ def _placed(
     gap: float,
     goes_on: Array,
 ) -> Reading | None:
-    """The place of the grid on its board: one whose tags are counted from 0 if that can be, else a whole board that begins with any."""
+    """The position of the grid on its board: a board whose numbering starts at 0, unless the grid is a whole board,
+    which may start at any number."""
     height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
     right, upper, left, lower = np.roll(goes_on, turns)
     whole = seen.all() and columns == width and not (right or left or lower)
@@ -186,5 +194,5 @@ def _placed(
         return None
     rows = row + height if seen.all() and not upper else None
     target = AprilGrid(columns, rows, name, round(gap, 2), border, first)
-    # labels count from the bottom right, to the left and upwards: half a turn from upright
+    # labels count from the bottom right, to the left and upwards: rotated by half a turn from upright
     return Reading(target, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)

@@ -1,8 +1,9 @@
-"""Reads ChArUco boards without being told which: the layout of markers under which all squares together are most likely.
+"""Reads unknown ChArUco boards: finds the layout of markers for which all squares together are most likely.
 
-Each module of a marker has a log-likelihood ratio of white to black. A layout (dictionary, turn, size, place) says which bits all squares show; its
-evidence is the likelihood of these bits against that of fair coins, log2. If bits were fair coins, the evidence of one layout would exceed T with a
-probability of at most 2^−T (Markov), and any of M layouts with at most M · 2^−T.
+Each module of a marker has a log-likelihood ratio of white to black. A layout (dictionary, orientation, size, position)
+determines the bits in all squares; its evidence is log2 of the likelihood ratio of these bits to fair coins. If the
+bits were fair coins, the evidence for one layout would exceed T with a probability of at most 2^−T (Markov), and that
+for any of M layouts with at most M · 2^−T.
 """
 
 from __future__ import annotations
@@ -22,29 +23,32 @@ from rcdn.types import Array, Charuco
 from rcdn.types.arrays import Bool, Real
 
 ACCEPT = 49.0
-"""bits of evidence that make a layout certain: 10⁻⁶ (20 bits) over fewer than 2²⁹ layouts (4 turns, 10 families, 2 parities,
-62 widths, 2,000 places, 4 rims; 8 pieces of boards)"""
+"""bits of evidence with which a layout is accepted: a false-positive probability of 10⁻⁶ (20 bits) over fewer than 2²⁹
+layouts (4 orientations, 10 families, 2 parities, 62 widths, 2,000 positions, 4 rims; 8 pieces of boards)"""
 SURE = 23.0
-"""bits of evidence that make one layout certain: 10⁻⁶, of 8 pieces"""
+"""bits of evidence with which a single layout is accepted: 10⁻⁶, for 8 pieces"""
 CERTAIN = 5.0
-"""bits of evidence, over those that one of so many markers takes, that make a square certain of its marker"""
+"""bits of evidence, in addition to log2 of the number of markers, with which a square is certain of its marker"""
 MIRRORED = ACCEPT / 2
-"""bits of evidence that a layout must be able to have in the mirror image, as told from the picture itself, to be looked for there"""
+"""bits: the mirror image is searched if the bound on the evidence for a layout in it, computed from the picture itself,
+is at least this high"""
 MARGIN = 14.0
-"""bits by which it must exceed the next layout"""
+"""bits by which the evidence for a layout must exceed that for the next one"""
 ENDED = 20.0
-"""bits by which a board is unlikelier to go on where paper is seen to begin at the edge of its squares (a cut or a cover along that very edge)"""
+"""bits by which a board is less likely to continue where paper is seen at the edge of its squares (a cut or an occluder
+along exactly that edge)"""
 RIMS = 4
-"""layouts of a place that differ in which outermost squares are on the board"""
+"""layouts of one position that differ in which outermost squares are on the board"""
 SIDES = (4, 5, 6, 7)
 """bits along a marker's side"""
 FRAME = Frame()
 FRAMED = 16.0
-"""bits of evidence for the black borders of all markers together, under which there are none: textures and drawings have none, boards hundreds"""
+"""least evidence for the black borders of all markers together, bits: textures and drawings have none, boards
+hundreds"""
 HOPEFUL = 100
-"""layouts of one kind and turn that all squares are asked about"""
+"""largest number of layouts of one family and orientation that are evaluated on all squares"""
 ANCHORS, CANDIDATES = 12, 4
-"""squares, and markers of each, that layouts are made from"""
+"""number of squares, and of candidate markers of each, that generate hypotheses of layouts"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +67,8 @@ class _Layout:
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """What the squares of a board say if they hold markers of `families`, whose modules they show: `squares`, and the markers' `look`."""
+    """The evidence of a board's squares, if they contain markers of `families`: their modules in `squares`, and the
+    markers' appearance `look`."""
 
     squares: MarkedSquares
     look: Appearance
@@ -77,10 +82,12 @@ def markers_of(
     aspect: float,
     told: Charuco | None = None,
 ) -> list[Markers]:
-    """`squares` (R, C, S, S): grey over the dark squares around each, NaN where nothing is seen; `marked` (R, C): those that hold markers;
-    `inner` (R, C): those all of whose corners were found; `aspect`: their width over their height, px; `told`: the only board that it may be.
+    """The evidence of a board's squares for markers: one result for each number of bits that a marker may have, if the
+    squares have black borders as markers do.
 
-    One for each number of bits that a marker may have; none where nothing is framed as markers are.
+    `squares` (R, C, S, S): grey level above that of the dark squares around each, NaN outside the picture; `marked`
+    (R, C): the squares that contain markers; `inner` (R, C): those all of whose corners were detected; `aspect`: their
+    width ÷ height in pixels; `told`: the board given by the user (None: unknown).
     """
     out = []
     known = None if told is None else (family_of(told.dictionary),)
@@ -102,10 +109,11 @@ def read_charuco(
     ends: Array | None = None,
     ended: Callable[[], Array] | None = None,
 ) -> Reading | None:
-    """The layout that the `markers` of a board are certain to have, or None.
+    """The layout of the `markers` of a board, or None if none is certain.
 
-    `told`: the only board that it may be; `ends`: see `ends_of`; None where the end of the corners says nothing of
-    the board's; `ended` gives (3, 3), see `ended_sides`; nowhere if None."""
+    `told`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
+    beyond its detected corners; `ended` returns (3, 3) bool, see `ended_sides`; None: False on all sides.
+    """
     if told is not None:
         return _place([s for m in markers for s in _promising(m, -np.inf)], told)
     scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
@@ -116,15 +124,16 @@ def read_charuco(
 
 
 def may_be_mirrored(markers: Sequence[Markers]) -> bool:
-    """Whether the mirror image of the picture may show a layout for certain: half of the evidence for one is here, too.
+    """Whether a layout may be certain in the mirror image of the picture: the bound of its evidence, computed from the
+    picture itself, reaches half of the threshold.
 
-    The mirror image is sampled anew, which changes a few bits of it.
+    The mirror image is sampled again, which changes its evidence by a few bits.
     """
     return any((m.squares.most_evidence(m.families, MIRRORED, mirrored=True) >= MIRRORED).any() for m in markers)
 
 
 def _promising(markers: Markers, least: float) -> list[_Scores]:
-    """Of all families and turns those in which a layout may have `least` evidence."""
+    """Evidence of the families and orientations for which a layout may reach the evidence `least`."""
     squares = markers.squares
     able = squares.most_evidence(markers.families, least) >= least
     turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
@@ -137,30 +146,32 @@ def _promising(markers: Markers, least: float) -> list[_Scores]:
 
 
 def _open_sides(marked: Array) -> Bool[Array, "r c 4"]:
-    """(R, C, 4): whether a square is the last one on the left, right, upper, lower side."""
+    """(R, C, 4) bool: whether a square is the outermost one on the left, right, upper, lower side."""
     rows, columns = np.indices(marked.shape)
     last = marked.shape[0] - 1, marked.shape[1] - 1
     return np.stack([columns == 0, columns == last[1], rows == 0, rows == last[0]], axis=-1)
 
 
 def ends_of(squares: Array, inner: Array) -> Bool[Array, "r c"]:
-    """(R, C): whether a board that has its last marker in this square, of the outermost ones, ends there.
+    """(R, C) bool: whether a board whose last marker lies in this outermost square ends there.
 
-    All corners were found, and the square is in the picture, where the next corners would have been seen.
+    That is so if all corners were detected and the square lies in the picture, where further corners would have been
+    detected.
     """
     return np.asarray(np.isfinite(squares).all(axis=(2, 3)) & inner[1:-1, 1:-1].all())
 
 
 def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array) -> Reading | None:
-    """The most likely layout, if it is certain: one whose markers count from 0, unless that of a whole board that begins with another is likelier.
+    """The most likely layout, if it is certain: one whose markers are counted from 0, unless that of a whole board that
+    starts at another number is likelier.
 
-    Then paper must be seen above its first row (`ended`), else there may be more rows, hidden or cut off. What is seen of the sides mustn't speak
-    against it: a part of a larger board that begins with another number could look the same. A part without `ends` doesn't tell which it is; see
-    `_ends`.
+    For the latter, paper must be seen above the first row and on both sides (`ended`); otherwise there may be more rows
+    or columns, hidden or cut off. No side that is seen may contradict the layout, since a part of a larger board with
+    another first number could look the same. A part of a board, without `ends`, can't be known to be whole.
     """
     usual = _likeliest(scored, shape, ends, ended, any_first=False)
     if (not usual or usual[0].bits < ACCEPT) and (ends is None or ended.sum() < 3):
-        return None  # what isn't counted from 0 must be seen whole
+        return None  # a board not counted from 0 must be seen whole
     whole = _likeliest(scored, shape, ends, ended, any_first=True)
     from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
     layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
@@ -180,7 +191,8 @@ def _seen_whole(ended: Array) -> bool:
 
 
 def _place(scored: list[_Scores], told: Charuco) -> Reading | None:
-    """The likeliest place on the board that it is `told` to be, if it is certain among all places and turns of that one."""
+    """The likeliest position on the given board `told`, if it is certain among all positions and orientations on that
+    board."""
     usable = [s for s in scored if (s.look.white < 0) == told.inverted]
     count = 0
     layouts: list[_Layout] = []
@@ -201,7 +213,7 @@ def _likeliest(
     layouts: list[_Layout] = []
     for scores in scored:
         if layouts and scores.hope < layouts[0].bits - MARGIN:
-            break  # nothing that is left comes near the best
+            break  # no remaining layout can come near the best one
         found = (_weighed(x, shape, ended) for x in filter(_possible(ends), scores.layouts(any_first)))
         layouts = sorted([*layouts, *found], key=lambda x: -x.bits)
     return layouts
@@ -212,21 +224,23 @@ def _weighed(layout: _Layout, shape: tuple[int, ...], ended: Array) -> _Layout:
 
 
 def _against(layout: _Layout, shape: tuple[int, ...], ended: Array) -> int:
-    """On how many sides a board by this layout doesn't end where the squares (R, C) seen do, though it has `ended` there."""
+    """The number of sides on which the board is seen to end (`ended`) with the squares of `shape` (R, C), but doesn't
+    according to the layout."""
     sides, (u, v) = np.rot90(ended, layout.turns), layout.place
     width = shape[1 - layout.turns % 2]
     return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != layout.columns)
 
 
 def _rows(layout: _Layout, ends: Array | None) -> int | None:
-    """How many rows the board has; None if there may be more, unseen."""
+    """The number of rows of the board; None if there may be more rows outside the detected ones."""
     if ends is None or not layout.last_row or not np.rot90(ends, layout.turns)[-1].all():
         return None
     return layout.place[1] + ends.shape[layout.turns % 2]
 
 
 def _possible(ends: Array | None) -> Callable[[_Layout], bool]:
-    """Whether a layout is one that is printed: a white first square goes with an even number of rows."""
+    """A predicate for layouts that exist in print: a first square with a marker (legacy) requires an even or
+    unknown number of rows."""
     return lambda layout: layout.odd or (_rows(layout, ends) or 0) % 2 == 0
 
 
@@ -245,7 +259,8 @@ def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
 
 @dataclass(frozen=True, eq=False)
 class _Scores:
-    """Evidence `gain` (K, N), bits, of N markers in K squares at `row`, `column` (K,) of a picture's (height, width) squares, turned."""
+    """Evidence `gain` (K, N), bits, for N markers in K squares at `row`, `column` (K,) of the `shape` (height, width)
+    squares of the rotated picture."""
 
     gain: Array
     row: Array
@@ -257,20 +272,21 @@ class _Scores:
 
     @cached_property
     def most(self) -> Real[Array, " k"]:
-        """Evidence (K,) of the likeliest marker of each square."""
+        """Evidence (K,) for the likeliest marker of each square."""
         return np.asarray(self.gain.max(axis=1))
 
     @property
     def hope(self) -> float:
-        """More evidence than this no layout has."""
+        """Upper bound of the evidence for any layout."""
         return float(np.maximum(self.most, 0).sum()) if self.gain.size else 0.0
 
     def layouts(self, any_first: bool) -> Iterator[_Layout]:
-        """The most likely layouts: with the markers counted from 0, or (`any_first`) from any number but then just as large as the squares seen."""
+        """The most likely layouts: with markers counted from 0, or (`any_first`) from any number, but then exactly as
+        large as the squares seen."""
         yield from self.scored(self._hopeful(_unique(self._whole_boards() if any_first else self._parts_of_boards())))
 
     def _hopeful(self, found: Array) -> Real[Array, "m 5"]:
-        """Those of the layouts (M, 5) that suit the surest squares best, if they are many."""
+        """The layouts (M, 5) with the most evidence in the most certain squares, at most `HOPEFUL` of them."""
         if len(found) <= HOPEFUL:
             return found
         some = np.argsort(-self.most)[:ANCHORS]
@@ -279,8 +295,8 @@ class _Scores:
         return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
 
     def _markers_of(self, found: Real[Array, "m 5"], some: Array, rows: int | None) -> tuple[Array, Array, Array]:
-        """Which marker (M, S) stands in each of `some` (S,) squares by the layouts `found` (M, 5), whether there is such a marker, and whether the
-        square is on the board."""
+        """The marker (M, S) in each of `some` (S,) squares according to the layouts `found` (M, 5), whether such a
+        marker exists, and whether the square is on the board."""
         u, v, columns, odd, first = (a[:, None] for a in found.T)
         column, row = u + self.column[some], v + self.row[some]
         on_board = (column >= 0) & (row >= 0) & (column < columns) & (row < (rows or np.inf))
@@ -288,7 +304,8 @@ class _Scores:
         return marker, on_board & (marker >= 0) & (marker < len(self.family)), on_board
 
     def scored(self, found: Real[Array, "m 5"], rows: int | None = None) -> Iterator[_Layout]:
-        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: of the board, if that is known."""
+        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: number of rows of the
+        board, if known."""
         if not len(found):
             return
         marker, exists, on_board = self._markers_of(found, np.arange(len(self.row)), rows)
@@ -306,22 +323,24 @@ class _Scores:
                 )  # fmt: skip
 
     def _agree_with(self, gain: Real[Array, " k"]) -> bool:
-        """Do most of the squares that are certain of their marker by themselves show that of a layout, whose evidence in each is `gain` (K,)?
+        """Whether most of the squares that are certain of their marker by themselves agree with a layout, whose
+        evidence in each is `gain` (K,).
 
-        Else a few markers that happen to follow each other would outweigh all that the others say.
+        Without this test a few markers that are consecutive by chance would outweigh the contradiction of all others.
         """
         certain = self.most > CERTAIN + np.log2(len(self.family))
         return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
 
     def _anchors(self) -> tuple[Array, Array]:
-        """Squares (A,) that are surest of their marker, and the likeliest markers of each, together (A · CANDIDATES,)."""
+        """The squares that are most certain of their marker, and the likeliest markers of each, as pairs (ANCHORS ·
+        CANDIDATES,)."""
         surest = np.argsort(-self.most)[:ANCHORS]
         least = min(CANDIDATES, self.gain.shape[1]) - 1
         markers = np.argpartition(-self.gain[surest], least, axis=1)[:, : least + 1]
         return np.repeat(surest, markers.shape[1]), markers.ravel()
 
     def _parts_of_boards(self) -> Real[Array, "m 5"]:
-        """Candidate layouts (M, 5): column and row of the first square, columns, parity, first marker."""
+        """Hypotheses of layouts (M, 5): column and row of the first square, columns, parity, first marker."""
         square, marker = self._anchors()
         k, columns, odd = (
             a.ravel()
@@ -334,7 +353,7 @@ class _Scores:
         return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
 
     def places_on(self, told: Charuco) -> Real[Array, "m 5"]:
-        """All layouts (M, 5) of the board `told`."""
+        """All layouts (M, 5) on the given board `told`."""
         height, width = self.shape
         odd = odd_markers(told)
         most = told.rows or int(place_of(np.array(len(self.family)), np.array(told.columns), np.array(odd))[1]) + 1
@@ -344,7 +363,8 @@ class _Scores:
         return np.stack([u.ravel(), v.ravel(), *known], axis=1)
 
     def _whole_boards(self) -> Real[Array, "m 5"]:
-        """Candidate layouts (M, 5) of boards that are just the squares seen; which squares have the markers tells the parity."""
+        """Hypotheses of layouts (M, 5) of boards that are exactly the squares seen; the squares with markers determine
+        the parity."""
         square, marker = self._anchors()
         column, row = self.column[square], self.row[square]
         columns, odd, zero = np.full_like(square, self.shape[1]), (column + row) % 2, np.zeros_like(square)
@@ -353,7 +373,7 @@ class _Scores:
 
 
 def _unique(layouts: Array) -> Real[Array, "m 5"]:
-    """Each of the layouts (M, 5) once."""
+    """The distinct `layouts` (M, 5)."""
     if not len(layouts):
         return layouts
     low = layouts.min(axis=0)

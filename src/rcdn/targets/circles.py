@@ -1,9 +1,10 @@
-"""Tells a grid of circles from a checkerboard: the gaps between discs make a square lattice of saddles, too.
+"""Distinguishes a grid of circles from a checkerboard: the gaps between discs form a square lattice of saddles, too.
 
-The squares of a board are looked at through their own corners. On a checkerboard the dark ones and the bright ones are alike but for their colour,
-and their edges run straight from corner to corner; among discs the dark "squares" are round, and the bright ones are what these leave. Both are
-models under a blur; the one that leaves less of the variance of the board's usual square unexplained is what is printed. Cameras cut off white and
-black and bend the curve of grey between them, which rounds the corners of squares: both models may do so.
+The squares of a board are sampled relative to their own corners. On a checkerboard dark and bright squares are alike
+except for their colour, and their edges are straight from corner to corner; in a grid of circles the dark "squares" are
+round, and the bright ones are the remainder. Both are modelled with a blur; the model that leaves less of the variance
+of the board's median square unexplained is accepted. Cameras clip white and black and have a nonlinear response between
+them, which rounds the corners of squares: both models include that.
 """
 
 from __future__ import annotations
@@ -16,26 +17,28 @@ from rcdn.targets.glance import SAMPLES, Glance
 from rcdn.types import Array
 
 RADII = np.arange(0.2, 0.72, 0.025)
-"""of discs, squares: at 0.71 they touch, and under 0.28 their gaps are seldom taken for corners"""
+"""candidate radii of discs, squares: at 0.71 they touch, and under 0.28 their gaps are seldom detected as corners"""
 BLURS = np.geomspace(0.03, 0.45, 12)
-"""standard deviations, squares"""
+"""candidate standard deviations of the blur, squares"""
 LEVELS = np.arange(0.55, 0.96, 0.05)
-"""grey levels, share of the contrast, above which all is white; or, from the other end, below which all is black"""
+"""candidate clipping levels, share of the contrast: levels above become white; or, counted from the other end, those
+below become black"""
 GAMMAS = (0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2)
-"""exponents of the camera's curve"""
+"""candidate exponents of the camera's response curve"""
 SHIFTS = (-0.1, -0.05, 0.0, 0.05, 0.1)
-"""how far the edges of dark squares are moved outwards, squares"""
+"""candidate outward shifts of the edges of dark squares, squares"""
 FAINT = 0.01
-"""contrast of a model of which blur and overexposure leave nothing to see"""
+"""contrast of a model at or below which it is dropped: blur and overexposure leave nothing visible"""
 FINE = 4
-"""places of the models' raster in one of SAMPLES"""
+"""subdivision of one of SAMPLES in the models' raster"""
 SHARE, ROUND, STRAIGHT = 0.3, 0.04, 0.004
-"""variance that the discs leave unexplained: at most this share of what the checkerboard leaves, at most ROUND of all; and the checkerboard
-must leave STRAIGHT of all at least, since under a wide blur both are one"""
+"""thresholds of the variance left unexplained: by the discs, at most SHARE of what the checkerboard leaves and at most
+ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since under a wide blur both models are the
+same"""
 
 
 def is_circle_grid(glance: Glance) -> bool:
-    """Are the squares of a board discs, and what is between them? False where nothing tells."""
+    """Whether the squares of a board are discs and the gaps between them; False if that can't be decided."""
     usual = _usual_square(glance)
     discs, squares = _models()
     straight = _unexplained(squares, usual)
@@ -48,8 +51,9 @@ def is_circle_grid(glance: Glance) -> bool:
 
 
 def _usual_square(glance: Glance) -> Array:
-    """The dark and the bright squares around a corner, folded by their symmetries (2 · N,): the median over all corners, each with the same mean and
-    contrast, so that shade, noise and what covers some don't count."""
+    """The dark and the bright squares around a corner, averaged over their symmetries (2 · N,): the median over all
+    corners, each normalised to the same mean and contrast, which makes it robust to shading, noise and occlusion of
+    some."""
     around = _folded(glance.squares)
     one, other = (around[:, 0, 0] + around[:, 1, 1]) / 2, (around[:, 0, 1] + around[:, 1, 0]) / 2
     swap = glance.odd[:, None]
@@ -64,7 +68,7 @@ def _usual_square(glance: Glance) -> Array:
 
 
 def _folded(squares: Array) -> Array:
-    """Squares (..., S, S) by what their eight symmetries leave, (..., N)."""
+    """Squares (..., S, S) averaged over their eight symmetries, (..., N) distinct values."""
     even = squares + squares[..., ::-1, :]
     even = even + even[..., ::-1]
     even = (even + even.swapaxes(-1, -2)) / 8
@@ -74,14 +78,15 @@ def _folded(squares: Array) -> Array:
 
 @lru_cache
 def _weights() -> Array:
-    """(2 · N,) share of each folded place in a dark and a bright square."""
+    """(2 · N,) weights of the distinct values of `_folded` in a dark and a bright square together."""
     i, j = np.triu_indices(SAMPLES // 2)
     weights = np.tile(np.where(i == j, 1.0, 2.0), 2)
     return np.asarray(weights / weights.sum())
 
 
 def _unexplained(models: Array, seen: Array) -> float:
-    """Share of the variance of `seen` (2 · N,) that the best of `models` (K, 2 · N), none with mean, all with a variance of 1, leaves."""
+    """Share of the variance of `seen` (2 · N,) that the best of `models` (K, 2 · N), which have mean 0 and variance 1,
+    leaves unexplained."""
     weights = _weights()
     seen = seen - seen @ weights
     variance = float(seen**2 @ weights)
@@ -91,14 +96,14 @@ def _unexplained(models: Array, seen: Array) -> float:
 
 @lru_cache
 def _models() -> tuple[Array, Array]:
-    """What discs, and squares, may look like: (K, 2 · N) each, without their mean, with a variance of 1."""
+    """Models of discs, and of squares: (K, 2 · N) each, with mean 0 and variance 1."""
     across = (np.arange(2 * SAMPLES * FINE) + 0.5) / (SAMPLES * FINE)
     x, y = np.meshgrid(across, across)
     return _seen([_discs(x, y, radius) for radius in RADII]), _seen([_squares(x, y, shift) for shift in SHIFTS])
 
 
 def _seen(drawn: list[Array]) -> Array:
-    """Drawings of two by two squares that repeat themselves, under all blurs and curves of exposure, as models."""
+    """Models from drawings of two by two squares, repeated periodically, with all blurs and response curves."""
     frequency = np.fft.fftfreq(2 * SAMPLES * FINE, 1 / (SAMPLES * FINE))
     gain = np.exp(-2 * (np.pi * BLURS[:, None] * frequency) ** 2)
     spectra = np.fft.fft2(np.array(drawn))[:, None] * gain[:, :, None] * gain[:, None, :]
@@ -114,17 +119,17 @@ def _seen(drawn: list[Array]) -> Array:
 
 
 def _discs(x: Array, y: Array, radius: float) -> Array:
-    """White 1 but for discs of 0 in the middles of every other square; one step of the raster wide at the edge."""
+    """White, 1, with discs of 0 at the centres of every other square; their edges are one step of the raster wide."""
     nearest = np.minimum(*(np.hypot(_off(x, k), _off(y, k)) for k in (0, 1)))
     return np.asarray(np.clip((nearest - radius) * SAMPLES * FINE + 0.5, 0, 1))
 
 
 def _squares(x: Array, y: Array, shift: float) -> Array:
-    """White 1 but for squares of 0 whose edges are moved outwards by `shift`."""
+    """White, 1, with squares of 0 whose edges are shifted outwards by `shift`."""
     inside = [(_off(x, k) < 0.5 + shift) & (_off(y, k) < 0.5 + shift) for k in (0, 1)]
     return 1.0 - (inside[0] | inside[1])
 
 
 def _off(x: Array, k: int) -> Array:
-    """Distance from the nearest middle of the squares of which every other one is `k`."""
+    """Distance along one axis from the nearest centre of every other square, beginning with square `k`."""
     return np.abs((x - 0.5 - k + 1) % 2 - 1)

@@ -1,7 +1,8 @@
-"""Corners that are missing inside of a board whose codes were read, looked for where the print has them.
+"""Search for missing corners of a board whose codes were read, at the positions where its print has them.
 
-The codes settle where the board lies and where it ends, so that its edges alone must be seen to cross where the corners around predict it: no
-network, no candidate. A corner where nothing crosses stays missing.
+The codes determine the position and the extent of the board, so that a corner is accepted if two edges cross at the
+position that its neighbours predict: neither the network nor a candidate is needed. Where no edges cross, the corner
+stays missing.
 """
 
 from __future__ import annotations
@@ -21,21 +22,23 @@ from rcdn.types.arrays import Bool, Real, Shaped
 ROUNDS = 12
 """of completion, at most"""
 SEEN = 0.3
-"""least strength of both edges, share of the usual one on the board"""
+"""least strength of both edges, share of the median on the board"""
 OFF = 0.14
 """largest offset from the prediction, squares"""
 LEAST = 6
-"""corners of a board that can predict others"""
+"""least number of corners of a board that can predict others"""
 ASTRAY, TIMES = 0.05, 6.0
-"""how far a corner may lie off the smooth surface through the others: squares, and times their median, whichever is more"""
+"""largest distance of a corner from the smooth surface through all of them: in squares, and × the median distance,
+whichever is more"""
 SURFACE = 16
-"""corners that settle such a surface"""
+"""least number of corners for the fit of such a surface"""
 CUBIC = 40
-"""corners that settle one of degree 3, else it is of 2"""
+"""least number of corners for a surface of degree 3; otherwise its degree is 2"""
 
 
 def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
-    """The read `board` with the corners that are seen where its others predict them, within its print; without those that lie elsewhere.
+    """The decoded `board`, with the corners added that are visible, within its print, where the others predict them,
+    and without outliers.
 
     `grey` (H, W), 0..255.
     """
@@ -68,7 +71,8 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
 
 
 def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
-    """(K,) bool: which places `spots` (K, 2) lie within the print; where its end isn't known, within what was seen."""
+    """(K,) bool: whether the labels `spots` (K, 2) lie within the print; where its extent isn't known, within the
+    labels seen."""
     low, high = board.ij.min(axis=0), board.ij.max(axis=0)
     if isinstance(board.target, Charuco):
         low = np.zeros(2, int)
@@ -77,7 +81,7 @@ def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
 
 
 def _missing(board: Board, known: Array) -> tuple[Array, Array]:
-    """All places (N, 2) of a board's bounding grid, or of its print; and which of them are not `known`."""
+    """All labels (N, 2) of a board's bounding grid, or of its print; and those that are not `known`."""
     low, high = np.minimum(known.min(axis=0), 0), known.max(axis=0)
     if isinstance(board.target, Charuco):
         high = np.maximum(high, [board.target.columns - 2, (board.target.rows or 0) - 2])
@@ -91,18 +95,19 @@ def _missing(board: Board, known: Array) -> tuple[Array, Array]:
 
 
 def _drop_misfits(grid: Grid) -> None:
-    """Drop corners, in place, that lie off their neighbours' prediction, the worst first."""
+    """Drop corners, in place, that are too far from their neighbours' prediction, the worst first."""
     while len(grid) >= LEAST:
         spots = list(grid.at)
         excess = predicted_excess(grid, spots)
-        excess = np.where(excess == 2, 0, excess)  # neighbours that can't say
+        excess = np.where(excess == 2, 0, excess)  # neighbours that give no prediction
         if excess.max() <= 1:
             return
         del grid.at[spots[int(excess.argmax())]]
 
 
 def _drop_astray(grid: Grid) -> None:
-    """Drop corners, in place, that lie off the smooth surface through all of them, the worst first: there a cover's edges cross."""
+    """Drop corners, in place, that are outliers of the smooth surface through all of them, the worst first: there the
+    edges of an occluder cross."""
     while len(grid) >= SURFACE:
         off = _off_surface(grid.labels, grid.xy[grid.corners])
         worst = int(off.argmax())
@@ -112,7 +117,8 @@ def _drop_astray(grid: Grid) -> None:
 
 
 def _off_surface(ij: Array, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
-    """Distances (N,), squares, of corners at `xy` (N, 2) px from a homography of their labels and a polynomial of low degree."""
+    """Distances (N,), squares, of corners at `xy` (N, 2) px from a homography of their labels plus a polynomial of low
+    degree."""
     plane = homography(ij, xy)
     flat = apply_homography(plane, ij.astype(float))
     steps = [apply_homography(plane, ij + step) - flat for step in np.eye(2)]
@@ -126,7 +132,8 @@ def _off_surface(ij: Array, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
 
 
 def _usual(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
-    """The colouring, ±1, under which edges cross at known corners `at` (K, 2), and their usual strengths (2,); 0 if they don't."""
+    """The colouring, ±1, for which edges cross at known corners `at` (K, 2), and the median strengths (2,) of these
+    edges; 0 if they cross for neither."""
     best, usual = 0, np.zeros(2)
     for sign in (-1, 1):
         if len(at):
@@ -144,7 +151,7 @@ def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array,
 def _seen(
     grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, usual: Array
 ) -> dict[tuple[int, int], Array]:
-    """Positions (2,) px of those of the spots `at` (K, 2) where both edges are seen to cross."""
+    """Positions (2,) px of the corners, by label, of those of `at` (K, 2) where both edges visibly cross."""
     offset, strength = _look(grey, at, guess, sign)
     xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv
     inside = ((xy >= 1) & (xy <= np.array(grey.shape[::-1]) - 2)).all(axis=1)
@@ -153,7 +160,7 @@ def _seen(
 
 
 def _of_grid(board: Board, grid: Grid) -> Board:
-    """The board with the corners of a grid, whose first rows of positions are its own."""
+    """The board with the corners of a grid, in which the board's own positions come first."""
     ij, index = grid.labels, grid.corners
     order = np.lexsort((ij[:, 0], ij[:, 1]))
     ij, index = ij[order], index[order]

@@ -1,4 +1,4 @@
-"""Markers by name: every dictionary of OpenCV, and the families of AprilTags as they are printed."""
+"""Markers by name: all dictionaries of OpenCV, and the families of AprilTags in their printed orientation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIDES = (4, 5, 6, 7)
 
 
 def dictionary_names() -> tuple[str, ...]:
-    """The dictionaries that this OpenCV has, by its own names."""
+    """OpenCV's names of the dictionaries that the installed version has."""
     known = {name for side in SIDES for family in families(side) for name in family.names}
     return tuple(name for names in FAMILIES for name in names if name in known)
 
@@ -29,17 +29,20 @@ def family_names() -> tuple[str, ...]:
 
 
 def dictionary_name(text: str) -> str:
-    """OpenCV's name of a dictionary, from that name in any case, with or without `DICT_`. Raises ConfigError, which lists the names."""
+    """OpenCV's name of a dictionary, from that name in any case, with or without `DICT_`. Raises ConfigError, which
+    lists the names."""
     return _known(text, dictionary_names(), "dictionary", lambda name: re.sub("^dict_", "", name.lower()))
 
 
 def family_name(text: str) -> str:
-    """The name of a family of AprilTags: `tag36h11`, also `36h11` and OpenCV's DICT_APRILTAG_36h11. Raises ConfigError, which lists the names."""
+    """The name of a family of AprilTags: `tag36h11`, also `36h11` and OpenCV's DICT_APRILTAG_36h11. Raises ConfigError,
+    which lists the names."""
     return _known(text, family_names(), "family", lambda name: re.sub("^(dict_apriltag_|tag|t)", "", name.lower()))
 
 
 def marker_bits(dictionary: str) -> Shaped[Array, "n n n"]:
-    """The bits (N, n, n) of all markers of one of OpenCV's dictionaries, 1 is white, as OpenCV draws them upright. Raises ConfigError."""
+    """The bits (N, n, n) of all markers of one of OpenCV's dictionaries, 1 is white, as OpenCV draws them upright.
+    Raises ConfigError."""
     name = dictionary_name(dictionary)
     for side in SIDES:
         for family in families(side):
@@ -52,11 +55,11 @@ def tag_bits(family: str) -> Shaped[Array, "n n n"]:
     """The bits (N, n, n) of all tags of a family, 1 is white, as Kalibr prints them upright. Raises ConfigError."""
     name = family_name(family)
     opencv = next(key for key, value in NAMES.items() if value == name)
-    return np.rot90(marker_bits(opencv), 2, (1, 2))  # OpenCV draws them upside down
+    return np.rot90(marker_bits(opencv), 2, (1, 2))  # OpenCV draws AprilTags upside down
 
 
 def _known(text: str, names: tuple[str, ...], what: str, key: Callable[[str], str]) -> str:
-    """The one of `names` that has the same `key` as the text."""
+    """The element of `names` with the same `key` as `text`. Raises ConfigError if there is none."""
     wanted = key(str(text).strip())
     found = [name for name in names if key(name) == wanted]
     if not found:

@@ -1,4 +1,4 @@
-"""Every printable target as shapes in metres: what the printer, the renderer and the tests draw."""
+"""Every printable target as shapes in metres, for printing, rendering and tests."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ CIRCLE = 1 / 6
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A target as it is printed: `shapes` within (0, 0) to (`width`, `height`), m, x right, y down; what they leave is white.
+    """A target as printed: `shapes` within (0, 0) to (`width`, `height`), m, x right, y down; the rest is white.
 
-    `corners` (N, 2): where the corners lie, in the order of `Printed.ids`.
+    `corners` (N, 2): positions of the corners, m, in the order of `Printed.ids`.
     """
 
     width: float
@@ -35,7 +35,8 @@ class Drawing:
 
 
 def draw(printed: Printed) -> Drawing:
-    """What has to be printed, upright. Raises ConfigError for a dictionary that is unknown or has too few markers, and for unknown rows."""
+    """The drawing of a target, upright. Raises ConfigError for a dictionary that is unknown or has too few markers, and
+    for unknown rows."""
     target, spacing = printed.target, printed.spacing
     check(target)
     width, height = extent(target)
@@ -44,7 +45,7 @@ def draw(printed: Printed) -> Drawing:
 
 
 def extent(target: Print) -> tuple[float, float]:
-    """Width and height of what is printed, in sides of a square, triangle or tag."""
+    """Width and height of the print, in sides of a square, triangle or tag."""
     columns, rows = target.columns, target.rows or 0
     if isinstance(target, Charuco):
         return float(columns), float(rows)
@@ -56,7 +57,8 @@ def extent(target: Print) -> tuple[float, float]:
 
 
 def check(target: Print) -> None:
-    """Raise ConfigError unless the target can be drawn: its fields are in range, all its markers in its dictionary, and its rows known."""
+    """Raise ConfigError unless the target can be drawn: its fields are in range, all its markers are in its dictionary,
+    and its number of rows is known."""
     if isinstance(target, (Charuco, AprilGrid)):
         check_target(target)
     if target.rows is None:
@@ -85,7 +87,7 @@ def _check_count(name: str, has: int, first: int, count: int, what: str) -> None
 
 
 def _on_sheet(target: Print) -> Real[Array, "n 2"]:
-    """Where the corners lie on the upright sheet, (N, 2), in the order of their numbers."""
+    """Positions of the corners on the upright sheet, (N, 2), in the order of their numbers."""
     plane = target.plane(target.places())
     if isinstance(target, AprilGrid):  # labels count from the bottom right, to the left and upwards
         return np.array(extent(target)) - target.gap - plane
@@ -115,10 +117,11 @@ def _squares(target: Checkerboard | PuzzlePart) -> Iterator[Shape]:
 
 
 def _circles(part: PuzzlePart) -> Iterator[Disc]:
-    """On the middle of every edge, also of those that end at the rim. The sheet's corner (1, 1) is the part's first."""
+    """A circle at the middle of every edge, including those that end at the rim. The sheet's corner (1, 1) is the
+    part's first."""
     for row in range(part.rows + 1):
         for column in range(part.columns + 1):
-            x, y = part.column - 1 + column, part.row - 1 + row  # on the code
+            x, y = part.column - 1 + column, part.row - 1 + row  # position on the code
             if row:
                 yield Disc(column + 0.5, row, CIRCLE, CODE_2[x % 3][y % 167] == "1")
             if column:
@@ -137,7 +140,7 @@ def _deltille(target: Deltille) -> Iterator[Area]:
 
 
 def _charuco(board: Charuco) -> Iterator[Shape]:
-    """Markers stand in the white squares; inverted, what is black and what is white change places."""
+    """Markers lie in the white squares; on an inverted board black and white are exchanged."""
     bits = marker_bits(board.dictionary)
     margin = (1 - board.marker) / 2
     for row in range(board.rows or 0):
@@ -152,7 +155,7 @@ def _charuco(board: Charuco) -> Iterator[Shape]:
 
 
 def _aprilgrid(grid: AprilGrid) -> Iterator[Shape]:
-    """Tags row by row upwards from the bottom left, a small black square at every crossing of the gaps."""
+    """Tags row by row upwards from the bottom left, and a small black square at every crossing of the gaps."""
     bits, step, rows = tag_bits(grid.family), 1 + grid.gap, grid.rows or 0
     for row in range(rows + 1):
         for column in range(grid.columns + 1):
@@ -164,17 +167,18 @@ def _aprilgrid(grid: AprilGrid) -> Iterator[Shape]:
 
 
 def _marker(bits: Array, border: int, side: float, left: float, top: float) -> tuple[tuple[Point, ...], ...]:
-    """The outline of a marker's black modules, its border of `border` modules included."""
+    """The outline of a marker's black modules, including its border of `border` modules."""
     black = np.pad(bits == 0, border, constant_values=True)
     module = side / len(black)
     return tuple(tuple((left + x * module, top + y * module) for x, y in loop) for loop in outline(black))
 
 
 def outline(cells: Array) -> list[list[tuple[int, int]]]:
-    """Closed loops of points (x, y) around the cells (rows, columns) that are true: one shape has no seams where it is printed.
+    """Closed loops of points (x, y) around the true `cells` (rows, columns): a single shape prints without seams
+    between cells.
 
-    Corners only; the cells lie to the right of the way (y down). Where two cells touch at a corner, loops may touch, too: fill by the
-    even-odd rule.
+    Only points at which a loop turns; the cells lie to the right of its direction (y down). Where two cells touch at a
+    corner, loops may touch, too: fill by the even-odd rule.
     """
     after: dict[tuple[int, int], list[tuple[int, int]]] = {}
     padded = np.pad(np.asarray(cells, bool), 1)
@@ -200,6 +204,6 @@ def outline(cells: Array) -> list[list[tuple[int, int]]]:
 
 
 def _corners_of(loop: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The points at which a closed way turns."""
+    """The points at which a closed loop turns."""
     ways = zip(loop[-1:] + loop[:-1], loop, loop[1:] + loop[:1], strict=True)
     return [b for a, b, c in ways if (b[0] - a[0]) * (c[1] - b[1]) != (b[1] - a[1]) * (c[0] - b[0])]

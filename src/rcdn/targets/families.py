@@ -23,12 +23,13 @@ FAMILIES: tuple[tuple[str, ...], ...] = (
     ("DICT_APRILTAG_36h11",),
     ("DICT_ARUCO_MIP_36h12",),
 )
-"""Dictionaries that begin alike, the shortest first: each is the beginning of the next."""
+"""Nested dictionaries, the shortest first: the markers of each are the first ones of the next."""
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Dictionaries that begin alike: the `bits` (N, n, n) of the longest, 1 is white; `names` and `sizes`, rising."""
+    """Nested dictionaries: the `bits` (N, n, n) of the longest, 1 is white; `names` and `sizes` of all, by rising
+    size."""
 
     bits: Array
     names: tuple[str, ...]
@@ -38,7 +39,7 @@ class Family:
         return len(self.bits)
 
     def smallest(self, highest: int) -> str:
-        """The smallest dictionary that has the marker `highest`."""
+        """The smallest dictionary that contains the marker number `highest`."""
         return next(name for name, size in zip(self.names, self.sizes, strict=True) if highest < size)
 
 
@@ -49,7 +50,8 @@ def families(side: int) -> tuple[Family, ...]:
 
 
 def family_of(dictionary: str) -> Family:
-    """The family that the dictionary called so by OpenCV is of. Raises ConfigError if OpenCV has none of that name."""
+    """The family that contains the `dictionary` with this name in OpenCV. Raises ConfigError if OpenCV has none of that
+    name."""
     for names in FAMILIES:
         if dictionary in names and dictionary in _family(names).names:
             return _family(names)
@@ -59,7 +61,7 @@ def family_of(dictionary: str) -> Family:
 
 @lru_cache
 def _family(names: tuple[str, ...]) -> Family:
-    known = [name for name in names if hasattr(cv2.aruco, name)]  # older OpenCV has fewer
+    known = [name for name in names if hasattr(cv2.aruco, name)]  # older versions of OpenCV have fewer
     dictionaries = [cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)) for name in known]
     if not dictionaries:
         return Family(np.zeros((0, 1, 1), np.uint8), (), ())

@@ -1,4 +1,4 @@
-"""Targets in files: a small YAML of what is printed, in metres, and Kalibr's own target YAML, read and written."""
+"""Files of targets, read and written: a small YAML description of the print, in metres, and Kalibr's target YAML."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Print, Printe
 from rcdn.types.target import PUZZLE
 
 ROUND = 9
-"""digits of a ratio of two lengths"""
+"""decimals to which a ratio of two lengths is rounded"""
 _NOTES = {
     "charuco": ("squares", "side of a square, m"),
     "aprilgrid": ("tags", "side of a tag, m"),
@@ -30,7 +30,8 @@ _KALIBR_FIELDS = {
 
 
 def read_target(path: str | Path) -> Printed:
-    """The target of a YAML file: rcdn's own (`kind: …`), or Kalibr's (`target_type: aprilgrid` or `checkerboard`).
+    """The target in a YAML file of rcdn's own format (`kind: …`) or Kalibr's (`target_type: aprilgrid` or
+    `checkerboard`).
 
     Raises FormatError, which names the file, the field and the fix.
     """
@@ -47,7 +48,8 @@ def read_target(path: str | Path) -> Printed:
 
 
 def write_target(path: str | Path, printed: Printed) -> None:
-    """Write the target's YAML: a checkerboard's and a usual AprilGrid's in Kalibr's form, which rcdn reads, too; others' in rcdn's own.
+    """Write the target's YAML: for a checkerboard and a usual AprilGrid in Kalibr's format, which rcdn reads, too, for
+    other targets in rcdn's own.
 
     Raises OutputError.
     """
@@ -55,7 +57,7 @@ def write_target(path: str | Path, printed: Printed) -> None:
 
 
 def target_text(printed: Printed) -> str:
-    """What `write_target` writes."""
+    """The text that `write_target` writes."""
     target, spacing = printed.target, printed.spacing
     if isinstance(target, Checkerboard):
         return _kalibr("checkerboard", target.columns, target.rows, spacing, spacing)

@@ -1,4 +1,4 @@
-"""A first look at a board: the squares around some of its corners, from few samples. It says whether there may be codes, before any is read."""
+"""A quick test of a board for codes before any is decoded: the squares around some of its corners, from few samples."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ from rcdn.types import Array, Board
 from rcdn.types.arrays import Bool, Real, Shaped
 
 SAMPLES = 8
-"""a square's side on the raster"""
+"""samples along a square's side"""
 MOST = 32
-"""corners around which squares are looked at"""
+"""largest number of corners around which squares are sampled"""
 PLAIN = 0.15
-"""standard deviation inside of squares, share of the contrast, under which they hold no markers"""
+"""standard deviation inside squares, share of the contrast, below which they contain no markers"""
 FAINT = 0.12
-"""grey of circles on edges against the mean of the squares beside, share of their contrast, under which there are none"""
+"""difference of grey level between circles on edges and the mean of the adjacent squares, share of their contrast,
+below which there are no circles"""
 LOOSER = 0.8
-"""share of these limits that makes a board worth reading: few of its squares were looked at"""
+"""factor on these thresholds in the quick test, which samples only few squares"""
 FEW = 8
-"""edges that are too few to see a bend"""
+"""least number of edges from which the effect of bent edges is estimated"""
 REACH = 30000
-"""px: OpenCV samples no larger pictures"""
+"""px: OpenCV's `remap` takes no larger pictures"""
 
 
 @dataclass(frozen=True, eq=False)
 class Glance:
-    """Grey of the four squares around each of K corners, `squares` (K, 2, 2, S, S), row by row; `odd` (K,) bool: whether the one at the upper left
-    is of the other colour; `edges` (4, K): grey in the middle of the edges from the corner over the mean of both sides, share of the first side's
-    contrast to the other, freed of what bent edges and spreading ink make of it; NaN where there is no contrast."""
+    """Samples around K corners: `squares` (K, 2, 2, S, S), grey levels of the four squares around each, row by row;
+    `odd` (K,) bool: whether the upper left one has the other colour; `edges` (4, K): grey level at the middle of the
+    edges from the corner, less the mean of both sides, ÷ the first side's contrast to the other, corrected for the
+    effects of bent edges and ink spread; NaN where there is no contrast."""
 
     squares: Array
     odd: Array
@@ -39,14 +41,14 @@ class Glance:
 
     @property
     def may_carry_codes(self) -> bool:
-        """Are there markers in squares of one colour, or circles on the edges?"""
+        """Whether there may be markers in squares of one colour, or circles on the edges."""
         known = np.abs(self.edges[np.isfinite(self.edges)])
         level = float(np.median(known)) if len(known) else 0.0
         return level >= LOOSER * FAINT or self._spread_of_one_colour > (LOOSER * PLAIN) ** 2
 
     @property
     def _spread_of_one_colour(self) -> float:
-        """By how much the variance inside of squares of one colour exceeds the other's, share of the squared contrast."""
+        """Difference of the variances inside squares of the two colours, share of the squared contrast."""
         a, b = np.indices((2, 2))
         colour = ((a + b)[None] + self.odd[:, None, None]) % 2 == 1
         spread = self.squares[..., 1:-1, 1:-1].var(axis=(3, 4))
@@ -56,7 +58,7 @@ class Glance:
 
 
 def glance_at(grey: Shaped[Array, "h w"], board: Board) -> Glance | None:
-    """A first look at a board of squares; None if none of its corners has all those around it. `grey` (H, W)."""
+    """Samples of a board of squares in `grey` (H, W); None if no corner has all its eight neighbours."""
     grid = board.grid()
     if min(grid.shape[:2]) < 3:
         return None
@@ -78,8 +80,8 @@ def glance_at(grey: Shaped[Array, "h w"], board: Board) -> Glance | None:
 
 
 def _unbent(values: Array, row: Array, column: Array) -> Real[Array, "j k"]:
-    """Values (J, K) at places of the grid (K,) without what fits each of the J best of a plane, which bent edges make, and a chequer, which spreading
-    ink makes; NaN where they are none."""
+    """Values (J, K) at the grid positions `row`, `column` (K,), less the least-squares fit of a plane (the effect of
+    bent edges) and a checker pattern (that of ink spread) to each of the J rows; NaN where a value is invalid."""
     known = np.abs(values) < 1.5
     causes = np.stack([np.ones(len(row)), row, column, (row + column) % 2], axis=1)
     out = np.where(known, values, np.nan)
@@ -90,9 +92,10 @@ def _unbent(values: Array, row: Array, column: Array) -> Real[Array, "j k"]:
 
 
 def _sampled(grey: Array, xy: Real[Array, "k p 2"]) -> Array | None:
-    """Grey at `xy` (K, P, 2) px, (K, P) float32, the rim's beyond the picture; None if that takes too large a part of it."""
+    """Grey levels at `xy` (K, P, 2) px, (K, P) float32, with the border pixels repeated outside the picture; None if
+    they span a larger part of the picture than OpenCV can sample."""
     limits = np.array(grey.shape[::-1]) - 1
-    x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
+    x, y = xy[..., 0], xy[..., 1]  # separately: NumPy is slow for both together
     low = np.clip(np.floor((x.min(), y.min())) - 1, 0, limits).astype(int)
     high = np.clip(np.ceil((x.max(), y.max())) + 2, low + 1, limits + 1).astype(int)
     if (high - low).max() > REACH:
@@ -105,8 +108,8 @@ def _sampled(grey: Array, xy: Real[Array, "k p 2"]) -> Array | None:
 
 @lru_cache
 def _places() -> Real[Array, "p 9"]:
-    """(P, 9) weights of the nine corners around and at a corner, row by row, that give the places of samples: those of the four squares; and for each
-    of four edges nine in its middle and one on either side."""
+    """Positions of the samples as weights (P, 9) of a corner and its eight neighbours, row by row: those of the four
+    squares; and for each of the four edges nine at its middle and one on either side."""
     nodes = np.eye(9).reshape(3, 3, 9)
     step = (np.arange(SAMPLES) + 0.5) / SAMPLES
     v, u = (a.reshape(-1, 1) for a in np.meshgrid(step, step, indexing="ij"))
@@ -127,8 +130,8 @@ def _places() -> Real[Array, "p 9"]:
 
 
 def marked_squares(squares: Real[Array, "r c s s"], inner: Bool[Array, "r c"]) -> Array | None:
-    """Which of the `squares` (R, C, S, S), of one colour, hold markers, (R, C) bool; None if neither colour's are less plain than the other's.
-    Those count that are `inner` (R, C)."""
+    """The `squares` (R, C, S, S) of the colour that contains markers, (R, C) bool; None if the two colours do not
+    differ enough in variance. Only `inner` (R, C) squares are evaluated."""
     row, column = np.indices(inner.shape)
     middle = squares[:, :, 1:-1, 1:-1]
     level, spread = middle.mean(axis=(2, 3)), middle.var(axis=(2, 3))

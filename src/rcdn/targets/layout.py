@@ -1,4 +1,5 @@
-"""Which marker of a ChArUco board stands in which square. Markers stand in every second square, numbered row by row."""
+"""The layout of a ChArUco board: which marker lies in which square. Every second square has a marker, numbered row by
+row."""
 
 from __future__ import annotations
 
@@ -8,25 +9,26 @@ from rcdn.types import Array, Charuco
 
 
 def odd_markers(board: Charuco) -> bool:
-    """Whether the markers stand in the squares whose column + row is odd; else where it is even. With an odd number of rows a legacy board is as
-    any other."""
+    """Whether the markers lie in the squares whose column + row is odd; otherwise where it is even. With an odd number
+    of rows a legacy board is the same as any other."""
     return not (board.legacy and (board.rows or 0) % 2 == 0)
 
 
 def markers_in(board: Charuco, square: Array) -> tuple[Array, Array]:
-    """The numbers (...) of the markers in the squares (..., 2), column and row, and whether markers stand there at all."""
+    """The numbers (...) of the markers in the squares (..., 2), column and row, and whether these squares have markers
+    at all."""
     odd = odd_markers(board)
     index = index_of(square[..., 0], square[..., 1], np.array(board.columns), np.array(odd))
     return board.first_id + index, np.asarray(square.sum(axis=-1) % 2 == odd)
 
 
 def place_of(index: Array, columns: Array, odd: Array) -> tuple[Array, Array]:
-    """(column, row) of the square with the marker `index`, counted from 0, of boards with `columns` squares a row.
+    """(column, row) of the square with the marker `index`, counted from 0, of boards with `columns` squares per row.
 
-    `odd`: the squares whose column + row is odd have the markers; else those where it is even.
+    `odd`: whether the markers lie in the squares whose column + row is odd; otherwise where it is even.
     """
     first = _in_first_row(columns, odd)
-    pair, rest = index // columns, index % columns  # two rows have as many markers as there are columns
+    pair, rest = index // columns, index % columns  # two rows together have `columns` markers
     second = rest >= first
     row = 2 * pair + second
     return 2 * (rest - second * first) + (row + odd) % 2, row

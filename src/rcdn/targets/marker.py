@@ -1,4 +1,5 @@
-"""What a square with a marker looks like, and what its modules are: size of the marker, blur, log-likelihood ratios of white to black."""
+"""The appearance of a square with a marker (size of the marker, blur), and the log-likelihood ratios of its modules,
+white to black."""
 
 from __future__ import annotations
 
@@ -14,27 +15,29 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real
 
 RATIOS = np.arange(0.40, 0.971, 0.02)
-"""sides of a marker, squares"""
+"""candidate sides of a marker, squares"""
 BLURS = np.array([0.008, 0.02, 0.035, 0.05, 0.07, 0.1, 0.14, 0.19])
-"""standard deviations of the blur, squares"""
+"""candidate standard deviations of the blur, squares"""
 COARSE = 16
-"""side of a square's raster on which size and blur are found"""
+"""samples along a square's side for the estimate of size and blur"""
 CAP = 4.0
-"""largest log-likelihood ratio of a module: one in fifty is wrong for reasons that the model doesn't know"""
+"""largest log-likelihood ratio of a module: one in fifty is wrong for reasons that are not in the model"""
 LEAST_SIGMA = 0.08
-"""standard deviation of a module of the sharpest picture, black to white: prints and lenses aren't perfect"""
+"""least standard deviation of a module, in units of black to white: prints and lenses aren't perfect"""
 ASPECTS = 0.04
-"""steps of the logarithm of the squares' aspect, by which the blur differs along both: it is known to a third of itself"""
+"""quantisation step of the logarithm of the squares' aspect ratio, by which the blurs along both axes differ; the blur
+itself is known to a third of its value"""
 PRIOR = 1.0
-"""weight of what the gaps say of white beside tags that fill their squares: sharp tags show none but inside"""
+"""weight of a prior from the gaps on the level of white, for tags that fill their squares: around sharp tags a square
+has no white"""
 STIFF = 0.02
-"""pull of the modules towards black where the blur leaves too little to tell"""
+"""regularisation of the modules towards black, which matters where the blur leaves too little information"""
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """Side of the markers (`ratio`) and `blur` along x and along y, squares; `white`: grey levels over the dark squares, below 0 if the colours are
-    inverted."""
+    """Side of the markers (`ratio`) and `blur` along x and along y, squares; `white`: level of white above that of the
+    dark squares, grey levels, negative if the colours are inverted."""
 
     ratio: float
     blur: tuple[float, float]
@@ -43,15 +46,16 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Frame:
-    """How a marker stands in its square: `border`, bits of black around its own; `filling`: it fills the square, which touches dark squares at its
-    corners and white gaps at its sides (AprilGrid). Else there is white around it, and dark squares at its sides (ChArUco)."""
+    """The placement of a marker in its square: `border`: width of its black border, bits; `filling`: it fills the
+    square, which touches dark squares at its corners and white gaps at its sides (AprilGrid). Otherwise there is white
+    around it, and dark squares at the square's sides (ChArUco)."""
 
     border: int = 1
     filling: bool = False
 
 
 class _Part(NamedTuple):
-    """`sign` × a picture (K, S, S) that is the product of one line along `x` and one along `y`, (K, S) each."""
+    """`sign` × a separable picture (K, S, S): the product of one profile along `x` and one along `y`, (K, S) each."""
 
     sign: float
     x: Array
@@ -59,15 +63,16 @@ class _Part(NamedTuple):
 
 
 def _dot(one: list[_Part], two: list[_Part]) -> Real[Array, " k"]:
-    """Products (K,) of two sums of such pictures, summed over all places."""
+    """Inner products (K,) of two sums of separable pictures."""
     products = [a.sign * b.sign * (a.x * b.x).sum(axis=1) * (a.y * b.y).sum(axis=1) for a in one for b in two]
     return np.asarray(np.sum(products, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Models:
-    """What a square with a marker may look like: sides of the marker and blurs (K,); `parts`: the white around it, and what is inside of it, as sums
-    of products; `gram`: products (K,) of the first with itself, of both, of the second with itself."""
+    """Models of a square with a marker: sides `ratio` of the marker and blurs (K,); `parts`: the white around it, and
+    its inside, as sums of separable pictures; `gram`: inner products (K,) of the first with itself, of both, of the
+    second with itself."""
 
     ratio: Array
     along_x: Array
@@ -78,7 +83,8 @@ class _Models:
 
 @lru_cache(maxsize=64)
 def _models(side: int, frame: Frame, aspect: int) -> _Models:
-    """Models of all sizes and blurs of markers with `side`² bits; `aspect`: the logarithm of the squares' one, in steps of `ASPECTS`."""
+    """Models for all sizes and blurs of markers with `side`² bits; `aspect`: logarithm of the squares' aspect ratio, in
+    steps of `ASPECTS`."""
     x, stretch = _middles(COARSE), float(np.exp(aspect * ASPECTS))
     ratio, blur = (a.ravel() for a in np.meshgrid([1.0] if frame.filling else RATIOS, BLURS, indexing="ij"))
     along_x, along_y = blur / np.sqrt(stretch), blur * np.sqrt(stretch)
@@ -90,8 +96,9 @@ def _models(side: int, frame: Frame, aspect: int) -> _Models:
 
 
 def appearance(mean: Real[Array, "s s"], side: int, frame: Frame, aspect: float) -> Appearance | None:
-    """The marker's size and the blur that explain best the mean `mean` (S, S) of squares with markers of `side`² bits; dark squares are at 0.
-    `aspect`: width over height of the squares in the picture, where the blur is round.
+    """The size of the marker and the blur that best explain the mean `mean` (S, S) of squares with markers of `side`²
+    bits; the level of dark squares is 0. `aspect`: width ÷ height of the squares in the picture, in which the blur is
+    isotropic.
 
     None if no marker explains it.
     """
@@ -104,12 +111,12 @@ def appearance(mean: Real[Array, "s s"], side: int, frame: Frame, aspect: float)
     right = [
         sum((p.sign * ((p.y @ even) * p.x).sum(axis=1) for p in parts), np.zeros(len(ratio))) for parts in models.parts
     ]
-    if frame.filling:  # how much of the inside is white is not known, and white gaps are 1
+    if frame.filling:  # the share of white inside is unknown, but the level of the white gaps is 1
         gram[0], right[0] = gram[0] + PRIOR, right[0] + PRIOR
     determinant = gram[0] * gram[2] - gram[1] ** 2 + 1e-12
     white = (gram[2] * right[0] - gram[1] * right[1]) / determinant
     middle = (gram[0] * right[1] - gram[1] * right[0]) / determinant
-    share = middle / np.where(white == 0, np.nan, white)  # of white in the marker's inside
+    share = middle / np.where(white == 0, np.nan, white)  # share of white inside the marker
     explained = np.where((share > 0) & (share < 1), white * right[0] + middle * right[1], -np.inf)
     best = int(np.argmax(explained))
     if not np.isfinite(explained[best]):
@@ -124,10 +131,11 @@ def modules(
     frame: Frame,
     open_sides: Bool[Array, "k 4"] | None = None,
 ) -> Real[Array, "k n n"]:
-    """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, the blur taken out; NaN where unseen.
+    """Values (K, n, n) of the modules, n = `side` + 2 borders, of `squares` (K, S, S): black 0, white 1, deblurred; NaN
+    where not visible.
 
-    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be white; it is
-    if the marker's border is darker then.
+    `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be followed
+    by white; that is assumed where it makes the values of the marker's border closer to black.
     """
     unblurred, beyond = _unblurring(squares.shape[-1], look.ratio, look.blur, side, frame)
     values = unblurred(squares / look.white)
@@ -148,8 +156,8 @@ def modules(
 def _unblurring(
     samples: int, ratio: float, blurs: tuple[float, float], side: int, frame: Frame
 ) -> tuple[Callable[[Array], Array], Array]:
-    """What takes squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the white that comes from beyond each of a square's four
-    sides, if it is white there, (4, S, S)."""
+    """A function from squares (K, S, S), black 0 and white 1, to their modules (K, n, n); and the contribution
+    (4, S, S) of white beyond each of a square's four sides, if it is white there."""
     x = _middles(samples)
     (near_x, solve_x), (near_y, solve_y) = (_unmixing(x, ratio, blur, side + 2 * frame.border) for blur in blurs)
     along_x, along_y = (np.array([blur]) for blur in blurs)
@@ -174,20 +182,20 @@ def _unblurring(
 
 
 def _unmixing(x: Real[Array, " s"], ratio: float, blur: float, count: int) -> tuple[Array, Array]:
-    """Along one axis: which places `x` (S,) of a square say something of its `count` modules, (S,) bool; and what takes
-    these to modules (count, ·)."""
+    """Along one axis: which samples `x` (S,) of a square depend on its `count` modules, (S,) bool; and the matrix
+    (count, ·) from these samples to the modules."""
     edges = 0.5 + ratio * (np.arange(count + 1) / count - 0.5)
     steps = 0.5 * erf((x[:, None] - edges) / (np.sqrt(2.0) * blur))
     near = np.abs(x - 0.5) < ratio / 2 + blur
-    mixing = (steps[:, :-1] - steps[:, 1:])[near]  # what each module gives to each place
+    mixing = (steps[:, :-1] - steps[:, 1:])[near]  # weight of each module in each sample
     return near, np.linalg.solve(mixing.T @ mixing + STIFF * np.eye(count), mixing.T)
 
 
 def evidence(values: Array, border: int, trusted: Bool[Array, " k"] | None = None) -> Real[Array, "k n n"]:
-    """Log-likelihood ratios (K, n, n) of white to black of modules at `values`; 0 of what isn't seen.
+    """Log-likelihood ratios (K, n, n), white to black, of modules with `values`; 0 for modules that aren't visible.
 
-    The noise is that of the frames, which are black, and of the distances to the nearer of black and white, in the squares that are `trusted` (K,)
-    to show markers (all, if it is None).
+    The noise is estimated from the borders, which are black, and from the distances of bits to the nearer of black and
+    white, in the squares that are `trusted` (K,) to show markers (None: all).
     """
     inside = inner_modules(values.shape[-1], border)
     sample = values if trusted is None else values[trusted]
@@ -201,7 +209,7 @@ def evidence(values: Array, border: int, trusted: Bool[Array, " k"] | None = Non
 
 
 def inner_modules(count: int, border: int) -> Array:
-    """(count, count) bool: which modules of a marker are inside its border."""
+    """(count, count) bool: the modules of a marker inside its border."""
     inside = np.zeros((count, count), bool)
     inside[border:-border, border:-border] = True
     return inside
@@ -212,14 +220,15 @@ def _middles(samples: int) -> Array:
 
 
 def _box(x: Real[Array, " s"], width: Array | float, blur: Real[Array, " k"]) -> Array:
-    """Boxes of height 1 and `width` (K, or one) in the middle of 0..1 under `blur` (K,), at `x` (S,), symmetric about the middle: (K, S)."""
+    """Box functions (K, S) of height 1 and `width` (K, or one number), centred in 0..1 and blurred by `blur` (K,), at
+    `x` (S,), which is symmetric about the centre."""
     s, half = (np.sqrt(2.0) * blur)[:, None], np.broadcast_to(width, blur.shape)[:, None] / 2
     step = erf((x - 0.5 + half) / s)
     return np.asarray(0.5 * (step + step[:, ::-1]))
 
 
 def _around_parts(x: Array, ratio: Real[Array, " k"], along_x: Array, along_y: Array, frame: Frame) -> list[_Part]:
-    """The white around black markers of sides `ratio` (K,) under blurs (K,), as sums of products."""
+    """The white around black markers of sides `ratio` (K,) with blurs (K,), as a sum of separable pictures."""
     across, down = _box(x, 1.0, along_x), _box(x, 1.0, along_y)
     if frame.filling:
         return [_Part(1.0, across, 1 - down), _Part(1.0, 1 - across, down)]
@@ -228,6 +237,6 @@ def _around_parts(x: Array, ratio: Real[Array, " k"], along_x: Array, along_y: A
 
 
 def _around(x: Array, ratio: Array, along_x: Array, along_y: Array, frame: Frame) -> Real[Array, "k s s"]:
-    """The same as pictures (K, S, S)."""
+    """`_around_parts` as pictures (K, S, S)."""
     parts = _around_parts(x, ratio, along_x, along_y, frame)
     return np.asarray(np.sum([p.sign * p.y[:, :, None] * p.x[:, None, :] for p in parts], axis=0))

@@ -1,4 +1,4 @@
-"""Boards seen in a mirror: a webcam's picture flipped for its user, a print seen from behind."""
+"""Mirrored boards: a webcam's picture flipped for its user, or a print seen from behind."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from rcdn.types.arrays import Shaped
 def identified_or_mirrored(
     grey: Shaped[Array, "h w"], board: Board, told: Target | None = None
 ) -> tuple[Board, Target | None]:
-    """The board with what its codes say, as `identified`; and if they say nothing, the target that they are certain to be in the mirror image of the
-    picture `grey` (H, W), or None. `told`: the only target that it may be."""
+    """The board with its decoded target, as `identified`; if it has none, also the target that is decoded with
+    certainty in the mirror image of the picture `grey` (H, W), else None. `told`: the target given by the
+    user (None: unknown)."""
     known, markers = identified_straight(grey, board, told)
     return known, None if known.target is not None else _mirrored_target(grey, board, told, markers)
 
 
 def _mirrored_target(grey: Array, board: Board, told: Target | None, markers: bool) -> Target | None:
-    """The target in the mirror image; `markers`: whether there may be any in its squares."""
+    """The target decoded in the mirror image, or None; `markers`: whether its squares may contain markers."""
     last = int(board.ij[:, 0].max())
     if board.pattern == "aprilgrid":
-        last = last // 2 * 2 + 1  # tags begin at even labels from either side
+        last = last // 2 * 2 + 1  # a tag's first corner has an even label, counted from either side
     xy = board.xy * (-1, 1) + (grey.shape[1] - 1, 0)
     flipped = replace(board, xy=xy, ij=board.ij * (-1, 1) + (last, 0))
     return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, told, markers=markers)[0].target

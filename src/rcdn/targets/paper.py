@@ -1,6 +1,8 @@
-"""Where a board is seen to end: its squares stop at an edge of the lattice, and the plain paper that they are printed on goes on.
+"""Detects the sides on which a board visibly ends: its squares stop at an edge of the lattice, and the blank paper
+continues.
 
-A board that is covered or cut shows the same only if that happens along the very edge of squares, and what is beyond is as bright as its white.
+A covered or cut board looks the same only if the occluder or the cut runs exactly along the edge of squares and what
+lies beyond is as bright as the board's white.
 """
 
 from __future__ import annotations
@@ -11,28 +13,29 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real
 
 MOST = 0.8
-"""least share of a side's squares beyond which paper is seen"""
+"""least share of a side's squares beyond which paper must be seen"""
 OFF = 0.025
-"""squares; how far from the lattice's edge the dark squares may end, median of a side"""
+"""largest distance from the lattice's edge to the end of the dark squares, median of a side, squares"""
 EACH = 0.06
-"""the same of each square"""
+"""the same for each single square"""
 NEAR, FAR = 0.09, 0.41
-"""the strip that must be paper, squares beyond the edge: drawings often have no more than half a square"""
+"""range of the strip that must be paper, squares beyond the edge: printed margins are often only half a square wide"""
 BLOCKS = 2, 4
-"""parts of the strip, outwards and along the side, each of which must be as bright as paper"""
+"""number of blocks of the strip, outwards and along the side, each of which must be as bright as paper"""
 BRIGHT = 0.75, 1.35
-"""brightness of paper, from the dark of the squares beside it, 0, to their white, 1"""
+"""range of the brightness of paper, on a scale from the adjacent squares' dark, 0, to their white, 1"""
 CLEAR = 0.7
-"""least brightness right beyond a white square, where the next dark one would begin"""
+"""least brightness just beyond a white square, where the next dark one would begin"""
 LEAST = 8.0
-"""grey levels from dark to white under which nothing is known"""
+"""least contrast between dark and white, grey levels, with which a square is evaluated"""
 
 
 def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"]:
-    """(3, 3) bool: whether the board is seen to end above [0, 1], on the left [1, 0], on the right [1, 2] and below [2, 1]; else it isn't known.
+    """(3, 3) bool: whether the board visibly ends above [0, 1], on the left [1, 0], on the right [1, 2] and below
+    [2, 1]; False if that isn't known.
 
-    `squares` (R + 2, C + 2, S, S): grey of the board's squares and of one more on each side, NaN where nothing is seen; `marked` (R, C): those that
-    hold markers. Around inverted boards paper may be printed black.
+    `squares` (R + 2, C + 2, S, S): grey levels of the board's squares and of one more on each side, NaN outside the
+    picture; `marked` (R, C): the squares that contain markers. The paper around inverted boards may be printed black.
     """
     ended = np.zeros((3, 3), bool)
     inner = squares[1:-1, 1:-1]
@@ -46,14 +49,15 @@ def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"
 
 
 def _rim(squares: Array) -> float:
-    """Usual grey along the edges of squares (K, S, S); NaN where nothing is seen."""
+    """Median grey level along the edges of squares (K, S, S); NaN if none is visible."""
     values = np.concatenate([squares[:, :2].ravel(), squares[:, -2:].ravel()])
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else np.nan
 
 
 def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
-    """Whether paper is seen above the board's `squares`, with those above them; `white` (R, C): those with white at their edges."""
+    """Whether paper is seen above the board; `squares`: as in `ended_sides`; `white` (R, C): the squares with white at
+    their edges."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)
     seen = np.isfinite(level).all(axis=1) & (level[:, 1] - level[:, 0] >= LEAST)
@@ -72,7 +76,8 @@ def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
 
 
 def _levels(squares: Array) -> Real[Array, "k 2"]:
-    """Dark and white (K, 2) of a row of squares (K, S, S) and of those beside each; NaN where a square isn't all seen."""
+    """Levels of dark and white (K, 2) in each of a row of squares (K, S, S) and its two neighbours; NaN where a square
+    isn't fully visible."""
     flat = np.pad(squares.reshape(len(squares), -1), ((1, 1), (0, 0)), constant_values=np.nan)
     three = np.concatenate([flat[:-2], flat[1:-1], flat[2:]], axis=1)
     out = np.full((len(squares), 2), np.nan)
@@ -83,7 +88,7 @@ def _levels(squares: Array) -> Real[Array, "k 2"]:
 
 
 def _is_paper(strips: Array) -> Bool[Array, " k"]:
-    """(K,) bool: which strips (K, H, W), black 0 and white 1, are evenly bright."""
+    """(K,) bool: whether strips (K, H, W), black 0 and white 1, are evenly bright."""
     inside = strips[:, :, strips.shape[2] // 10 : -(strips.shape[2] // 10)]
     blocks = [
         part.mean(axis=(1, 2))
@@ -94,9 +99,10 @@ def _is_paper(strips: Array) -> Bool[Array, " k"]:
 
 
 def _end_of_dark(along: Array, out: Real[Array, " t"]) -> Real[Array, " k"]:
-    """(K,): how far `out` (T,), falling, profiles (K, T) of black 0 and white 1 are last dark; infinite if they aren't, or don't end."""
+    """(K,): the outermost position of `out` (T,), falling, at which the profiles `along` (K, T), black 0 and white 1,
+    change from dark to white; infinite if a profile is nowhere dark, or dark up to its outer end."""
     dark = along < 0.5
-    last = dark.argmax(axis=1)  # the outermost
+    last = dark.argmax(axis=1)  # the outermost dark sample
     known = dark.any(axis=1) & (last > 0)
     last = np.maximum(last, 1)
     k = np.arange(len(along))

@@ -1,4 +1,4 @@
-"""Pieces of one coded board, each read by itself, become one board where they agree."""
+"""Joins pieces of one coded board, each decoded by itself, into one board where they agree."""
 
 from __future__ import annotations
 
@@ -14,21 +14,24 @@ from rcdn.targets.read import identified
 from rcdn.types import Array, Board, Charuco, Target
 
 READ = 150
-"""corners of pieces that are read in a picture"""
+"""largest number of corners of pieces that are decoded per picture"""
 OFF = 0.3
-"""squares; how far corners of joined pieces may lie from their common plane, and the same corner in two pieces"""
+"""largest distance of corners of joined pieces from their common plane, and between the same corner in two pieces,
+squares"""
 RATIO = 0.09
-"""how much the measured sizes of the markers of one board may differ, squares"""
+"""largest difference of the measured sizes of the markers of one board, squares"""
 INSIDE = 0.9
-"""share of a piece's corners that are those of one plain board, above which the piece tells nothing that the board doesn't"""
+"""share of a piece's corners that belong to one undecoded board, above which the piece adds no information to that
+board"""
 SHARED = 0.25
-"""share of a plain board's corners that are those of a read one, above which it is that one"""
+"""share of a board's or piece's corners that belong to a decoded board, above which it is the same board"""
 
 
 def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Target | None) -> list[Board]:
-    """The `boards`, some of which were read, with what the codes on `pieces` of boards add: corners of theirs, or boards of their own.
+    """The `boards`, some of which were decoded, with the additions from decoded `pieces`: further corners, or further
+    boards.
 
-    A piece whose code isn't certain is nothing.
+    A piece whose code isn't certain is discarded.
     """
     read, left = [b for b in boards if b.target is not None], READ
     for piece in pieces:
@@ -43,18 +46,19 @@ def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Tar
 
 
 def _held(piece: Board, read: list[Board]) -> bool:
-    """Are the corners of a piece, or many of them, those of a board that was read?"""
+    """Whether many of the corners of a piece belong to a board that was decoded."""
     return any((nearest(b.xy, piece.xy, 1)[0][:, 0] < OFF * _pitch(b)).mean() > SHARED for b in read)
 
 
 def _inside(piece: Board, boards: list[Board]) -> bool:
-    """Are nearly all corners of a piece those of one board that wasn't read? That one tells more, and it isn't certain."""
+    """Whether nearly all corners of a piece belong to one board that wasn't decoded: that board has more evidence than
+    the piece, and still isn't certain."""
     plain = [b for b in boards if b.target is None]
     return any((nearest(b.xy, piece.xy, 1)[0][:, 0] < OFF * _pitch(b)).mean() > INSIDE for b in plain)
 
 
 def _with(read: list[Board], piece: Board) -> list[Board]:
-    """The boards with one more, or with that one joined to the board whose piece it is."""
+    """The boards with `piece` joined to the board to which it belongs, or else added as a further board."""
     for k, board in enumerate(read):
         whole = joined(board, piece)
         if whole is not None:
@@ -63,7 +67,8 @@ def _with(read: list[Board], piece: Board) -> list[Board]:
 
 
 def joined(one: Board, two: Board) -> Board | None:
-    """Two read boards as one; None if they are two, or of two targets. Where both have a corner the larger one's stands."""
+    """Two decoded boards as one; None if they are separate boards, or of different targets. A corner of both keeps the
+    larger board's position."""
     if len(two) > len(one):
         one, two = two, one
     target = common(one.target, two.target)
@@ -88,7 +93,7 @@ def joined(one: Board, two: Board) -> Board | None:
 
 
 def common(one: Target | None, two: Target | None) -> Target | None:
-    """The target that both may be parts of; None if there is none."""
+    """The target of which both may be parts; None if there is none."""
     if not (isinstance(one, Charuco) and isinstance(two, Charuco)):
         return one if one == two else None
     same = lambda t: (t.columns, t.first_id, t.legacy, t.inverted, family_of(t.dictionary).names)  # noqa: E731
@@ -102,5 +107,5 @@ def common(one: Target | None, two: Target | None) -> Target | None:
 
 
 def _pitch(board: Board) -> float:
-    """Usual distance of a corner from the next, px."""
+    """Median distance from a corner to its nearest neighbour, px."""
     return float(np.median(nearest(board.xy, board.xy, 2)[0][:, 1]))

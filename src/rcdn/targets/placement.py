@@ -1,4 +1,5 @@
-"""Where the markers of a ChArUco board stand in its squares, as printed: programs that draw on a raster put them off by parts of a dot."""
+"""Position of the printed markers of a ChArUco board in its squares: programs that draw on a raster shift them by
+fractions of a pixel."""
 
 from __future__ import annotations
 
@@ -14,51 +15,54 @@ from rcdn.types import Array, Board, Charuco
 from rcdn.types.arrays import Bool, Real, Shaped
 
 PLACES = (np.arange(-4, 36) + 0.5) / 32
-"""where a square is sampled along each axis, squares; a little of those beside it is seen"""
+"""sample positions in a square along each axis, squares; they include a margin of the adjacent squares"""
 MANY = 400
-"""squares that are enough"""
+"""largest number of squares that are used"""
 BLUR = 0.05
-"""squares, to begin with"""
+"""initial guess of the blur, squares"""
 SHARPEST, SOFTEST = 0.005, 0.3
 """limits of the blur, squares"""
 USUAL = np.array([0.003, 0.003, 0.01, 1.0, 1.0, 0.01, 0.01])
-"""standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the errors of its corners"""
+"""prior standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the
+errors of its corners"""
 BLURS, FRAME = slice(3, 5), slice(5, 7)
-"""where a state has the blurs, and the square's shift"""
+"""indices in a state of the blurs, and of the square's shift"""
 SURE = 4.0
-"""a shift of all markers of less than two standard deviations is none"""
+"""shrinkage factor: a shift of all markers of less than two standard deviations becomes 0"""
 FARTHEST = 0.02
-"""squares by which a line of markers is off the others at most"""
+"""largest shift of a line of markers relative to the others, squares"""
 STEPS = 8
-"""Gauss–Newton steps"""
+"""largest number of Gauss–Newton steps"""
 STEP = 1e-4
-"""for a derivative"""
+"""step of a numerical derivative"""
 CLOSE = 1e-3
-"""a smaller step is the last: what is left of it is less than is rounded away"""
+"""convergence threshold: after a smaller step the remaining change is lost in the rounding to `DIGITS`"""
 DIGITS = 0.0005
-"""squares to which the result is rounded, so that the last bits of sums don't matter"""
+"""squares; results are rounded to multiples of this, so that they don't depend on the last bits of sums"""
 
 
 class Placement(NamedTuple):
-    """How a board's markers stand off the middles of their squares: `across` (C,) along i, by column, `down` (R,) along j, by row, and their `side`;
-    squares."""
+    """Shifts of a board's markers from the centres of their squares: `across` (C,) along i, by column, `down` (R,)
+    along j, by row; and the markers' `side`; squares."""
 
     across: Array
     down: Array
     side: float
 
     def shift(self, column: Array, row: Array) -> Real[Array, "... 2"]:
-        """(..., 2) of the squares (column, row); that of the outermost that are known beyond them."""
+        """Shifts (..., 2) in the squares (column, row); beyond the known columns and rows, those of the outermost
+        ones."""
         return np.stack(
             [line[np.clip(at, 0, len(line) - 1)] for line, at in ((self.across, column), (self.down, row))], axis=-1
         )
 
 
 def placement(grey: Shaped[Array, "h w"], board: Board, target: Charuco) -> Placement | None:
-    """By least squares from all squares with markers whose bits are known, beside levels and blur; None where the picture doesn't tell.
+    """The placement of a board's markers, by least squares together with levels and blur from all squares whose bits
+    are known; None if the picture doesn't determine it.
 
-    `grey` (H, W); the board's labels are places on the target. The mean of all squares tells most, then each column and each row as far as its
-    squares agree.
+    `grey` (H, W); the board's labels are positions on the target. The mean of all squares is fitted first, then the
+    shift of each column and each row, weighted by the agreement of its squares.
     """
     grid, found = grid_with_ring(board)
     row, column = np.nonzero(whole_squares(found))
@@ -87,14 +91,15 @@ def _rounded(value: Array) -> Array:
 
 
 def _outside_bits(modules: int, side: float) -> Bool[Array, "s s"]:
-    """(S, S) bool: places from the middle of a marker's black border to the squares beside its own. What its bits say of its place is less than how
-    they were rounded."""
+    """(S, S) bool: samples from the middle of a marker's black border to the adjacent squares. The bits themselves are
+    excluded: the rounding of their edges in print is larger than the information that they add about the marker's
+    position."""
     x = np.abs(PLACES - 0.5)
     return np.asarray((np.maximum(x[:, None], x) > side * (0.5 - 0.5 / modules)) & (np.minimum(x[:, None], x) < 0.5))
 
 
 def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Array) -> Real[Array, "k 2"]:
-    """By how much more (K, 2) than `state` says the markers of squares (K, P) with `cells` (K, n, n) stand off their middles."""
+    """Shifts (K, 2) of the markers in addition to that of `state`, in squares (K, P) with `cells` (K, n, n)."""
     moved = state + STEP * np.eye(len(state))[[0, 1, 5, 6]]
     drawn = _drawn(cells, state, where)
     jacobian = [(_drawn(cells, one, where) - drawn) / STEP for one in moved]
@@ -106,7 +111,8 @@ def _shifts(squares: Array, cells: Real[Array, "k n n"], where: Array, state: Ar
 
 
 def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array, " k"]) -> tuple[Array, Array]:
-    """Levels (K,) of a square, and their derivatives (7, K) by the state, with the black and the white that are nearest to `square` (K,)."""
+    """Model levels (K,) of a square and their Jacobian (7, K) with respect to the state, with the levels of black and
+    white that fit `square` (K,) best."""
     values = np.array(
         [_levelled(square, _drawn(cells, one, where)) for one in (state, *(state + STEP * np.eye(len(state))))]
     )
@@ -114,8 +120,9 @@ def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array,
 
 
 def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> Array:
-    """Shifts by line (column or row), 0 to the last: `usual`, and the mean of what the squares in the `line` (K,) say besides, `own` (K,); each
-    as far as it exceeds what the scatter of squares makes of none (James and Stein)."""
+    """Shifts by line (column or row), 0 to the last: the common shift `usual` plus the mean of the additional shifts
+    `own` (K,) of the squares in each `line` (K,); both are shrunk according to the scatter of the squares
+    (James and Stein)."""
     count = np.bincount(line)
     known, mean = count > 0, np.bincount(line, own) / np.maximum(count, 1)
     within = np.square(own - mean[line]).sum() / max(len(own) - known.sum(), 1)
@@ -128,8 +135,9 @@ def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> A
 def _fitted(
     mean: Array, cells: Real[Array, "n n"], where: Array, side: float, aspect: float
 ) -> Real[Array, " k"] | None:
-    """The state under which the mean (K,) of squares shows markers of `cells` (n, n), 1 white, whose side should be `side`: shift (2) and side of the
-    marker, logs of the blurs (2), shift of the square itself (2). None where the fit fails."""
+    """The state that fits the mean (K,) of squares with markers of `cells` (n, n), 1 white, and nominal side `side`:
+    shift (2) and side of the marker, logs of the blurs (2), shift of the square itself (2). None where the fit
+    fails."""
     usual = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
     state = usual.copy()
     for _ in range(STEPS):
@@ -147,13 +155,14 @@ def _fitted(
 
 
 def _levelled(mean: Array, drawn: Array) -> Array:
-    """`drawn` with the black and the white that are nearest to `mean`."""
+    """`drawn` with the levels of black and white that fit `mean` best."""
     d, m = drawn - drawn.mean(), mean - mean.mean()
     return np.asarray(mean.mean() + d * ((d * m).sum() / max((d * d).sum(), 1e-12)))
 
 
 def _drawn(cells: Real[Array, "... n n"], state: Array, where: Bool[Array, "s s"]) -> Real[Array, "... p"]:
-    """The levels (..., P) `where` (S, S) a square is looked at that has a marker of `cells` (..., n, n), black 0, white 1, in dark squares."""
+    """The levels (..., P), at the samples `where` (S, S), of a square with a marker of `cells` (..., n, n), black 0,
+    white 1, between dark squares."""
     count = cells.shape[-1]
     values = np.zeros((*cells.shape[:-2], count + 4, count + 4))
     values[..., 1:-1, 1:-1] = 1.0
@@ -168,6 +177,7 @@ def _drawn(cells: Real[Array, "... n n"], state: Array, where: Bool[Array, "s s"
 
 
 def _shares(edges: Real[Array, " n"], log_blur: float) -> Array:
-    """What each cell between `edges` (n,), and beyond, gives to places in a square, (S, n + 1)."""
+    """Weights (S, n + 1) of the cells between `edges` (n,), and of those beyond the outermost ones, at the samples of a
+    square."""
     steps = 0.5 * (1 + erf((PLACES[:, None] - edges) / (np.sqrt(2) * np.exp(log_blur))))
     return np.asarray(-np.diff(steps, axis=1, prepend=1.0, append=0.0))

@@ -1,7 +1,9 @@
-"""Reads PuzzleBoards (Stelldinger, Schönherr, Biermann 2024, arXiv 2409.20127): a circle on the middle of every edge, white or black, is a bit.
+"""Reads PuzzleBoards (Stelldinger, Schönherr, Biermann 2024, arXiv 2409.20127): the circle at the middle of every edge
+is one bit, white or black.
 
-Edges along y hold code 1, whose 3 rows repeat along y and 167 columns along x; edges along x hold code 2, with x and y exchanged. All circles that
-are seen vote for each of the 501 × 501 places and four turns; see `charuco` for the evidence and how much of it is enough.
+Edges along y carry code 1, whose 3 rows repeat along y and 167 columns along x; edges along x carry code 2, with x and
+y exchanged. All visible circles contribute evidence for each of the 501 × 501 positions in four orientations; see
+`charuco` for the evidence and its threshold.
 """
 
 from __future__ import annotations
@@ -16,11 +18,12 @@ from rcdn.types.arrays import Bool, Real
 from rcdn.types.target import PUZZLE
 
 ACCEPT = 43.0
-"""bits: 10⁻⁶ (20 bits) over the 2²⁰ places and turns, of 8 pieces of boards"""
+"""least evidence, bits: a false-positive probability of 10⁻⁶ (20 bits) over the 2²⁰ positions and orientations, of 8
+pieces of boards"""
 MARGIN = 20.0
 """bits by which it must exceed the next place"""
 CAP = 3.0
-"""largest log-likelihood ratio of a circle: one in twenty is hidden, dirty or glared"""
+"""largest log-likelihood ratio of a circle: one in twenty is hidden, dirty or overexposed"""
 LEAST_SIGMA = 0.05
 """least standard deviation of a circle's grey, share of the squares' contrast"""
 CODE_1 = (
@@ -28,19 +31,23 @@ CODE_1 = (
     "01100001111110111111110100010010000011110001001100000100010001100001100000011100011010100011101110101101110110010010000110100110001110101000111000100110001111010100100",
     "01000001010000111010000111101011111010000010010010000101110100110110011101011010110010110010010010110011001011110111001110000000101011011111010110110011000011110100011",
 )
-"""bits of the vertical edges (CC0)"""
+"""bits of the edges along y (CC0)"""
 CODE_2 = (
     "11111010100111111000010100110111100100000100110010011111100011010001110110100100001000111001111010000000100111000000010111110010110101111101110100101101011001001110010",
     "10110011000100110101100111011000011010100010010101011000001011000000111000001011011000011111010101101101100011001111001001001010111011011001110011001011100011100011001",
     "00110000010101000111101010010110000110010010000000110000111101000111101100101010100100101001011111101000000010110101101011111110001000111101011101100101000011011111111",
 )
-"""bits of the horizontal edges (CC0), rows in the order of the authors' board generator; their decoder lists them from the last to the first"""
+"""bits of the edges along x (CC0), rows in the order of the authors' board generator; their decoder lists them in
+reverse order"""
 
 
 def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
-    """Where on the PuzzleBoard a board lies, whose `grid` (rows + 2, columns + 2, 2) px has a ring of predicted corners, and some
-    were `seen`; None if it is none, or if that is not certain."""
-    if _edges(seen) < ACCEPT:  # a circle tells one bit at most
+    """The position of a board on the PuzzleBoard; None if it is none, or if the position is not certain.
+
+    `grid` (rows + 2, columns + 2, 2) px: its corners and a ring of predicted ones; `seen` (rows + 2, columns + 2) bool:
+    the corners that were detected.
+    """
+    if _edges(seen) < ACCEPT:  # a circle provides at most one bit
         return None
     along_x, along_y = circles(grey, grid, seen)
     if not along_x.any() and not along_y.any():
@@ -64,13 +71,13 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
 
 
 def _edges(seen: Bool[Array, "r c"]) -> int:
-    """How many edges have both their ends `seen` (R, C)."""
+    """The number of edges both of whose ends were `seen` (R, C)."""
     return int((seen[1:] & seen[:-1]).sum() + (seen[:, 1:] & seen[:, :-1]).sum())
 
 
 def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:
-    """Log-likelihood ratios of white to black circles on the edges along x (rows, columns − 1) and along y (rows − 1, columns); 0 where unseen, and
-    everywhere if there are none."""
+    """Log-likelihood ratios of white to black circles on the edges along x (rows, columns − 1) and along y
+    (rows − 1, columns); 0 where no circle is visible, and everywhere if the board has none."""
     along_x = _ratio_to_sides(grey, grid, found)
     along_y = _ratio_to_sides(grey, grid.swapaxes(0, 1), found.T).T
     both = np.concatenate([along_x.ravel(), along_y.ravel()])
@@ -84,7 +91,8 @@ def circles(grey: Array, grid: Array, found: Array) -> tuple[Array, Array]:
 
 
 def _ratio_to_sides(grey: Array, grid: Array, found: Array) -> Array:
-    """(grey in the middle of each edge along axis 1 − mean of both sides) ÷ contrast of the sides, (rows, columns − 1); of a grid with its ring."""
+    """(grey level at the middle of each edge along axis 1 − mean of both sides) ÷ contrast of the sides,
+    (rows, columns − 1); `grid`: with its ring of predicted corners."""
     start, end = grid[1:-1, 1:-2], grid[1:-1, 2:-1]
     middle = (start + end) / 2
     above, below = ((grid[k, 1:-2] + grid[k, 2:-1]) / 2 for k in (slice(None, -2), slice(2, None)))
@@ -103,7 +111,8 @@ def _at(grey: Array, xy: Array) -> Array:
 
 
 def _votes(ratio: Real[Array, "r c"], code: tuple[str, ...]) -> Real[Array, "3 167"]:
-    """Evidence (3, 167), bits, of the first of the `ratio` (R, C) of edges being at each place of the `code`, which repeats."""
+    """Evidence (3, 167), bits, for the first of the edges with log-likelihood `ratio` (R, C) being at each position of
+    the periodic `code`."""
     bits = np.array([[int(bit) for bit in row] for row in code])
     white, black = (_folded(1 - np.logaddexp(0, -r) / np.log(2) * (r != 0) - (r == 0)) for r in (ratio, -ratio))
     spectrum = np.fft.fft2(bits) * np.conj(np.fft.fft2(white - black))
@@ -111,7 +120,7 @@ def _votes(ratio: Real[Array, "r c"], code: tuple[str, ...]) -> Real[Array, "3 1
 
 
 def _folded(values: Array) -> Real[Array, "3 167"]:
-    """The sums over all places (3, 167) that are one in the code."""
+    """`values` summed over all positions that are the same in the periodic code, (3, 167)."""
     out = np.zeros((3, 167))
     row, column = np.indices(values.shape)
     np.add.at(out, (row % 3, column % 167), values)

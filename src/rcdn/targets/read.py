@@ -1,4 +1,4 @@
-"""Which coded target a board is, and where its corners lie on it."""
+"""Identifies the coded target of a board, and the positions of its corners on the target."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
 from rcdn.types.arrays import Int, Real, Shaped
 
 SAMPLES = 32
-"""a square's side on the raster"""
+"""samples along a square's side"""
 
 
 def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None, part: bool = False) -> Board:
-    """The board with its `target` and `ids`, its labels being places on the target; the same board if it carries no code that is certain.
+    """The board with its `target` and `ids`, and with positions on the target as labels; the same board if no code is
+    certain.
 
-    `grey` (H, W), 0..255; `told`: the only target that it may be; `part`: the board may go on where its corners end.
-    Wrong at most once in a million boards whose squares hold random dots.
+    `grey` (H, W), 0..255; `told`: the target given by the user (None: unknown); `part`: the board may extend beyond
+    its corners. Wrong for at most one in a million boards whose squares contain random dots.
     """
     return identified_straight(grey, board, told, part)[0]
 
@@ -34,7 +35,8 @@ def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = N
 def identified_straight(
     grey: Array, board: Board, told: Target | None = None, part: bool = False, markers: bool = True
 ) -> tuple[Board, bool]:
-    """`identified`, and whether markers may be read in the mirror image instead. `markers`: they may be read at all."""
+    """`identified`, and whether markers may be readable in the mirror image instead. `markers`: try to read markers at
+    all."""
     if board.pattern == "aprilgrid":
         return (_tags(grey, board, told) if told is None or isinstance(told, AprilGrid) else board), False
     if isinstance(told, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
@@ -49,7 +51,8 @@ def identified_straight(
 
 
 def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
-    """What the markers in the squares of a `grid_with_ring` say, and whether they may say something in a mirror."""
+    """The reading of the markers in the squares of a `grid_with_ring`, or None; and whether the mirror image may have
+    one."""
     marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
     if marked is None:
         return None, False
@@ -63,7 +66,7 @@ def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part:
 
 
 def check_told(target: Target) -> None:
-    """Raises ConfigError unless the target is one that is read."""
+    """Raises ConfigError unless the target can be read."""
     if isinstance(target, Charuco):
         family_of(target.dictionary)
     elif isinstance(target, AprilGrid):
@@ -71,7 +74,8 @@ def check_told(target: Target) -> None:
 
 
 def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
-    """Grey (R, C) of the squares without markers beside each square, mean of up to four; of the whole board where there is none."""
+    """Grey level (R, C) of the squares without markers adjacent to each square, the mean of up to four; the board's
+    median where there is none."""
     part = slice(SAMPLES * 3 // 8, SAMPLES * 5 // 8)
     level = squares[:, :, part, part].mean(axis=(2, 3))
     usable = ~marked & np.isfinite(level)
@@ -84,7 +88,7 @@ def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
 
 
 def _tags(grey: Array, board: Board, told: AprilGrid | None) -> Board:
-    """A lattice of tags with the numbers of an AprilGrid."""
+    """A lattice of tags, labelled as an AprilGrid if its numbering is certain."""
     columns, rows = (2 * (n // 2 + 1) for n in board.ij.max(axis=0).tolist())
     grid, index = np.full((rows, columns, 2), np.nan), np.full((rows, columns), -1)
     i, j = board.ij.T
@@ -94,7 +98,7 @@ def _tags(grey: Array, board: Board, told: AprilGrid | None) -> Board:
 
 
 def _placed(board: Board, reading: Reading) -> Board:
-    """A board of squares with its places on the target."""
+    """A board of squares, labelled with its positions on the target."""
     columns, rows = board.size
     index = np.full((rows, columns), -1)
     i, j = (board.ij - board.ij.min(axis=0)).T
@@ -103,7 +107,8 @@ def _placed(board: Board, reading: Reading) -> Board:
 
 
 def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Board:
-    """The board whose grid has the corners `index` (R, C), −1 for none, turned as its target is labelled, row by row again."""
+    """The board whose grid has the corners `index` (R, C), −1 for none, rotated to the orientation of its target, with
+    corners sorted row by row."""
     index, target = np.rot90(index, reading.turns), reading.target
     row, column = np.nonzero(index >= 0)
     order = index[row, column]

@@ -1,4 +1,4 @@
-"""What the codes of a board say, whatever their kind."""
+"""The result of decoding a board, for any kind of target."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from rcdn.types import Target
 
 @dataclass(frozen=True)
 class Reading:
-    """`turns` (quarters, counter-clockwise) after which the grid of the picture lies as its target is labelled; `place`: the label of its first
-    corner then.
+    """The decoded `target` of a board.
 
-    `bits` of evidence, and their `margin` over the next possibility.
+    `turns`: counter-clockwise quarter turns that bring the grid of the picture to the orientation of the target's
+    labels; `place`: the label of the first corner of the rotated grid; `bits` of evidence, and their `margin` over
+    the next hypothesis.
     """
 
     target: Target

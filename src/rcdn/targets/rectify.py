@@ -1,4 +1,5 @@
-"""A board as seen from straight ahead: its squares on a raster, the ring of squares around the corners included."""
+"""Rectification of a board: its squares sampled on a regular raster, including the ring of squares around its
+corners."""
 
 from __future__ import annotations
 
@@ -13,12 +14,12 @@ from rcdn.types.arrays import Real
 _extrapolated = bind("rcdn_extrapolated")
 
 FAR = -1e6
-"""px; where nothing is"""
+"""px; the position given to samples that don't exist, far outside the picture"""
 
 
 def grid_with_ring(board: Board) -> tuple[Array, Array]:
-    """Corner positions (rows + 2, columns + 2, 2) px, one more on each side, and which of them were found; the others are
-    predicted by those beside them."""
+    """Corner positions (rows + 2, columns + 2, 2) px, with one more line on each side, and which of them were detected;
+    the others are predicted from their neighbours."""
     grid = np.pad(board.grid(), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     found = np.isfinite(grid[..., 0])
     for _ in range(max(grid.shape)):
@@ -31,9 +32,10 @@ def grid_with_ring(board: Board) -> tuple[Array, Array]:
 
 
 def wider(grid: Array) -> Real[Array, "r c 2"]:
-    """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted by those before; NaN where nothing predicts it."""
+    """A grid (R, C, 2) with one more line on each side, (R + 2, C + 2, 2), predicted from its neighbours; NaN where
+    none can."""
     out = np.pad(grid, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    for _ in range(2):  # the ones at the ends of lines by those beside them
+    for _ in range(2):  # the second pass predicts the corners of the grid from the added lines
         predicted = _predicted(out)
         hole = ~np.isfinite(out[..., 0])
         out[hole] = predicted[hole]
@@ -41,15 +43,16 @@ def wider(grid: Array) -> Real[Array, "r c 2"]:
 
 
 def _predicted(grid: Array) -> Array:
-    """Each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has."""
+    """Each position extrapolated from the three, or two, before it in a line, averaged over those of the four
+    directions that have them; NaN where none has."""
     out = np.empty(grid.shape)
     _extrapolated(np.ascontiguousarray(grid, np.float64), out)
     return out
 
 
 def rectified(grey: Array, grid: Array, samples: int) -> Array:
-    """Grey of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples) float32, NaN outside
-    of the picture."""
+    """Grey levels of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples)
+    float32, NaN outside the picture."""
     rows, columns = grid.shape[0] - 1, grid.shape[1] - 1
     down, across = _linear(rows, samples), _linear(columns, samples)
     xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
@@ -60,8 +63,9 @@ def rectified(grey: Array, grid: Array, samples: int) -> Array:
 def squares_in_perspective(
     grey: Array, grid: Array, row: Real[Array, " k"], column: Real[Array, " k"], places: Real[Array, " s"]
 ) -> Real[Array, "k s s"]:
-    """Grey (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,) squares from their first corner each
-    way; with the perspective within each, which moves its middle by some thousandths. NaN outside of the picture."""
+    """Grey levels (K, S, S) of the squares `row`, `column` (K,) between corners of a `grid_with_ring`, at `places` (S,)
+    squares from their first corner along each axis. The perspective within a square, which moves its centre by some
+    thousandths of a square, is modelled. NaN outside the picture."""
     nodes = np.stack(np.meshgrid(*(np.arange(n) for n in grid.shape[1::-1])), axis=2).astype(float)
     seen = np.isfinite(grid[..., 0])
     H = homography(nodes[seen], grid[seen])
@@ -76,32 +80,34 @@ def squares_in_perspective(
 
 
 def whole_squares(found: Array) -> Array:
-    """Which squares (rows − 1, columns − 1) have all four corners `found` (rows, columns)."""
+    """(rows − 1, columns − 1) bool: the squares all four corners of which were `found` (rows, columns)."""
     return np.asarray(found[:-1, :-1] & found[1:, :-1] & found[:-1, 1:] & found[1:, 1:])
 
 
 def _linear(count: int, samples: int) -> Array:
-    """Weights (count · samples, count + 1) of linear interpolation at the middles of `samples` steps between nodes."""
+    """Weights (count · samples, count + 1) of linear interpolation at the midpoints of `samples` equal steps between
+    nodes."""
     at = (np.arange(count * samples) + 0.5) / samples
     return np.maximum(1 - np.abs(at[:, None] - np.arange(count + 1)), 0)
 
 
 def aspect_of(grid: Array) -> float:
-    """Usual width over height of the squares of a grid, px."""
+    """Median width ÷ median height of the squares of a grid, in pixels."""
     width, height = (np.linalg.norm(np.diff(grid, axis=axis), axis=2) for axis in (1, 0))
     return float(np.nanmedian(width) / np.nanmedian(height))
 
 
 def _area(grid: Array) -> float:
-    """Usual area of a square, px²."""
+    """Median area of a square, px²."""
     right, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
     area = np.abs(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])
     return float(np.nanmedian(area)) if np.isfinite(area).any() else 1.0
 
 
 def _sampled(grey: Array, xy: Real[Array, "... 2"], step: float) -> Array:
-    """Grey at `xy` (..., 2) px, `step` px apart; the picture is reduced first so that its pixels are no smaller than that."""
-    x, y = xy[..., 0], xy[..., 1]  # one by one: NumPy is slow at both together
+    """Grey levels at `xy` (..., 2) px, `step` px apart; the picture is first downsampled to about that step, against
+    aliasing."""
+    x, y = xy[..., 0], xy[..., 1]  # separately: NumPy is slow for both together
     near = (x > -0.5 * grey.shape[1]) & (y > -0.5 * grey.shape[0])
     if not near.any():
         return np.full(xy.shape[:-1], np.nan, np.float32)

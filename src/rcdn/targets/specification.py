@@ -1,4 +1,5 @@
-"""Targets in one word, as options and labels have them: `charuco:8x8:DICT_4X4_50:0.75:legacy`, or the path of a target's file."""
+"""Targets as one word, for options and labels: `charuco:8x8:DICT_4X4_50:0.75:legacy`, or the path of a target's
+file."""
 
 from __future__ import annotations
 
@@ -22,12 +23,13 @@ FORMS = {
     "checkerboard": "checkerboard:COLUMNSxROWS (inner corners), such as checkerboard:9x6",
     "deltille": "deltille:COLUMNSxROWS (inner corners), such as deltille:9x6",
 }
-"""what each kind of target is written like"""
+"""the form of the specification of each kind of target"""
 ENDINGS = (".yaml", ".yml")
 
 
 def read_specification(text: str) -> Print | PuzzleBoard | Printed:
-    """What `text` says is printed: a target, or, of the path of a YAML file (`files.read_target`), a target with its scale.
+    """The target that `text` specifies; if it is the path of a YAML file (`files.read_target`), the target with its
+    scale.
 
     Raises ConfigError, which names the mistake and shows the form, and FormatError for the contents of a file.
     """
@@ -61,7 +63,7 @@ def specification(target: Print | PuzzleBoard) -> str:
 def _is_file(text: str) -> bool:
     try:
         return Path(text).is_file()
-    except (OSError, ValueError):  # no name of a file
+    except (OSError, ValueError):  # not a valid file name
         return False
 
 
@@ -77,7 +79,7 @@ def _parsed(kind: str, parts: Sequence[str], text: str) -> Print | PuzzleBoard:
 
 
 class _Words(dict[str, str]):
-    """The words of a specification that aren't told by their place: `legacy`, `first=3`."""
+    """The named parts of a specification, which may come in any order: `legacy`, `first=3`."""
 
     def flag(self, name: str) -> bool:
         if self.get(name, ""):
@@ -93,7 +95,7 @@ class _Words(dict[str, str]):
 
 
 def _split(parts: Sequence[str]) -> tuple[list[str], _Words]:
-    """The parts that are told by their place, and the words."""
+    """The positional parts of a specification, and the named ones."""
     named = [
         bool(re.fullmatch(r"[a-z]+(=.*)?", part)) and not re.fullmatch(r"(tag|t)\d+h\d+.*", part) for part in parts
     ]
@@ -110,7 +112,7 @@ def _split(parts: Sequence[str]) -> tuple[list[str], _Words]:
 
 def _charuco(places: list[str], words: _Words) -> Print:
     (columns, rows), (dictionary, marker) = _size(places), _exactly(places, ("a dictionary", "a marker's share"))
-    legacy = words.flag("legacy") and rows % 2 == 0  # with an odd number of rows both are one
+    legacy = words.flag("legacy") and rows % 2 == 0  # with an odd number of rows both layouts are the same
     board = Charuco(
         columns, rows, dictionary_name(dictionary), _share(marker, "the marker's share of a square"),
         words.number("first", 0), legacy, words.flag("inverted"),
@@ -167,7 +169,7 @@ def _size(places: Sequence[str]) -> tuple[int, int]:
 
 
 def _exactly(places: list[str], what: tuple[str, ...]) -> list[str]:
-    """The parts after the size, which must be those."""
+    """The parts after the size. Raises ConfigError unless there is one for each name in `what`."""
     if len(places) - 1 > len(what):
         raise ConfigError(f"{places[len(what) + 1]!r} is one part too many")
     if len(places) - 1 < len(what):
@@ -184,7 +186,7 @@ def _share(text: str, what: str) -> float:
 
 
 def whole(text: str, what: str) -> int:
-    """The whole number that `text` is. Raises ConfigError."""
+    """`text` as a whole number. Raises ConfigError, which begins with `what`, if it is none."""
     if not re.fullmatch(r"\s*\d{1,4}\s*", text):
         raise ConfigError(f"{what} must be followed by a whole number, not {text!r}")
     return int(text)

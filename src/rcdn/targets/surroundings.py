@@ -1,4 +1,4 @@
-"""What a coded target shows around each of its corners, for the last fit."""
+"""What is printed around each corner of a coded target, for the final fit."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard
 from rcdn.types.arrays import Shaped
 
 QUADRANTS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
-"""squares around a corner, as steps from the one before it"""
+"""squares around a corner, as offsets from its upper left one"""
 RADIUS = 1 / 6
-"""of the circles of a PuzzleBoard, squares"""
+"""radius of a PuzzleBoard's circles, squares"""
 STRIPS = 5
-"""of equal width that half a circle is made of"""
+"""number of strips of equal width that approximate half a circle"""
 UNKNOWN = 0.25
-"""squares along an edge whose other end isn't seen: nobody knows whether it has a circle"""
+"""length of the known part of an edge whose other end wasn't detected, squares: it may have a circle or not"""
 STEPS = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
-"""to the next corners"""
+"""offsets to the next corners"""
 
 
 def surroundings(grey: Shaped[Array, "h w"], board: Board) -> Surroundings | None:
-    """What is printed around the corners of a board that was read in the picture `grey` (H, W); None if it is nothing but squares, or not known."""
+    """What is printed around the corners of a decoded board in the picture `grey` (H, W); None if that is only squares,
+    or not known."""
     if isinstance(board.target, Charuco):
         placed = placement(grey, board, board.target)
         return None if placed is None else _charuco(board.target, board.ij, placed)
@@ -70,7 +71,8 @@ def _puzzle(ij: Array) -> Surroundings:
         code, row, column = (CODE_2, first[:, 0], first[:, 1]) if step[0] else (CODE_1, first[:, 1], first[:, 0])
         bits = np.array([[bit == "1" for bit in line] for line in code])
         white = bits[row % 3, column % 167]
-        # beyond the corner, the half towards positive v (or u) is white if the quadrant there is; a circle shows where its half has the other colour
+        # beyond the corner, the half of the circle towards positive v (or u) lies on white if the quadrant there is
+        # white; a circle is visible in the half whose square has the other colour
         upper = (bright == (side % 2 == 1)) != white
         ends[known, side] = 0.5
         which[:, side] = np.where(known, 4 * (step[0] == 0) + 2 * upper + white, -1)
@@ -82,10 +84,11 @@ def _puzzle(ij: Array) -> Surroundings:
 
 @lru_cache
 def _half_disc(down: int, upper: int, white: int) -> Shape:
-    """Half a circle on an edge along u (or, `down`, along v), the half towards positive v (or u) if `upper`; white on black or black on white."""
+    """Half a circle on an edge along u (or, if `down`, along v), the half towards positive v (or u) if `upper`; `white`
+    on black or black on white."""
     cut = RADIUS * np.sin(np.linspace(0, np.pi / 2, STRIPS + 1))
     area = (cut * np.sqrt(np.maximum(RADIUS**2 - cut**2, 0)) + RADIUS**2 * np.arcsin(np.minimum(cut / RADIUS, 1))) / 2
-    half = np.diff(area) / np.diff(cut)  # widths of the strips, falling
+    half = np.diff(area) / np.diff(cut)  # half lengths of the strips, falling
     along = np.concatenate([-half, half[::-1]])
     middle = (along[1:] + along[:-1]) / 2
     values = np.where(np.abs(middle)[:, None] < half, 2.0 if white else -2.0, 0.0)
@@ -110,14 +113,14 @@ def _aprilgrid(target: AprilGrid, ij: Array) -> Surroundings | None:
         drawn(
             [_tag(target.family, k, border) for k in known.tolist()], own, at, begins[:, 0] != begins[:, 1], following
         )
-        for border in (target.border, *sorted({1, 2} - {target.border}))  # the code is read with either
+        for border in (target.border, *sorted({1, 2} - {target.border}))  # the code can be decoded with either
     ]
     return Surroundings((*prints, without_shapes(prints[0])), following / 2, target.plane(ij), (ij // 2).astype(float))
 
 
 @lru_cache(4096)
 def _tag(family: str, number: int, border: int) -> Shape:
-    """The white bits of a tag, whose side is 1, by u to the left and v upwards."""
+    """The white bits of a tag, whose side is 1, with u to the left and v upwards."""
     bits = tag_bits(family)[number][::-1, ::-1].T
     modules = len(bits) + 2 * border
     edges = (border + np.arange(len(bits) + 1)) / modules - 0.5
