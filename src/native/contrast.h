@@ -1,4 +1,4 @@
-/* Local contrast normalization, row by row: (I − mean) / (standard deviation + FLOOR) over (2 HALF + 1)² px, of an
+/* Local contrast normalisation, row by row: (I − mean) / (standard deviation + FLOOR) over (2 HALF + 1)² px, of an
  * image continued by reflection. */
 #ifndef CONTRAST_H
 #define CONTRAST_H
@@ -35,7 +35,7 @@ typedef struct {
 #define UNIT (1 / 256.f)
 #include "contrast_rows.h"
 
-/* Columns `from` .. `to` of the normalized row `y`. Rows must be requested from top to bottom. */
+/* Columns `from` .. `to` of the normalised row `y`. Rows must be requested from top to bottom. */
 INLINE void normalise(Contrast *c, index_t y, index_t from, index_t to, float *out) {
     if (c->picture.real)
         normalise_of_reals(c, y, from, to, out);

@@ -59,8 +59,7 @@ INLINE void OF(along)(const NUMBER *restrict row, index_t count, NUMBER *restric
 INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict square, const NUMBER *restrict grey, index_t count, float *restrict out) {
     const float share = 1.0f / (SIDE * SIDE);
     for (index_t x = 0; x < count; x++) {
-        const NUMBER spread = SIDE * SIDE * square[x] - sum[x] * sum[x]; /* in float, wrong by .03 grey levels on flat
-        areas */
+        const NUMBER spread = SIDE * SIDE * square[x] - sum[x] * sum[x]; /* in float, off by .03 grey levels if flat */
         const float deviation = sqrtf((float)(spread > 0 ? spread : 0)) * share;
         out[x] = (float)(grey[x] - sum[x] * (NUMBER)share) * UNIT / (deviation * UNIT + FLOOR);
     }

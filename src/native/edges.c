@@ -25,7 +25,8 @@ FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, 
     return 0;
 }
 
-/* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either side. */
+/* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either
+ * side. */
 FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 2)) {
     static const double away[2] = {0.1, 0.3};
     Places w;

@@ -42,7 +42,8 @@ INLINE double natural_log(double x) {
     const double grown = tiny ? x * power_of_two(64) : x;
     int64_t bits;
     memcpy(&bits, &grown, sizeof bits);
-    const int64_t above = bits - 0x3fe6a09e667f3bcd, k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52); /* m within √½..√2 */
+    /* k such that m is within √½..√2 */
+    const int64_t above = bits - 0x3fe6a09e667f3bcd, k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52);
     bits -= k * ((int64_t)1 << 52);
     double m, sum = 0;
     memcpy(&m, &bits, sizeof m);

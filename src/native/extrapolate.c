@@ -8,8 +8,7 @@ INLINE int known(const double *grid, index_t rows, index_t columns, index_t row,
 /* `out` (rows, columns, 2): each position extrapolated from the three, or two, preceding ones in a line, averaged over
  * the directions (of four) that have them; NaN if none has. */
 KERNEL(rcdn_extrapolated, (SIZE, rows, grid, 0), (SIZE, columns, grid, 1), (IN, double, grid, rows, columns, 2), (OUT, double, out, rows, columns, 2)) {
-    static const index_t before[4][2] = {{-1, 0}, {0, 1}, {1, 0}, {0, -1}}; /* upwards after each number of quarter
-    turns */
+    static const index_t before[4][2] = {{-1, 0}, {0, 1}, {1, 0}, {0, -1}}; /* up, after 0 to 3 quarter turns */
     for (index_t row = 0; row < rows; row++)
         for (index_t column = 0; column < columns; column++) {
             double total[2] = {0, 0};

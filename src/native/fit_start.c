@@ -2,7 +2,8 @@
  * rcdn/precision/window.py. */
 #include "fit_model.h"
 
-/* Half extent of a window, squares: windows of neighbours touch but share no pixel, so that their errors are independent. */
+/* Half extent of a window, squares: windows of neighbours touch but share no pixel, so that their errors are
+ * independent. */
 #define HALF 0.5
 /* px along an edge: further out, the uncertainty of its course outweighs the information of its pixels. */
 #define LONGEST 30.0

@@ -16,8 +16,8 @@ typedef struct {
     Ranked *ranked;
     int32_t *stack, *heap, *place; /* misfits, the worst on top; a corner's position among them, -1 for none */
     index_t misfits;
-    uint8_t *there, *stale; /* whether a corner has not been removed; whether its neighbours changed since its last
-    excess */
+    /* whether a corner has not been removed; whether its neighbours have changed since its excess was computed */
+    uint8_t *there, *stale;
 } Grid;
 
 typedef struct {
@@ -199,8 +199,7 @@ static index_t split(Grid *g, int64_t *part) {
                 }
             }
         }
-        g->ranked[count] = (Ranked){-(double)size * (double)(g->n + 1) + (double)count, count}; /* ties: the earlier one
-        */
+        g->ranked[count] = (Ranked){-(double)size * (double)(g->n + 1) + (double)count, count}; /* ties: the first */
         count++;
     }
     if (count < 2)

@@ -99,7 +99,7 @@ FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2
     if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
         return 0;
     memset(a, 0, sizeof a);
-    for (index_t first = 0; first < count; first += ROWS / 2) { /* new rows are appended below the triangle of the previous ones */
+    for (index_t first = 0; first < count; first += ROWS / 2) { /* below the triangle of the previous rows */
         const index_t n = count - first < ROWS / 2 ? count - first : ROWS / 2;
         for (index_t k = 0; k < n; k++) {
             const double *p = from + 2 * (first + k), *q = to + 2 * (first + k);

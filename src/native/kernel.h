@@ -1,7 +1,8 @@
 /* Calls of kernels from Python. A kernel is declared once, and its parameters, its checks and its description are
-derived from that:
+ * derived from that:
  *
- *     FAST_KERNEL(rcdn_depths, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (REAL, least), (OUT, double, out, n)) {
+ *     FAST_KERNEL(rcdn_depths, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (REAL, least),
+ *                 (OUT, double, out, n)) {
  *         for (index_t k = 0; k < n; k++) ...
  *         return 0;
  *     }

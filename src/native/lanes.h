@@ -1,5 +1,5 @@
 /* Sums in a fixed order on every processor. The compiler may not reorder sums (setup.py), so that a plain loop adds one
- * number after another and cannot be vectorized. Long sums are therefore split into LANES partial sums, each of every
+ * number after another and cannot be vectorised. Long sums are therefore split into LANES partial sums, each of every
  * LANES-th number, which are added pairwise at the end: an inner loop over the lanes becomes vector code of any width
  * with the same bits. */
 #ifndef RCDN_LANES_H

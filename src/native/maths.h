@@ -1,4 +1,4 @@
-/* Mathematical functions in single precision, without branches or calls, so that loops over them are vectorized. */
+/* Mathematical functions in single precision, without branches or calls, so that loops over them are vectorised. */
 #ifndef RCDN_MATHS_H
 #define RCDN_MATHS_H
 

@@ -1,5 +1,5 @@
 /* Bilinear grey levels at many positions close to each other. Positions are floats relative to an integer pixel nearby,
- * so that they are accurate to 1e-5 px in any image; arithmetic is vectorized over whole arrays, and only the loading
+ * so that they are accurate to 1e-5 px in any image; arithmetic is vectorised over whole arrays, and only the loading
  * of pixels is not. */
 #ifndef RCDN_SAMPLING_H
 #define RCDN_SAMPLING_H

@@ -128,7 +128,7 @@ class Predictions(NamedTuple):
 
     @classmethod
     def room(cls, count: int) -> Predictions:
-        """Uninitialized arrays for `count` predictions."""
+        """Uninitialised arrays for `count` predictions."""
         return cls(np.empty((count, 6)), np.empty(count, np.int64), np.empty(count))
 
     def take(self, index: Array | slice) -> Predictions:

@@ -186,7 +186,7 @@ def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tup
     """The small motion (6,) of the pose to the mean of the cameras' own poses, weighted by their covariances, and its
     covariance (6, 6).
 
-    Generalized least squares with one pose per camera, linearized at the joint solution. The pose from camera k has the
+    Generalised least squares with one pose per camera, linearised at the joint solution. The pose from camera k has the
     errors of its corners, and the error δₖ of the camera's own pose, which enters as −Ad(Tₖ)⁻¹ δₖ.
     """
     state, many = fit.state, len(at)

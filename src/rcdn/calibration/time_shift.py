@@ -175,7 +175,7 @@ def shifts_of(
 
 
 def _least_absolute(A: Array, d: Array, cluster: Array) -> tuple[Array, Array]:
-    """x (n,) that minimizes Σ |d − A x| for `A` (R, 3, n), `d` (R, 3), of least norm, and its covariance by clusters
+    """x (n,) that minimises Σ |d − A x| for `A` (R, 3, n), `d` (R, 3), of least norm, and its covariance by clusters
     (R,)."""
     weight, x = np.ones(len(d)), np.zeros(A.shape[2])
     for _ in range(20):
