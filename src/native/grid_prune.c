@@ -133,7 +133,7 @@ INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
         const double median = fmax(median_quality(g), 1e-9);
         for (index_t k = 0; k < g->n; k++) {
             const int64_t *label = g->labels + 2 * k;
-            /* the contrast can only lower a corner's quality */
+            /* skip corners that pass even with the least share */
             if (!g->there[k] || !(g->quality[k] / median * limits->least_share < limits->least_quality) || !outermost(&g->table, label))
                 continue;
             double usual, share = 1;

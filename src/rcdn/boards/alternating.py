@@ -82,7 +82,7 @@ def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] |
 def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
     """log(previous step ÷ next step) at the corners with a neighbour on both sides, along `step`.
 
-    The sign is flipped at odd labels, whose previous step begins at an even one.
+    The sign is flipped at even labels, whose previous step begins at an odd one.
     """
     triples = []
     for (u, v), corner in at.items():

@@ -37,8 +37,7 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
 
     In place. A misfit lies too far from its neighbours' prediction, or they predict nothing. A corner inside the grid
     is confirmed by its neighbours; one with no further corner within three squares beyond it must be an X-corner by its
-    own
-    evidence: response × fit relative to their median, times its contrast relative to its neighbours'.
+    own evidence: response × fit relative to their median, times its contrast relative to its neighbours'.
 
     Of the parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest
     first: `merge` decides whether they belong to the same board.

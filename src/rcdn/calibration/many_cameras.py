@@ -52,8 +52,7 @@ def calibrate_rig(
     cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
     enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
     moments that end in numbers count frames by them. All else as in `calibrate`; the first camera of the largest
-    connected component
-    defines the rig's frame.
+    connected component defines the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
     that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
