@@ -1,4 +1,5 @@
-/* Local contrast normalisation, row by row: (I − mean) / (standard deviation + FLOOR) over (2 HALF + 1)² px, of a picture continued by reflection. */
+/* Local contrast normalisation, row by row: (I − mean) / (standard deviation + FLOOR) over (2 HALF + 1)² px, of an
+ * image continued by reflection. */
 #ifndef CONTRAST_H
 #define CONTRAST_H
 
@@ -7,20 +8,21 @@
 #define HALF 12 /* px to either side of the window */
 #define SIDE (2 * HALF + 1)
 #define FLOOR 6.0f
-#define COLUMNS 128 /* a block, whose sums slide down together, and only to where they are asked for */
-#define BEFORE 22   /* px that are seen above and to the left of the picture */
+#define COLUMNS 128 /* width of a block of columns whose sums are updated together, and only where they are needed */
+#define BEFORE 22   /* px of padding above and to the left of the image */
 
-/* What slides down a picture. Columns and rows are those that are seen: BEFORE less in the picture, whose row `top` is where they begin. */
+/* Running sums that slide down an image. Columns and rows are those of the padded image, BEFORE more than in the image;
+ * its first row is `top`. */
 typedef struct {
     Picture picture;
     index_t top, width;
-    index_t *summed;       /* for each block of columns, the row around which its sums are, or −1 */
-    void *sum, *square;    /* of each column over SIDE rows, from column −HALF to `width` + HALF */
-    void *out, *in, *room; /* room for rows */
+    index_t *summed;       /* for each block of columns, the row on which its sums are centred, or −1 */
+    void *sum, *square;    /* sums of each column over SIDE rows, from column −HALF to `width` + HALF */
+    void *out, *in, *room; /* buffers for rows */
 } Contrast;
 
-/* Sums are of whole numbers, and exact, so that it doesn't matter where they begin: of bytes less 128 in float (all under 2^24), of reals in 256ths
- * in double. */
+/* Sums are of integers, and exact, so that they do not depend on where they begin: bytes less 128 in float (all below
+ * 2^24), reals in units of 1/256 in double. */
 #define NUMBER float
 #define OF(name) name##_of_bytes
 #define LEVEL(at) ((float)((const uint8_t *)c->picture.data)[at] - 128)
@@ -33,7 +35,7 @@ typedef struct {
 #define UNIT (1 / 256.f)
 #include "contrast_rows.h"
 
-/* Columns `from` .. `to` of the normalised row `y`. Rows are asked for from top to bottom. */
+/* Columns `from` .. `to` of the normalised row `y`. Rows must be requested from top to bottom. */
 INLINE void normalise(Contrast *c, index_t y, index_t from, index_t to, float *out) {
     if (c->picture.real)
         normalise_of_reals(c, y, from, to, out);

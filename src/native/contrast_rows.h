@@ -1,7 +1,7 @@
-/* The part of contrast.h that depends on the picture's type: included once for each, with NUMBER (what sums are of), OF (names), LEVEL (a pixel as a
- * whole number) and UNIT (grey levels of one). */
+/* The part of contrast.h that depends on the image's type: included once for each, with NUMBER (type of the sums), OF
+ * (names), LEVEL (a pixel as an integer) and UNIT (grey levels per integer). */
 
-/* Columns `from` .. `to` of a row that is seen. */
+/* Columns `from` .. `to` of a row of the padded image. */
 INLINE void OF(levels)(const Contrast *c, index_t y, index_t from, index_t to, NUMBER *out) {
     const index_t at = mirrored(c->top + y - BEFORE, c->picture.height) * c->picture.width, width = c->picture.width;
     const index_t first = from < BEFORE ? BEFORE : from, last = to - BEFORE < width ? to : width + BEFORE;
@@ -21,7 +21,7 @@ INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const N
     }
 }
 
-/* Bring the sums of a block of columns to row `y`. */
+/* Update the sums of a block of columns to row `y`. */
 INLINE void OF(slide)(Contrast *c, index_t block, index_t y) {
     const index_t from = block * COLUMNS - HALF, to = from + COLUMNS < c->width + HALF ? from + COLUMNS : c->width + HALF, count = to - from;
     NUMBER *sum = (NUMBER *)c->sum + block * COLUMNS, *square = (NUMBER *)c->square + block * COLUMNS, *in = c->in, *out = c->out;
@@ -44,7 +44,7 @@ INLINE void OF(slide)(Contrast *c, index_t block, index_t y) {
     c->summed[block] = y;
 }
 
-/* Sums over SIDE = 16 + 8 + 1 neighbours along a row of `count` + 2 HALF. */
+/* Sums over SIDE = 16 + 8 + 1 neighbours along a row of `count` + 2 HALF numbers. */
 INLINE void OF(along)(const NUMBER *restrict row, index_t count, NUMBER *restrict room, NUMBER *restrict out) {
     for (index_t x = 0; x < count + SIDE - 2; x++)
         room[x] = row[x] + row[x + 1];
@@ -59,7 +59,7 @@ INLINE void OF(along)(const NUMBER *restrict row, index_t count, NUMBER *restric
 INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict square, const NUMBER *restrict grey, index_t count, float *restrict out) {
     const float share = 1.0f / (SIDE * SIDE);
     for (index_t x = 0; x < count; x++) {
-        const NUMBER spread = SIDE * SIDE * square[x] - sum[x] * sum[x]; /* in float it is off by .03 grey levels where all is flat */
+        const NUMBER spread = SIDE * SIDE * square[x] - sum[x] * sum[x]; /* in float, off by .03 grey levels if flat */
         const float deviation = sqrtf((float)(spread > 0 ? spread : 0)) * share;
         out[x] = (float)(grey[x] - sum[x] * (NUMBER)share) * UNIT / (deviation * UNIT + FLOOR);
     }

@@ -1,7 +1,7 @@
-/* Where the recovery of boards looks at pixels: see boards/edges.py. */
+/* Pixel tests of the board recovery: see boards/edges.py. */
 #include "sampling.h"
 
-/* Grey levels (n,) at `xy` (n, 2), the border repeated. */
+/* Grey levels (n,) at `xy` (n, 2); the border is replicated. */
 FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (OUT, double, out, n)) {
     const index_t height = p.height, width = p.width;
     const index_t right = width > 1, down = height > 1 ? width : 0;
@@ -17,7 +17,7 @@ FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2),
     return 0;
 }
 
-/* `out` (n, 3) of links `start` → `end` (n, 2). */
+/* Contrast `out` (n, 3) of links `start` → `end` (n, 2). */
 FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 3)) {
     Places w;
     for (index_t k = 0; k < n; k++)
@@ -25,7 +25,8 @@ FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, 
     return 0;
 }
 
-/* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either side. */
+/* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either
+ * side. */
 FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 2)) {
     static const double away[2] = {0.1, 0.3};
     Places w;
@@ -50,12 +51,13 @@ FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, sta
     return 0;
 }
 
-/* Profiles across an edge: so many on each side of a crossing, of so many samples (made up to whole vectors: WIDE), and so many to either
- * side that a smoothed slope looks at. */
+/* Profiles across an edge: their number on each side of a crossing, their samples (padded to whole vectors: WIDE), and
+ * the samples to either side that enter a smoothed derivative. */
 enum { ROWS = 8, STEPS = 35, WIDE = 48, TAPS = 15, PADDED = WIDE + 2 * TAPS };
 CONSTANTS(edges, ROWS, STEPS, TAPS)
 
-/* ln x of x > 0, error under 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. Of other x it is any number. */
+/* ln x for x > 0, error below 1e-7: mantissa within √½..√2, and the series of the inverse hyperbolic tangent. Undefined
+ * for other x. */
 INLINE float logarithm(float x) {
     uint32_t bits;
     memcpy(&bits, &x, sizeof bits);
@@ -75,7 +77,8 @@ INLINE float logarithm(float x) {
         A = low_;                                                                                                                          \
     } while (0)
 
-/* Medians `out` (WIDE,) over 8 rows of `value`: two sorted halves, then the largest of the lower four and the smallest of the upper. */
+/* Medians `out` (WIDE,) over 8 rows of `value`: the two halves are sorted, then the largest of the lower four and the
+ * smallest of the upper four are averaged. */
 INLINE void medians(float value[ROWS][WIDE], float *out) {
     for (int k = 0; k < WIDE; k++) {
         float a = value[0][k], b = value[1][k], c = value[2][k], d = value[3][k];
@@ -104,7 +107,8 @@ INLINE void medians(float value[ROWS][WIDE], float *out) {
     }
 }
 
-/* Smoothed slopes `out` (ROWS, WIDE) of the logarithm of profiles on one side of a spot: `along` the way to the rows, `across` along them. */
+/* Smoothed derivatives `out` (ROWS, WIDE) of the logarithm of profiles on one side of a spot: `along` is the step
+ * towards the rows, `across` that along them. */
 INLINE void slopes(const Spot *s, const double *xy, const double *along, const double *across, const float *rows, const float *t, float dark,
                    const float *taps, Places *w, float out[ROWS][WIDE]) {
     float value[ROWS * STEPS], padded[ROWS][PADDED];
@@ -115,10 +119,10 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
             w->x[r * STEPS + k] = x + t[k] * ax, w->y[r * STEPS + k] = y + t[k] * ay;
     }
     grey_levels(s, w, ROWS * STEPS, value);
-    memset(padded, 0, sizeof padded); /* beyond a profile there is nothing: its ends see less */
+    memset(padded, 0, sizeof padded); /* zeros beyond a profile reduce the derivatives at its ends */
     for (int r = 0; r < ROWS; r++)
         for (int k = 0; k < STEPS; k++) {
-            const float level = value[r * STEPS + k]; /* enlarged pictures in floating point go below 0 beside edges */
+            const float level = value[r * STEPS + k]; /* enlarged images in floating point fall below 0 beside edges */
             padded[r][TAPS + k] = logarithm((level > 0 ? level : 0) + dark);
         }
     for (int r = 0; r < ROWS; r++)
@@ -130,7 +134,7 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
         }
 }
 
-/* Offset along `across`, and strength, of the edge through `xy` that runs along `along` and whose colours are `colour`. */
+/* Offset along `across`, and strength, of the edge through `xy` in the direction `along` with colours `colour`. */
 INLINE void edge_offset(const Picture *p, const double *xy, const double *across, const double *along, double colour, const float *rows,
                         const float *t, float dark, const float *taps, Places *w, double *offset, double *strength) {
     float slope[ROWS][WIDE], half[2][WIDE], both[STEPS];
@@ -154,9 +158,9 @@ INLINE void edge_offset(const Picture *p, const double *xy, const double *across
     *strength = peak;
 }
 
-/* `offset`, `strength` (n, 2) at spots `xy`, `du`, `dv` (n, 2), `colour` (n,): see boards/edges.py, `crossings`. `rows` (ROWS,) and `t` (STEPS,)
- * squares along and across an edge, `dark` grey levels, `taps` (TAPS,) of the smoothed slope: weights of the samples
- * after one, less those before it. */
+/* `offset`, `strength` (n, 2) at spots `xy`, `du`, `dv` (n, 2), `colour` (n,): see boards/edges.py, `crossings`. `rows`
+ * (ROWS,) and `t` (STEPS,): squares along and across an edge; `dark`: grey levels; `taps` (TAPS,) of the smoothed
+ * derivative: weights of the samples after one, less those before it. */
 FAST_KERNEL(rcdn_crossings, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, double, du, n, 2), (IN, double, dv, n, 2),
             (IN, double, colour, n), (IN, float, rows, ROWS), (IN, float, t, STEPS), (REAL, dark), (IN, float, taps, TAPS),
             (OUT, double, offset, n, 2), (OUT, double, strength, n, 2)) {

@@ -1,18 +1,19 @@
-/* Elementary functions in double precision by sums, products and quotients alone, within a few units of the last place. Those of the system's
- * library differ in the last bits from version to version, and between processors with and without fused multiply–add. */
+/* Elementary functions in double precision by sums, products and quotients alone, accurate to a few units in the last
+ * place. Those of the system's library differ in the last bits between versions, and between processors with and
+ * without fused multiply–add. */
 #ifndef RCDN_ELEMENTARY_H
 #define RCDN_ELEMENTARY_H
 
 #include "rcdn.h"
 
 #define PI 3.14159265358979323846
-/* Numbers in two parts, of which the first has so few digits that small multiples of it are exact. */
+/* Constants in two parts; the first has so few digits that its small multiples are exact. */
 #define LN2_HIGH 0.693147180369123816490
 #define LN2_LOW 1.90821492927058770002e-10
 #define QUARTER_HIGH 1.57079632673412561417
 #define QUARTER_LOW 6.07710050650619224932e-11
 
-/* 2^k, k within −1022..1023. */
+/* 2^k for k within −1022..1023. */
 INLINE double power_of_two(int64_t k) {
     const int64_t bits = (k + 1023) * ((int64_t)1 << 52);
     double out;
@@ -20,7 +21,7 @@ INLINE double power_of_two(int64_t k) {
     return out;
 }
 
-/* exp x; what would be less than 1e-307 is 0. */
+/* exp x; results below 1e-307 are 0. */
 INLINE double exponential(double x) {
     if (!(x > -707))
         return x < 0 ? 0 : x;
@@ -41,7 +42,8 @@ INLINE double natural_log(double x) {
     const double grown = tiny ? x * power_of_two(64) : x;
     int64_t bits;
     memcpy(&bits, &grown, sizeof bits);
-    const int64_t above = bits - 0x3fe6a09e667f3bcd, k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52); /* m within √½..√2 */
+    /* k such that m is within √½..√2 */
+    const int64_t above = bits - 0x3fe6a09e667f3bcd, k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52);
     bits -= k * ((int64_t)1 << 52);
     double m, sum = 0;
     memcpy(&m, &bits, sizeof m);
@@ -51,7 +53,8 @@ INLINE double natural_log(double x) {
     return whole * LN2_HIGH + (2 * s * sum + whole * LN2_LOW);
 }
 
-/* erf x within 1e-15: 1 − exp(−x²) c(x) ÷ (1 + 2x) of x ≥ 0, c by its Chebyshev series in (x − k) ÷ (x + k), k = 3.75, over 0..6 (Shepherd and Laframboise, 1981). */
+/* erf x, error below 1e-15: 1 − exp(−x²) c(x) ÷ (1 + 2x) for x ≥ 0, c by its Chebyshev series in (x − k) ÷ (x + k), k =
+ * 3.75, over 0..6 (Shepherd and Laframboise, 1981). */
 INLINE double error_function(double x) {
     static const double series[] = {
         1.2041486607769258,     0.06254486451634342,     -0.09011170320100993,    0.03830804303776603,    -0.010667072297549509,
@@ -71,7 +74,7 @@ INLINE double error_function(double x) {
     return copysign(1 - exponential(-t * t) * (y * next - after + series[0]) / (1 + 2 * t), x);
 }
 
-/* cos x and sin x, for |x| up to a million. */
+/* cos x and sin x for |x| up to a million. */
 INLINE void cosine_sine(double x, double *cosine, double *sine) {
     if (!(fabs(x) < 1e6)) {
         *cosine = *sine = NAN;
@@ -90,7 +93,7 @@ INLINE void cosine_sine(double x, double *cosine, double *sine) {
     *sine = quarter >= 2 ? -swapped_s : swapped_s;
 }
 
-/* The angle of (x, y), −π..π; 0 of (0, 0). */
+/* The angle of (x, y), −π..π; 0 for (0, 0). */
 INLINE double angle_of(double y, double x) {
     const double a = fabs(x), b = fabs(y), most = a > b ? a : b, least = a > b ? b : a;
     const double ratio = most > 0 ? least / most : most, steep = ratio > 0.41421356237309503, t = steep ? (ratio - 1) / (ratio + 1) : ratio, q = t * t;

@@ -1,13 +1,14 @@
-/* Positions of a grid that is continued beyond what is known of it. See rcdn/targets/rectify.py. */
+/* Extrapolation of a grid beyond its known positions. See rcdn/targets/rectify.py. */
 #include "kernel.h"
 
 INLINE int known(const double *grid, index_t rows, index_t columns, index_t row, index_t column) {
     return row >= 0 && row < rows && column >= 0 && column < columns && isfinite(grid[2 * (row * columns + column)]);
 }
 
-/* `out` (rows, columns, 2): each position by the three, or two, before it in a line, mean over the four directions that have them; NaN where none has. */
+/* `out` (rows, columns, 2): each position extrapolated from the three, or two, preceding ones in a line, averaged over
+ * the directions (of four) that have them; NaN if none has. */
 KERNEL(rcdn_extrapolated, (SIZE, rows, grid, 0), (SIZE, columns, grid, 1), (IN, double, grid, rows, columns, 2), (OUT, double, out, rows, columns, 2)) {
-    static const index_t before[4][2] = {{-1, 0}, {0, 1}, {1, 0}, {0, -1}}; /* as the grid turned by quarters has them above */
+    static const index_t before[4][2] = {{-1, 0}, {0, 1}, {1, 0}, {0, -1}}; /* up, after 0 to 3 quarter turns */
     for (index_t row = 0; row < rows; row++)
         for (index_t column = 0; column < columns; column++) {
             double total[2] = {0, 0};

@@ -1,12 +1,13 @@
-/* The parametric fit of corners of a board, each by itself. See rcdn/precision/fit.py. */
+/* The parametric fit of corners of a board, each separately. See rcdn/precision/fit.py. */
 #include "fit_model.h"
 
 CONSTANTS(fit, COUNT, BLUR, BLEED, MEAN, CONTRAST, FRAME, REACH, MIDDLE, CENTRE, THIN, MOST, EDGES, CELLS, PARTS, SIDES)
 
-/* Blocks of a window: pixels are at most 2 · ROW / 2 px from the mean of all, and those of one half are mirrored to the other. */
+/* Blocks of a window: pixels are at most 2 · ROW / 2 px from their mean, and those of one half are mirrored to the
+ * other. */
 enum { BLOCKS = (ROW + 2) * (2 * ROW + 3) };
 
-/* bytes; arrays that start so are read a cache line at a time */
+/* bytes; arrays aligned to this are read one cache line at a time */
 enum { ALIGNED = 64 };
 
 typedef struct {
@@ -18,13 +19,14 @@ typedef struct {
     float block[2][BLOCKS][4];
 } Room;
 
-/* Least variance of grey levels (they are whole numbers); parameters that the pixels of one corner really settle. */
+/* Least variance of grey levels (which are integers); number of parameters that the pixels of one corner determine
+ * effectively. */
 #define ROUNDING 0.08
 #define FREEDOM 8
 /* Residuals beyond the larger of (noise, × contrast) have no weight. */
 #define OUTLIER_NOISE 6.0
 #define OUTLIER_CONTRAST 0.15
-/* Least pivot of a matrix with ones on its diagonal. */
+/* Least pivot of a matrix with unit diagonal. */
 #define LEAST 1e-13
 /* Logarithms of blurs of 0.25 and 20 px */
 #define SHARPEST -1.38629436111989062
@@ -51,8 +53,8 @@ INLINE void rescale(double m[ROWS][ROWS], const double *size) {
             m[k][j] *= size[k] * size[j];
 }
 
-/* The inverse of a symmetric positive definite matrix in the first COUNT rows and columns of `m`, in place. Where rounding has left a
- * direction without stiffness, it gets a little. */
+/* Invert a symmetric positive definite matrix in the first COUNT rows and columns of `m`, in place. A direction that
+ * rounding has left without stiffness is given a small one. */
 INLINE void invert(double m[ROWS][ROWS]) {
     double size[ROWS], row[ROWS];
     for (int k = 0; k < ROWS; k++)
@@ -64,7 +66,7 @@ INLINE void invert(double m[ROWS][ROWS]) {
             row[j] = m[k][j] * share;
             m[k][j] = 0;
         }
-        row[k] = 1 + share; /* so that what is left in column k is - share × what was there */
+        row[k] = 1 + share; /* so that - share × the old column k remains in it */
         for (int i = 0; i < COUNT; i++)
             eliminate(m[i], row, m[i][k]);
         row[k] = share;
@@ -74,7 +76,7 @@ INLINE void invert(double m[ROWS][ROWS]) {
     rescale(m, size);
 }
 
-/* One pass over the pixels at `state`: the room's rows, where `slopes` are wanted, and sums over them. */
+/* One pass over the pixels at `state`: the rows, if `slopes` is set, and the sums over them. */
 INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed, int slopes) {
     const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
     const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
@@ -87,7 +89,7 @@ INLINE Sums look(Room *room, const double *state, double noise, int robust, cons
     return others ? model_rows(w, state, limit, next, 1, 0, 1, NULL, room->rows) : model_rows(w, state, limit, next, 0, 0, 1, NULL, room->rows);
 }
 
-/* The inverse normal matrix `m` of the room's rows under a prior, and the step of the parameters towards the best fit. */
+/* The inverse normal matrix `m` of the rows under a prior, and the Gauss–Newton step of the parameters. */
 INLINE void solve(Room *room, Sums sums, const double *state, const double *mean, const double *tie, double noise,
                   double m[ROWS][ROWS], double *step) {
     const index_t loose = room->window.count - FREEDOM;
@@ -107,13 +109,14 @@ INLINE void solve(Room *room, Sums sums, const double *state, const double *mean
     }
 }
 
-/* Squares a px across the narrower side of a window's square. */
+/* Gradient, squares per px, across the narrower side of a window's square. */
 INLINE double steepest(const double *frame) {
     const double u = length_of(frame[SLOPE], frame[SLOPE + 1]), v = length_of(frame[SLOPE + 2], frame[SLOPE + 3]);
     return u > v ? u : v;
 }
 
-/* The block of each pixel in `room->at`, and the number of blocks. Those of one half of the window are mirrored to the other. */
+/* The block of each pixel to `room->at`, and the number of blocks. Pixels of one half of the window are mirrored to the
+ * other. */
 INLINE index_t blocks(Room *room, float side) {
     const Window *w = &room->window;
     const index_t n = w->padded;
@@ -139,8 +142,9 @@ INLINE index_t blocks(Room *room, float side) {
     return (index_t)span * reach_y + reach_x + 1;
 }
 
-/* Sums over blocks of pixels: `scores` (2) squared pulls on the position, and what white noise of variance 1 would give. The fit makes the
- * pulls of all blocks add up to nothing, which the second allows for. `m`: inverse normal matrix. `side` of a block, px. */
+/* Sums over blocks of pixels: `scores` (2), the squared influence on the position, and its expectation for white noise
+ * of variance 1. The latter allows for the fact that the fit makes the influences of all blocks sum to zero. `m`:
+ * inverse normal matrix. `side` of a block, px. */
 INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *scores) {
     const index_t size = blocks(room, side), n = room->window.padded;
     float unit[2][COUNT];
@@ -158,7 +162,7 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
     }
     for (int half = 0; half < 2; half++)
         memset(room->block[half], 0, (size_t)size * sizeof(room->block[0][0]));
-    for (index_t i = 0; i < n; i++) { /* by turns into two halves: sums need not wait for each other */
+    for (index_t i = 0; i < n; i++) { /* alternately into two halves, so that consecutive sums are independent */
         float *to = room->block[i % 2][room->at[i]];
         const float one = room->lever[0][i], two = room->lever[1][i], off = room->rows[RESIDUAL][i];
         to[0] += one * one;
@@ -180,17 +184,19 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
         scores[1] += sum[k] - even[k] / (sum[k] > 1e-12 ? sum[k] : 1e-12);
 }
 
-/* How to fit: `noise`, variance of the residuals of the board; so many `steps`; `robust`: pixels that disagree lose their weight; `board`: next
- * corners have edges too; `tell`: `own`, `unit` and, where `share` isn't 0, `scores` are wanted. */
+/* Settings of the fit: `noise`, variance of the residuals of the board; number of `steps`; `robust`: outlier pixels
+ * lose their weight; `board`: next corners have edges, too; `tell`: whether `own`, `unit` and, unless `share` is 0,
+ * `scores` are computed. */
 ARGUMENT_GROUP(Settings, (REAL, noise), (INT, steps, 0, 100), (INT, robust, 0, 1), (INT, board, 0, 1), (INT, tell, 0, 1), (REAL, share),
                (WHERE, fabs(share) <= DBL_MAX))
 
-/* What the fit finds: `variance` (n) of the residuals with weights; `kept` (n), mean weight; inverse normal matrices: diagonals `own` (n, COUNT),
- * and `unit` (n, 2, 2) of the shift; `scores` (n, 2) of blocks whose sides are `share` of a square's. */
+/* Results of the fit: `variance` (n) of the residuals with weights; `kept` (n), mean weight; inverse normal matrices:
+ * diagonals `own` (n, COUNT), and `unit` (n, 2, 2) of the shift; `scores` (n, 2) of blocks with sides of `share` of a
+ * square's. */
 ARGUMENT_GROUP(Found, (SIZE, n, variance, 0), (OUT, double, variance, n), (OUT, double, kept, n), (OUT, double, own, n, COUNT),
                (OUT, double, unit, n, 2, 2), (OUT, double, scores, n, 2))
 
-/* What is printed around corner k, as far as its state tells. */
+/* The print around corner k at its current state. */
 INLINE void print_around(const Print *print, index_t k, const double *state, const Window *w, Shade *shade) {
     float p[BLUR];
     for (int j = 0; j < BLUR; j++)
@@ -198,7 +204,7 @@ INLINE void print_around(const Print *print, index_t k, const double *state, con
     print_pixels(print, k, p, (float)exponential(-state[BLUR]), (float)exponential(-state[BLUR + 1]), 1, w, shade);
 }
 
-/* Lead a state on by `step`; what is printed follows. */
+/* Advance a state by `step`, and update the print accordingly. */
 INLINE void advance(Room *room, double *state, const double *step, int printed) {
     const double before[2] = {state[BLUR], state[BLUR + 1]};
     float change[BLUR + 2];
@@ -215,8 +221,8 @@ INLINE void advance(Room *room, double *state, const double *step, int printed) 
     shift_print(&room->window, change, &room->shade);
 }
 
-/* Fit n corners. `frames` (n, FRAME) tell their pixels, the maps where these lie on the board. `state` (n, COUNT) is led on, bound
- * to `mean` (n, COUNT) by `tie` (n, COUNT), inverse variances. */
+/* Fit n corners. `frames` (n, FRAME) define their pixels, the maps their board coordinates. `state` (n, COUNT) is
+ * updated, under a prior of mean `mean` (n, COUNT) and inverse variances `tie` (n, COUNT). */
 FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
             (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
             (WHERE, are_frames(frames, n)), (OUT, double, state, n, COUNT), (IN, double, mean, n, COUNT), (IN, double, tie, n, COUNT),

@@ -1,4 +1,4 @@
-/* What the surroundings of a corner look like, and how that changes with the parameters. See rcdn/precision/model.py for both. */
+/* The model of a corner's surroundings, and its derivatives by the parameters. See rcdn/precision/model.py for both. */
 #ifndef RCDN_FIT_MODEL_H
 #define RCDN_FIT_MODEL_H
 
@@ -8,19 +8,19 @@
 
 enum { BLUR = 6, BLEED = 8, MEAN = 9, CONTRAST = 10, COUNT = 15, RESIDUAL = 15, ROWS = 16 };
 
-/* blurs at which an edge is no longer felt: erf is 1 to 1e-4 */
+/* distance from an edge, blurs, beyond which it has no effect: erf is 1 to 1e-4 */
 #define FELT 4.0f
 #define WHITE 255.0f
 
-/* Of each pixel: its slopes by the COUNT parameters, then its residual, all × the root of its weight. */
+/* For each pixel: its derivatives by the COUNT parameters, then its residual, all × the root of its weight. */
 typedef float Rows[ROWS][PIXELS];
 
-/* Sums over the pixels: of squared residuals without and with weights, of the weights. */
+/* Sums over the pixels: of squared residuals without and with weights, and of the weights. */
 typedef struct {
     double square, heavy, weight;
 } Sums;
 
-/* Do the edges of the `next` (SIDES) corners, squares away, reach into the window? */
+/* Whether the edges of the `next` (SIDES) corners, squares away, have an effect inside the window. */
 INLINE int crowded(const Window *w, const double *state, const float *next) {
     const float blur_u = FELT * (float)exponential(state[BLUR]), blur_v = FELT * (float)exponential(state[BLUR + 1]);
     int felt = 0;
@@ -30,16 +30,17 @@ INLINE int crowded(const Window *w, const double *state, const float *next) {
     return felt;
 }
 
-/* What an edge of a next corner, `z` blurs away, takes from a wave and adds to its slope by log blur. */
+/* Subtract the edge of a next corner, `z` blurs away, from a wave, and add its derivative by log blur. */
 INLINE void next_edge(float z, float *wave, float *by_blur) {
     *wave -= erf_near(z);
     *by_blur += PEAK * bell_near(z) * z;
 }
 
-/* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the `next` (SIDES) corners;
- * `printed`: with what is printed,
- * `shade`; `slopes`: without them, only the sums are made. Levels beyond the sensor's range are cut, and have no slope. A blurred square wave has its edge where own + push = 0, and in the next corners where
- * the pixel's squares ± next - push = 0: bleed moves edges by turns one way and the other. */
+/* Rows and sums at `state`. Residuals beyond `limit` have no weight (Tukey's). `others`: with the edges of the `next`
+ * (SIDES) corners; `printed`: with the surrounding print, `shade`; `slopes`: with derivatives; without them, only the
+ * sums are computed. Levels are clipped to the sensor's range, and have no derivatives beyond it. A blurred square wave
+ * has its own edge where own + push = 0, and those of the next corners where the pixel's squares ± next - push = 0:
+ * bleed moves consecutive edges in opposite directions. */
 INLINE Sums model_rows(const Window *w, const double *state, float limit, const float *next, const int others, const int printed, const int slopes,
                        const Shade *shade, Rows rows) {
     float p[COUNT];
@@ -104,7 +105,8 @@ INLINE Sums model_rows(const Window *w, const double *state, float limit, const 
     return out;
 }
 
-/* Products of two rows with two others, summed over n pixels, to both sides of the diagonal of a matrix (ROWS, ROWS). */
+/* Products of two rows with two others, summed over n pixels, on both sides of the diagonal of a matrix (ROWS, ROWS).
+ * */
 INLINE void products_2x2(const float *a, const float *b, index_t n, double *out, double *mirror) {
     float s[4][LANES] = {{0}};
     for (index_t i = 0; i < n; i += LANES)

@@ -1,43 +1,47 @@
-/* What is printed beside the crossing edges of a corner (markers, circles, bits of tags), blurred as the picture is. See rcdn/precision/surroundings.py. */
+/* The print around the crossing edges of a corner (markers, circles, bits of tags), blurred like the image. See
+ * rcdn/precision/surroundings.py. */
 #ifndef RCDN_FIT_PRINT_H
 #define RCDN_FIT_PRINT_H
 
 #include "fit_window.h"
 #include "maths.h"
 
-/* edges of a shape along an axis; shapes and next corners around a corner */
+/* largest number of edges of a shape along an axis, and of shapes and next corners around a corner */
 enum { EDGES = 12, CELLS = EDGES + 1, PARTS = 4, SIDES = 4 };
 
-/* erf is 1 beyond that many √2 blurs */
+/* beyond so many √2 blurs, erf is 1 */
 #define UNFELT 3.4f
-/* slope of erf at 0 */
+/* derivative of erf at 0 */
 #define PEAK 1.1283792f
 
-/* What is printed around n corners, or none of it (n = 0: a plain checkerboard). A shape is constant between `edge` (shapes, 2, EDGES), rising, squares
- * from its middle, along u, along v, and infinite from some place on if it has fewer; `value` (shapes, CELLS, CELLS) is its value before, between and behind them, 0 outside.
- * Corner k has up to PARTS of the shapes, `which` (n, PARTS), -1 for none, with their middles `at` (n, PARTS, 2) squares from the corner; what they add is
- * × the corner's `sign` (n), in contrasts. `next` (n, SIDES): squares to the next edges towards -u, +u, -v, +v. */
+/* The print around n corners, or none (n = 0: a plain checkerboard). A shape is piecewise constant: `edge` (shapes, 2,
+ * EDGES) has its edges, ascending, squares from its centre, along u and along v, padded with infinity; `value` (shapes,
+ * CELLS, CELLS) its values before, between and behind them, 0 outside. Corner k has up to PARTS of the shapes, `which`
+ * (n, PARTS), -1 for none, with their centres `at` (n, PARTS, 2) squares from the corner; their contribution is × the
+ * corner's `sign` (n), in contrasts. `next` (n, SIDES): squares to the next edges towards -u, +u, -v, +v. */
 ARGUMENT_GROUP(Print, (SIZE, shapes, edge, 0), (IN, double, edge, shapes, 2, EDGES), (IN, double, value, shapes, CELLS, CELLS), (SIZE, n, sign, 0),
                (WITHIN, int32_t, which, -1, shapes - 1, n, PARTS), (IN, double, at, n, PARTS, 2), (IN, double, sign, n), (IN, double, next, n, SIDES))
 
-/* What is printed at the pixels of a window, in contrasts, and its derivatives by u, v and the logs of the blurs along u and v. */
+/* The print at the pixels of a window, in contrasts, and its derivatives by u, v and the logs of the blurs along u and
+ * v. */
 typedef struct {
     float all[5][PIXELS];
 } Shade;
 
-/* One shape as seen from a corner: its edges, squares from there, and its values. */
+/* One shape relative to a corner: its edges, squares from the corner, and its values. */
 typedef struct {
     float u[EDGES], v[EDGES];
     const double *value;
     int count_u, count_v;
 } Part;
 
-/* LANES pixels, squares from the corner, with the sharpness of edges there; from where to where they feel an edge along u, along v. */
+/* LANES pixels, squares from the corner, with the sharpness of edges there; ranges along u and v of edges that have an
+ * effect on them. */
 typedef struct {
     float u[LANES], v[LANES], scale_u[LANES], scale_v[LANES], feel_u[2], feel_v[2];
 } Batch;
 
-/* Edges of a part: those before `first` are a step that is all done, those from `last` on haven't begun. */
+/* Edges of a part: those before `first` are complete steps, those from `last` on have no effect yet. */
 typedef struct {
     int first, last;
 } Span;
@@ -49,7 +53,7 @@ INLINE int moved_edges(const double *from, double by, float *to) {
     return count;
 }
 
-/* The shapes around corner k: how many. */
+/* The shapes around corner k; returns their number. */
 INLINE int parts_of(const Print *print, index_t k, Part *parts) {
     int count = 0;
     for (index_t j = PARTS * k; j < PARTS * (k + 1); j++) {
@@ -73,13 +77,14 @@ INLINE Span span_of(const float *edge, int count, const float feel[2]) {
     return out;
 }
 
-/* What the values change by over both, the edges a0..a1 along u and b0..b1 along v. */
+/* The mixed difference of the values over the edges a0..a1 along u and b0..b1 along v. */
 INLINE float mixed_difference(const Part *part, int a0, int a1, int b0, int b1) {
     const double *from = part->value + CELLS * a0, *to = part->value + CELLS * a1;
     return (float)(to[b1] - to[b0] - from[b1] + from[b0]);
 }
 
-/* Along one axis, of LANES pixels `at` with `scale`: 1 + erf of an edge, and its slopes by the place and by the log of the blur. */
+/* Along one axis, for LANES pixels `at` with `scale`: 1 + erf of an edge, and its derivatives by the position and by
+ * the log of the blur. */
 INLINE void step_at(const float *restrict at, const float *restrict scale, float edge, const int slopes, float step[restrict 3][LANES]) {
     for (index_t lane = 0; lane < LANES; lane++) {
         const float z = (at[lane] - edge) * scale[lane];
@@ -92,7 +97,7 @@ INLINE void step_at(const float *restrict at, const float *restrict scale, float
     }
 }
 
-/* Add what a part prints to `out`: its value, and with `slopes` the derivatives by u, v and the logs of both blurs. */
+/* Add the print of a part to `out`: its value, and with `slopes` its derivatives by u, v and the logs of both blurs. */
 INLINE void add_part(const Part *restrict part, const Batch *restrict batch, const int slopes, float out[restrict 5][LANES]) {
     const Span u = span_of(part->u, part->count_u, batch->feel_u), v = span_of(part->v, part->count_v, batch->feel_v);
     if (!u.last || !v.last || u.first == part->count_u || v.first == part->count_v)
@@ -101,7 +106,7 @@ INLINE void add_part(const Part *restrict part, const Batch *restrict batch, con
     for (int b = v.first; b < v.last; b++)
         step_at(batch->v, batch->scale_v, part->v[b], slopes, down[b]);
     for (int a = u.first - (u.first > 0); a < u.last; a++) {
-        const int done = a < u.first, from = done ? 0 : a; /* the steps that are all done are one */
+        const int done = a < u.first, from = done ? 0 : a; /* complete steps are combined into one */
         const float base = 2 * mixed_difference(part, from, a + 1, 0, v.first);
         float sum[3][LANES] = {{0}};
         for (index_t lane = 0; lane < LANES; lane++)
@@ -129,7 +134,7 @@ INLINE void add_part(const Part *restrict part, const Batch *restrict batch, con
     }
 }
 
-/* From where to where pixels `at` feel an edge whose sharpness is `scale`. */
+/* Range of the positions of edges that have an effect on pixels `at` whose sharpness is `scale`. */
 INLINE void feelers(const float *at, const float *scale, float feel[2]) {
     float low = at[0], high = at[0], least = scale[0];
     for (index_t lane = 1; lane < LANES; lane++) {
@@ -141,8 +146,8 @@ INLINE void feelers(const float *at, const float *scale, float feel[2]) {
     feel[1] = high + UNFELT / least;
 }
 
-/* What is printed around corner k at the pixels of its window, in contrasts, to `out`. `p` (6): shift, turns and curvatures of the edges;
- * `sharp_u`, `sharp_v`: 1 / their blurs; `slopes`: derivatives are wanted, too. */
+/* The print around corner k at the pixels of its window, in contrasts, to `out`. `p` (6): shift, turns and curvatures
+ * of the edges; `sharp_u`, `sharp_v`: 1 / their blurs; `slopes`: whether derivatives are computed, too. */
 INLINE void print_pixels(const Print *print, index_t k, const float *p, float sharp_u, float sharp_v, const int slopes, const Window *w,
                          Shade *restrict out) {
     Part parts[PARTS];
@@ -169,7 +174,7 @@ INLINE void print_pixels(const Print *print, index_t k, const float *p, float sh
     }
 }
 
-/* The print after small changes (8) of shift, turns, curvatures and log blurs. */
+/* Update the print to first order for small changes (8) of shift, turns, curvatures and log blurs. */
 INLINE void shift_print(const Window *w, const float *change, Shade *restrict shade) {
     INDEPENDENT
     for (index_t i = 0; i < w->padded; i++) {

@@ -1,19 +1,22 @@
-/* Where the fit of corners begins: which pixels tell of each, and how they look with straight edges. See rcdn/precision/window.py. */
+/* Start of the fit of corners: the pixels used for each, and their appearance with straight edges. See
+ * rcdn/precision/window.py. */
 #include "fit_model.h"
 
-/* Half extent of a window, squares: windows of neighbours touch but share no pixel, so that their errors are independent. */
+/* Half extent of a window, squares: windows of neighbours touch but share no pixel, so that their errors are
+ * independent. */
 #define HALF 0.5
-/* px along an edge: further out, its course is less certain than its pixels are worth. */
+/* px along an edge: further out, the uncertainty of its course outweighs the information of its pixels. */
 #define LONGEST 30.0
-/* Pixels further from both edges than (blurs, + px) tell nothing. */
+/* Pixels further from both edges than (blurs, + px) carry no information. */
 #define BAND_BLURS 4.0
 #define BAND_MORE 3.0
-/* Blurs that a window stays away from what lies beyond the board's outermost squares, and how short, squares, it is cut at most. */
+/* Distance, blurs, of a window from anything beyond the board's outermost squares, and least half extent, squares, to
+ * which it is cut. */
 #define RIM 2.2
 #define LEAST 0.25
 
-/* The window of a corner at `xy`, in its affine frame, with its pixels' number in place of THIN; 0 where the map folds there. `rim` (2): no
- * corner follows on one side along u, v. */
+/* The window of a corner at `xy`, in its affine frame, with its number of pixels in place of THIN; 0 if the map is
+ * singular there. `rim` (2): whether no corner follows on one side along u, v. */
 INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double blur, double *out) {
     double uv[2], step[4], *slope = out + SLOPE, *reach = out + REACH, *band = out + BAND, box[2];
     map_pixel(map, xy[0], xy[1], uv, slope);
@@ -46,7 +49,8 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
     return 1;
 }
 
-/* `frames` (n, FRAME) of corners at `xy` (n, 2) with `rim` (n, 2), as of `frame_of`. Returns 1 where a map folds on a corner. */
+/* `frames` (n, FRAME) of corners at `xy` (n, 2) with `rim` (n, 2), as in `frame_of`. Returns 1 if a map is singular at
+ * a corner. */
 KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, xy, n, 2), (IN, uint8_t, rim, n, 2), (REAL, blur),
        (OUT, double, frames, n, FRAME)) {
     for (index_t k = 0; k < n; k++) {
@@ -57,8 +61,8 @@ KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double
     return 0;
 }
 
-/* Residual variance, grey level and contrast, `out` (3), of straight edges of `blur` px, with what is `printed`, if anything: a line through pixels and
- * model. */
+/* Residual variance, grey level and contrast, `out` (3), for straight edges of `blur` px and the surrounding print
+ * `printed`, if any: linear regression of the pixels on the model. */
 INLINE void line(const Window *w, float blur, const float *printed, float *shape, double *out) {
     const float sharp = 1 / blur, count = w->count > 1 ? (float)w->count : 1;
     float sum = 0, level = 0, across = 0, square = 0, left = 0;
@@ -96,7 +100,7 @@ INLINE void fill_window(const Picture *picture, const double *frames, const Maps
     window_coordinates(&map, frames + FRAME * k, w);
 }
 
-/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners with what is printed around them. */
+/* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners with the print around them. */
 FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
             (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
             (WHERE, are_frames(frames, n)), (SIZE, many, blurs, 0), (IN, double, blurs, many), (OUT, double, levels, many, n, 3)) {
@@ -117,8 +121,8 @@ FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, m
     return 0;
 }
 
-/* The pixels of n corners, for whoever wants to look: `count` (n), and `out` (8, n, room): x, y from the centre, grey levels, u, v, their
- * slopes, mask. What `room` doesn't hold is left out. */
+/* The pixels of n corners, for inspection: `count` (n), and `out` (8, n, room): x, y from the centre, grey levels, u,
+ * v, their gradients' lengths, mask. Pixels beyond `room` are left out. */
 KERNEL(rcdn_fit_windows, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
        (WHERE, are_frames(frames, n)), (SIZE, room, out, 2), (OUT, int64_t, count, n), (OUT, float, out, 8, n, room)) {
     Window *w = malloc(sizeof(Window));

@@ -1,4 +1,5 @@
-/* The pixels around one corner of a board that tell of it, with their board coordinates. See rcdn/precision/window.py. */
+/* The pixels around one corner of a board that are used for its fit, with their board coordinates. See
+ * rcdn/precision/window.py. */
 #ifndef RCDN_FIT_WINDOW_H
 #define RCDN_FIT_WINDOW_H
 
@@ -13,21 +14,22 @@ enum {
     PIXELS = MOST + ROW + LANES,
 };
 
-/* A window in the corner's affine frame: `slope` (2, 2) squares by px; half extents and bands, squares; centre and half size of the box, px;
- * every `thin`-th pixel of it is taken; the middle of its extents, squares. As doubles, in this order. */
+/* A window in the corner's affine frame: `slope` (2, 2) squares per px; half extents and bands, squares; centre and
+ * half size of the box, px; every `thin`-th pixel of it is used; the centre of its extents, squares. As doubles, in
+ * this order. */
 enum { SLOPE = 0, REACH = 4, BAND = 6, CENTRE = 8, BOX = 10, THIN = 12, MIDDLE = 13, FRAME = 15 };
 
-/* `count` pixels, and up to a multiple of LANES some without `mask`, zeros. `x`, `y`: px from the centre; `u`, `v`: squares; `gu`, `gv`: lengths of
- * their slopes, squares a px; `iu`, `iv`: 1 / (√2 gu), 1 / (√2 gv). */
+/* `count` pixels, padded with zeros and `mask` 0 to a multiple of LANES. `x`, `y`: px from the centre; `u`, `v`:
+ * squares; `gu`, `gv`: lengths of their gradients, squares per px; `iu`, `iv`: 1 / (√2 gu), 1 / (√2 gv). */
 typedef struct {
     float x[PIXELS], y[PIXELS], value[PIXELS], mask[PIXELS], u[PIXELS], v[PIXELS], gu[PIXELS], gv[PIXELS], iu[PIXELS], iv[PIXELS];
     index_t count, padded;
 } Window;
 
-/* px, beyond any picture */
+/* px, beyond any image */
 #define AWAY 1e9
 
-/* Do `frames` (n, FRAME) tell windows that fit into their room? */
+/* Whether `frames` (n, FRAME) describe windows that fit into their buffers. */
 static inline int are_frames(const double *frames, index_t n) {
     for (const double *f = frames; f < frames + FRAME * n; f += FRAME) {
         for (int k = 0; k < FRAME; k++)
@@ -46,7 +48,7 @@ typedef struct {
     index_t first, last;
 } Run;
 
-/* Which x of those `within` have |x / p + q| <= r. */
+/* The x in the run `within` with |x / p + q| <= r. */
 INLINE Run strip(double p, double q, double r, Run within) {
     const double one = (-r - q) * p, two = (r - q) * p, low = ceil(one < two ? one : two), high = floor(one < two ? two : one);
     const double first = (double)within.first, last = (double)within.last;
@@ -55,7 +57,7 @@ INLINE Run strip(double p, double q, double r, Run within) {
     return out;
 }
 
-/* Append every `thin`-th pixel of a run of the row y, shifted from row to row. */
+/* Append every `thin`-th pixel of a run of the row y, with a phase that changes from row to row. */
 INLINE void window_run(const Picture *p, Run run, index_t y, const double *f, Window *w) {
     const index_t thin = (index_t)f[THIN], at = ((index_t)f[CENTRE + 1] + y) * p->width + (index_t)f[CENTRE];
     const index_t phase = thin > 1 ? (run.first + (thin + 1) / 2 * y) % thin : 0, first = run.first + (phase > 0 ? thin - phase : -phase);
@@ -77,7 +79,8 @@ INLINE void window_run(const Picture *p, Run run, index_t y, const double *f, Wi
     w->count += many;
 }
 
-/* Which pixels: those of the picture within reach of the corner and near one of its edges, which is a cross of two bands. */
+/* The pixels of a window: those of the image within reach of the corner and near one of its edges, which form a cross
+ * of two bands. */
 INLINE void window_pixels(const Picture *p, const double *f, Window *w) {
     const index_t cx = (index_t)f[CENTRE], cy = (index_t)f[CENTRE + 1], half_x = (index_t)f[BOX], half_y = (index_t)f[BOX + 1];
     const index_t top = cy > half_y ? -half_y : -cy, low = cy + half_y < p->height ? half_y : p->height - 1 - cy;
@@ -104,10 +107,11 @@ INLINE void window_pixels(const Picture *p, const double *f, Window *w) {
         w->x[i] = w->y[i] = w->value[i] = w->mask[i] = 0;
 }
 
-/* Their board coordinates. In the corner's own frame nothing large is taken from something large: single precision is enough. */
+/* The pixels' board coordinates. Relative to the corner, no large numbers are subtracted from each other: single
+ * precision is enough. */
 INLINE void window_coordinates(const Map *m, const double *f, Window *w) {
     const double *H = m->flat, cx = f[CENTRE], cy = f[CENTRE + 1];
-    double side[6]; /* what remains of the homography's first two rows */
+    double side[6]; /* first two rows of the homography relative to the corner */
     for (int k = 0; k < 6; k++)
         side[k] = H[k] - m->origin[k / 3] * H[6 + k % 3];
     const float depth0 = (float)(H[6] * cx + H[7] * cy + H[8]), depth_x = (float)H[6], depth_y = (float)H[7];

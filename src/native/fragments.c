@@ -1,9 +1,10 @@
-/* Corners that stand like three of a square's. See rcdn/boards/fragments.py. */
+/* Triples of corners placed like three corners of a square. See rcdn/boards/fragments.py. */
 #include "kernel.h"
 
-/* Of each corner (n) with those `near` it (n, most): every two of them that turn to the right about it by an angle whose sine is over `skew`, whose distances
- * differ by less than `ratio`; in the order of the second, then of the first. `three` (room, 3): the corner, the first and the second; `fourth` (room, 2): where
- * a parallelogram has its fourth corner; `side` (room): the shorter distance. Returns how many, at most `room`. */
+/* For each corner (n) with its neighbours `near` (n, most): every two of them that turn clockwise about it by an angle
+ * of sine above `skew` and whose distances have a ratio below `ratio`; in the order of the second, then of the first.
+ * `three` (room, 3): the corner, the first and the second; `fourth` (room, 2): the fourth corner of the parallelogram;
+ * `side` (room): the shorter distance. Returns their number, at most `room`. */
 KERNEL(rcdn_three_of_quads, (SIZE, n, xy, 0), (SIZE, most, near, 1), (SIZE, room, side, 0), (IN, double, xy, n, 2), (WITHIN, int64_t, near, 0, n - 1, n, most),
        (WHERE, room >= n * most * most), (IN, double, length, n, most), (REAL, skew), (REAL, ratio), (OUT, int64_t, three, room, 3),
        (OUT, double, fourth, room, 2), (OUT, double, side, room)) {

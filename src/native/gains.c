@@ -1,15 +1,17 @@
-/* The most evidence for markers that follow each other in the squares of a board. See rcdn/targets/gains.py. */
+/* An upper bound of the evidence for markers with consecutive numbers in the squares of a board. See
+ * rcdn/targets/gains.py. */
 #include "kernel.h"
 
-/* What is known of a square: it is the first of its row in the list; it may lie beyond the board's sides; its row may lie beyond the board; it is in the
- * last row, of which squares without a marker may be a part. */
+/* Roles of a square: it is the first of its row in the list; it may lie beyond the board's sides; its row may lie
+ * beyond the board; it is in the last row, which squares without a marker may belong to. */
 enum { FIRST = 1, BESIDE = 2, LOOSE = 4, LAST = 8, ROLES = 15 };
 
-/* markers that are looked at together, in so many vectors; columns of the widest board of which a part may be seen, and of any */
+/* markers that are processed together, in so many vectors; columns of the widest board of which a part may be visible,
+ * and of any board */
 enum { LANE = 16, VECTORS = 4, BLOCK = LANE * VECTORS, COLUMNS = 64, WIDEST = 1 << 16 };
 CONSTANTS(gains, FIRST, BESIDE, LOOSE, LAST, BLOCK, COLUMNS)
 
-/* evidence where no layout may put a square */
+/* evidence at positions that no layout allows */
 #define NEVER -1e6f
 
 typedef float vec __attribute__((vector_size(4 * LANE)));
@@ -22,27 +24,29 @@ INLINE vec load(const float *p) {
     return v;
 }
 
-/* Squares of a board, row by row, in `turns` pictures of it: of each the bits' log-likelihood ratios of white to black, `own`, log2; what its frame tells,
- * with all bits `black`; logarithms of the probabilities that it doesn't show its marker (`covered`) and that it does (`free`); its `role`. */
+/* Squares of a board, row by row, in `turns` images of it. For each square: the log-likelihood ratios of white to black
+ * of its bits, `own`, log2; the evidence of its frame, with all bits `black`; logarithms of the probabilities that it
+ * does not show its marker (`covered`) and that it does (`free`); its `role`. */
 ARGUMENT_GROUP(Turned, (SIZE, turns, own, 0), (SIZE, count, own, 1), (SIZE, many, own, 2), (IN, float, own, turns, count, many),
                (IN, float, black, turns, count), (IN, float, covered, turns, count), (IN, float, free, turns, count),
                (WITHIN, int32_t, role, 0, ROLES, turns, count))
 
-/* The squares `first` .. `first + length` of a row, and what it says of n markers: `sum` (n + 2 length) from the marker -length of its first square on;
- * `outside` of these. */
+/* The squares `first` .. `first + length` of a row, and its evidence for n markers: `sum` (n + 2 length), indexed by
+ * the marker of its first square from -length on; `outside` that range. */
 typedef struct {
     index_t first, length;
     float *sum, outside;
 } Row;
 
-/* At least log2(covered + (1 - covered) 2^shown) of its two logarithms: log2(1 + 2^-x), x >= 0, lies under its chords. */
+/* An upper bound of log2(covered + (1 - covered) 2^shown) from its two logarithms: log2(1 + 2^-x), x >= 0, lies below
+ * its chords. */
 INLINE float gain_at_most(float shown, float covered, float free) {
     const float x = shown + free - covered, t = fabsf(x), near = 1.0001f - 0.339f * t, far = 0.5071f - 0.0925f * t;
     const float chord = near > far ? near : far;
     return covered + (x > 0 ? x : 0) + (chord > 0.0445f ? chord : 0.0445f);
 }
 
-/* What square k says at most for each of the markers, `gain` (blocks * BLOCK). */
+/* Upper bound of the evidence of square k for each of the markers, `gain` (blocks * BLOCK). */
 INLINE void most_gains(const Turned *turned, index_t k, const float *bits, index_t blocks, float *gain) {
     const float *own = turned->own + k * turned->many;
     for (index_t block = 0; block < blocks; block++) {
@@ -58,7 +62,7 @@ INLINE void most_gains(const Turned *turned, index_t k, const float *bits, index
         gain[n] = gain_at_most(gain[n], turned->covered[k], turned->free[k]);
 }
 
-/* Add what a square in `role`, which is the number j of its row, says of n markers. */
+/* Add the evidence of a square in `role`, number j of its row, for n markers. */
 INLINE void add_square(Row *row, const float *restrict gain, index_t n, index_t j, int role) {
     const float least = role & BESIDE ? 0 : NEVER, none = role & (BESIDE | LAST) ? 0 : NEVER;
     const index_t from = row->length - j;
@@ -72,7 +76,7 @@ INLINE void add_square(Row *row, const float *restrict gain, index_t n, index_t 
     row->outside += none;
 }
 
-/* The rows of a picture, and how many there are; `room` for them. Their sums of what is known of n markers. */
+/* The rows of an image, their number, and their sums of the evidence for n markers; `room` is the buffer for these. */
 INLINE index_t sums_of_rows(const Turned *turned, index_t t, const float *bits, index_t blocks, index_t n, float *gain, float *room, Row *rows) {
     const int32_t *role = turned->role + t * turned->count;
     index_t count = 0;
@@ -96,7 +100,7 @@ INLINE index_t sums_of_rows(const Turned *turned, index_t t, const float *bits, 
     return count;
 }
 
-/* The most that the rows say, each for itself. */
+/* Upper bound of the evidence of the rows, each taken separately. */
 INLINE double most_apart(const Row *rows, index_t count, index_t n) {
     double most = 0;
     for (const Row *row = rows; row < rows + count; row++) {
@@ -108,8 +112,8 @@ INLINE double most_apart(const Row *rows, index_t count, index_t n) {
     return most;
 }
 
-/* Every second row from `first` on, of a board with so many columns: add them to `sum` (size) of the markers of the first square of the picture's rows
- * `first`, from -`before` on. */
+/* Add every second row from `first` on, of a board with so many columns, to `sum` (size), indexed by the marker of the
+ * first square of row `first`, from -`before` on. */
 INLINE void add_rows(const Row *rows, index_t count, index_t first, index_t columns, index_t n, index_t before, index_t size, float *restrict sum) {
     for (index_t r = first; r < count; r += 2) {
         const index_t from = before - rows[r].length - r / 2 * columns, to = from + n + 2 * rows[r].length;
@@ -123,7 +127,7 @@ INLINE void add_rows(const Row *rows, index_t count, index_t first, index_t colu
     }
 }
 
-/* The most of `most` and of the sums of both (size). */
+/* The largest of `most` and of the sums of both arrays (size). */
 INLINE float most_together(const float *even, const float *odd, index_t size, float most) {
     vec best = (vec){0} + most;
     index_t k = 0;
@@ -139,20 +143,22 @@ INLINE float most_together(const float *even, const float *odd, index_t size, fl
     return most;
 }
 
-/* The most that all rows say together, of a board with so many columns. `right`: the first square of the second row lies to the right of the first row's. */
+/* Upper bound of the evidence of all rows together for a board with so many columns. `right`: the first square of the
+ * second row lies to the right of the first row's. */
 INLINE float most_of_board(const Row *rows, index_t count, index_t columns, int right, index_t n, index_t margin, float *even, float *odd, float most) {
     const index_t size = n + 2 * margin;
     memset(even, 0, (size_t)size * sizeof(float));
     memset(odd, 0, (size_t)size * sizeof(float));
     add_rows(rows, count, 0, columns, n, margin, size, even);
     add_rows(rows, count, 1, columns, n, margin, size, odd);
-    /* two rows have as many markers as there are columns, half of them each, rounded down or up; and the second may begin one to the side */
+    /* Two rows have as many markers as there are columns, half of them each, rounded down or up; and the second row may
+     * begin one square to the side. */
     for (index_t step = columns / 2 - !right; step <= (columns + 1) / 2 + right; step++)
         most = most_together(even, odd + step, size - step, most);
     return most;
 }
 
-/* Rows of a picture. */
+/* Number of rows of an image. */
 INLINE index_t rows_of(const Turned *turned, index_t t) {
     index_t rows = 1;
     for (index_t k = 1; k < turned->count; k++)
@@ -160,13 +166,13 @@ INLINE index_t rows_of(const Turned *turned, index_t t) {
     return rows;
 }
 
-/* Room for the pictures: rows of any of them; how many markers before the first one, and after the last, the first square of a first or second row may have
- * while any square of the picture has one. */
+/* Buffer sizes over all images: the largest number of rows; and how many markers before the first one, or after the
+ * last, the first square of a first or second row may have while some square of the image shows a marker. */
 typedef struct {
     index_t rows, margin;
 } Extent;
 
-/* Columns that a board may have: those that are seen, of which the outermost may lie beyond it, or more. */
+/* Possible numbers of columns of a board: those that are visible, of which the outermost may lie beyond it, or more. */
 INLINE index_t narrowest_of(index_t width) {
     return width > 4 ? width - 2 : 2;
 }
@@ -185,9 +191,10 @@ INLINE Extent extent_of(const Turned *turned, const int32_t *width) {
     return out;
 }
 
-/* `most` (turns): no layout has more evidence, but for roundings, of boards of which pictures show `width` (turns) squares a row, whose n markers stand in
- * every second square and are numbered row by row. `bits` (blocks, many, BLOCK) of the markers, 0 or 1. Where the rows, each for itself, say less than `least`,
- * that is told instead. */
+/* `most` (turns): an upper bound, up to rounding, of the evidence of all layouts of boards, of which the images show
+ * `width` (turns) squares per row, and whose n markers are in every second square, numbered row by row. `bits` (blocks,
+ * many, BLOCK) of the markers, 0 or 1. If the bound from the separate rows is below `least`, that bound is returned
+ * instead. */
 FAST_KERNEL(rcdn_most_evidence, (GROUP, Turned, turned), (SIZE, blocks, bits, 0), (IN, float, bits, blocks, turned.many, BLOCK),
             (WHERE, turned.count > 0), (INT, n, 0, blocks * BLOCK), (WITHIN, int32_t, width, 1, WIDEST, turned.turns),
             (REAL, least), (OUT, double, most, turned.turns)) {

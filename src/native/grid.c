@@ -1,4 +1,4 @@
-/* Labelled grids: what is around labels, and where corners should be. */
+/* Labelled grids: windows around labels, and predicted corners. */
 #include "grid.h"
 
 /* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. */
@@ -15,8 +15,8 @@ KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN,
     return 0;
 }
 
-/* Predictions at `spots` (count, 2): `out` (count, 6) as `predicted` has them, on how many corners they stand, `support` (count), and their
- * shorter steps, `pitch` (count); NaN where `support` is 0. */
+/* Predictions at `spots` (count, 2): `out` (count, 6) as from `predicted`, the number of corners used, `support`
+ * (count), and their shorter steps, `pitch` (count); NaN where `support` is 0. */
 INLINE void predict(const Table *t, const double *xy, const int64_t *spots, index_t count, double *out, int64_t *support, double *pitch) {
     for (index_t k = 0; k < count; k++, spots += 2, out += 6) {
         support[k] = predicted(t, xy, spots[0], spots[1], out);
@@ -26,7 +26,7 @@ INLINE void predict(const Table *t, const double *xy, const int64_t *spots, inde
     }
 }
 
-/* `predict` from corners `labels`, `xy` (n, 2). */
+/* `predict` from corners with `labels`, `xy` (n, 2). */
 KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
             (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
             (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
@@ -38,8 +38,8 @@ KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN
     return 0;
 }
 
-/* The empty labels beside a grid's corners, in order, (at most 4 n, 2), at which steps are `least` long, and what `predict` says of them. Returns
- * how many. */
+/* The empty labels beside a grid's corners, in order, (at most 4 n, 2), with steps of at least `least`, and the results
+ * of `predict` for them. Returns their number. */
 KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
             (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
     Table t;
@@ -60,7 +60,7 @@ KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHE
     return count;
 }
 
-/* `excess_of` the corners number `which` (count). */
+/* `excess_of` the corners with indices `which` (count). */
 KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
             (IN, double, xy, n, 2), (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
     Table t;
@@ -72,7 +72,7 @@ KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN,
     return 0;
 }
 
-/* `usual_near` `spots` (count, 2) of the two `values` (n, 2) of each corner. */
+/* `usual_near` at `spots` (count, 2) of the two `values` (n, 2) of each corner. */
 KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, values, n, 2),
        (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 2)) {
     Table t;

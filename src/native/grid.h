@@ -1,4 +1,5 @@
-/* What kernels of labelled grids share: a table of the labels, and where a corner should be by its neighbours in it. */
+/* Definitions shared by kernels of labelled grids: a table of the labels, and the prediction of corners from their
+ * neighbours in it. */
 #ifndef RCDN_GRID_H
 #define RCDN_GRID_H
 
@@ -9,25 +10,25 @@
 #define WIDEST 3
 #define ENOUGH 6
 #define MOST 48
-/* Empty labels around those of the table, so that the window around any that touches them lies inside. */
+/* Margin of empty labels around those of the table, so that the window around any adjacent label lies inside. */
 #define MARGIN (WIDEST + 1)
 #define LARGEST ((int64_t)1 << 28)
-/* Labels lie within ± this, so that their differences are numbers. */
+/* Labels lie within ± this, so that their differences do not overflow. */
 #define ANYWHERE ((index_t)1 << 60)
 
-/* Which of a grid's corners is where: row[(u - low_u) * height + v - low_v], -1 for none. Cells in order are labels in order. */
+/* A grid's corners by label: row[(u - low_u) * height + v - low_v], -1 for none. Cells are in the order of labels. */
 typedef struct {
     int64_t low_u, low_v;
     index_t width, height;
     int32_t *row;
 } Table;
 
-/* The cell of a label that is inside. */
+/* The cell of a label inside the table. */
 INLINE index_t cell_of(const Table *t, const int64_t *label) {
     return (index_t)(label[0] - t->low_u) * t->height + (index_t)(label[1] - t->low_v);
 }
 
-/* A table of `labels` (n, 2), to be freed; 0 without memory, and where labels are absurdly far apart. */
+/* A table of `labels` (n, 2), to be freed; 0 without memory, and if labels are extremely far apart. */
 static inline int open_table(Table *t, const int64_t *labels, index_t n) {
     int64_t low[2] = {0, 0}, high[2] = {0, 0};
     for (index_t i = 0; i < n; i++)
@@ -54,14 +55,14 @@ static inline int open_table(Table *t, const int64_t *labels, index_t n) {
     return 1;
 }
 
-/* Labelled corners around a label, which may lie anywhere: their offsets and their rows. */
+/* Labelled corners around any label: their offsets and their rows. */
 typedef struct {
     index_t count;
     double du[MOST + 1], dv[MOST + 1];
     int32_t row[MOST + 1];
 } Near;
 
-/* Those up to `reach` squares away; not the one at the label itself. */
+/* Those up to `reach` squares away, without the one at the label itself. */
 INLINE void look_around(const Table *t, int64_t u, int64_t v, int64_t reach, Near *near) {
     const int64_t i = u - t->low_u, j = v - t->low_v;
     const int64_t left = i < reach ? -i : -reach, right = i + reach >= t->width ? t->width - 1 - i : reach;
@@ -78,7 +79,7 @@ INLINE void look_around(const Table *t, int64_t u, int64_t v, int64_t reach, Nea
     near->count = count;
 }
 
-/* The labelled corner at a label, which may lie anywhere; -1 for none. */
+/* The labelled corner at any label; -1 for none. */
 INLINE int32_t corner_at(const Table *t, int64_t u, int64_t v) {
     const int64_t i = u - t->low_u, j = v - t->low_v;
     return i >= 0 && j >= 0 && i < t->width && j < t->height ? t->row[i * t->height + j] : -1;
@@ -86,8 +87,8 @@ INLINE int32_t corner_at(const Table *t, int64_t u, int64_t v) {
 
 #define TERMS 6
 #define SIDES 2
-/* Squared length, against the longest column's, under which what is left of a column is nothing. Offsets are small integers: what is
- * something has more than 1e-6. */
+/* Squared length, relative to the longest column's, below which the remainder of a column counts as zero. Offsets are
+ * small integers: a non-zero remainder has more than 1e-6. */
 #define NOTHING 1e-16
 
 typedef double Columns[TERMS + SIDES][MOST];
@@ -99,8 +100,8 @@ INLINE double dot(const double *a, const double *b, index_t n) {
     return sum;
 }
 
-/* Columns made orthonormal, the longest that is left first (modified Gram-Schmidt), the right sides with them: r (terms, terms + sides) by
- * column, `order` of the columns. Returns the rank. */
+/* Orthonormalise the columns, the longest remaining one first (modified Gram-Schmidt), together with the right-hand
+ * sides: r (terms, terms + sides) by column, `order` of the columns. Returns the rank. */
 INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[TERMS][TERMS + SIDES], index_t *order) {
     double left[TERMS], longest = 0;
     for (index_t j = 0; j < terms; j++) {
@@ -139,7 +140,7 @@ INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[TERMS][T
     return terms;
 }
 
-/* The solution (terms) by back substitution, for one right side. */
+/* The solution (terms) by back substitution, for one right-hand side. */
 INLINE void substitute(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t side, double *x) {
     for (index_t k = terms - 1; k >= 0; k--) {
         double sum = r[k][TERMS + side];
@@ -149,7 +150,8 @@ INLINE void substitute(double r[TERMS][TERMS + SIDES], const index_t *order, ind
     }
 }
 
-/* The smallest solution where there are many: rows of r made orthonormal, r = L Z, L w = right side, x = Z' w. */
+/* The solution of least norm of an underdetermined system: rows of r are orthonormalised, r = L Z, L w = right-hand
+ * side, x = Z' w. */
 INLINE void smallest(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t rank, double x[SIDES][TERMS]) {
     double z[TERMS][TERMS] = {{0}}, w[SIDES];
     for (index_t k = 0; k < rank; k++) {
@@ -182,9 +184,9 @@ INLINE index_t bits(unsigned set) {
     return count;
 }
 
-/* Where the corner of a label should be, by its neighbours in the table with positions `xy`: out = x, y, du x, du y, dv x, dv y.
- * Weighted least squares: bilinear with four neighbours, quadratic along an axis on which they take three places. Returns on how many
- * corners that stands, 0 if they don't span the plane. */
+/* Predicted corner of a label, from its neighbours in the table with positions `xy`: out = x, y, du x, du y, dv x, dv
+ * y. Weighted least squares: bilinear with four neighbours, quadratic along an axis with three distinct coordinates.
+ * Returns the number of corners used, 0 if they do not span the plane. */
 INLINE index_t predicted(const Table *t, const double *xy, int64_t u, int64_t v, double *out) {
     Near near;
     look_around(t, u, v, REACH, &near);
@@ -238,8 +240,8 @@ INLINE double pitch_of(const double *guess) {
     return sqrt(fmin(guess[2] * guess[2] + guess[3] * guess[3], guess[4] * guess[4] + guess[5] * guess[5]));
 }
 
-/* How far a labelled corner is from where its neighbours predict it, as a share of what is allowed: `tight` of the shorter step between
- * neighbours, `loose` elsewhere; 2 where they predict nothing. */
+/* Distance of a labelled corner from its neighbours' prediction, as a share of the allowed distance: `tight` of the
+ * shorter step between neighbours, `loose` elsewhere; 2 without a prediction. */
 INLINE double excess_of(const Table *t, const double *xy, const int64_t *label, const double *own, double tight, double loose) {
     double g[6];
     const int64_t u = label[0], v = label[1];
@@ -250,7 +252,8 @@ INLINE double excess_of(const Table *t, const double *xy, const int64_t *label, 
     return sqrt(dx * dx + dy * dy) / ((between ? tight : loose) * fmax(pitch_of(g), 1e-9));
 }
 
-/* Median, for each of `width` columns, of the values (n, width) of the corners within REACH of a label; NaN where there is none. */
+/* Median, for each of `width` columns, of the values (n, width) of the corners within REACH of a label; NaN if there is
+ * none. */
 INLINE void usual_near(const Table *t, int64_t u, int64_t v, const double *values, index_t width, double *out) {
     Near near;
     look_around(t, u, v, REACH, &near);

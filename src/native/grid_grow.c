@@ -1,8 +1,9 @@
-/* Completion of a labelled grid: its colouring, and the corners that might go on with it. */
+/* Completion of a labelled grid: its colouring, and the corners that may be added to it. */
 #include "elementary.h"
 #include "grid.h"
 
-/* Colour of a corner's side at rising angle from the direction (dx, dy), bright +1 or dark -1, and the turn from its nearest axis. */
+/* Colour of a corner's side at rising angle from the direction (dx, dy), bright +1 or dark -1, and the angle to its
+ * nearest axis. */
 INLINE int side_colour(const double *axes, int64_t polarity, double dx, double dy, double *turn) {
     const double direction = angle_of(dy, dx);
     double turns[2];
@@ -15,8 +16,9 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
     return (int)(other ? -polarity : polarity);
 }
 
-/* Votes for the colouring of a grid of corners number `members` (n) of `xy`: side colour of the u axis times (-1)^(u + v), of those whose axes lie
- * within `far` of their step along u. `axes` and colours are known of the first `known` corners. `votes` (1). */
+/* Votes for the colouring of a grid of corners with indices `members` (n) into `xy`: side colour of the u axis times
+ * (-1)^(u + v), for corners with an axis within `far` of their step along u. `axes` and colours are known for the first
+ * `known` corners. `votes` (1). */
 KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
        (WITHIN, int64_t, members, 0, total - 1, n), (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known),
        (REAL, far), (OUT, int64_t, votes, 1)) {
@@ -39,34 +41,36 @@ KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known,
     return 0;
 }
 
-/* A grid that may go on: its labels and the numbers of its corners, (n, 2) and (n); the open spots (count, 2), their predictions (count, 6) and
- * steps (count). */
+/* A growing grid: its labels (n, 2) and the indices of its corners (n); the open spots (count, 2), their predictions
+ * (count, 6) and shorter steps (count). */
 ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, int64_t, members, n),
                (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
 
-/* The corners of a picture as `boards.graph.Field` has them; which are `free`. */
+/* The corners of an image as in `boards.graph.Field`; which of them are `free`. */
 ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2), (IN, int64_t, polarity, count),
                (IN, double, contrast, count), (IN, double, response, count), (IN, double, fit, count), (IN, uint8_t, strong, count),
                (IN, uint8_t, refined, count), (IN, uint8_t, free, count))
 
-/* What a grid takes: corners whose response x fit is at least `level`, no further than `near` squares from the prediction, `near_weak` if they
- * aren't strong, and none of those (u, v, corner) that were `refused` before. `sign`: its colouring; `far`: how far axes may turn, radians. */
+/* Conditions on new corners: response x fit at least `level`, at most `near` squares from the prediction, `near_weak`
+ * if they are not strong, and none of the offers (u, v, corner) that were `refused` before. `sign`: the grid's
+ * colouring; `far`: largest angle of the axes, radians. */
 ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far), (SIZE, refusals, refused, 0),
                (IN, int64_t, refused, refusals, 3))
 
-/* What a grid is offered. `offers` (total, 3): u, v and number of the corner; `gap`, squares; `fits`: 1 if axes and colours fit the
- * board's, 2 of a strong corner; `beside` (total, 4): numbers of the edges to its neighbours, -1 for none;
- * of edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), how many. */
+/* Corners offered to a grid. `offers` (total, 3): u, v and index of the corner; `gap`, squares; `fits`: 1 if axes and
+ * colours fit the board's, 2 for a strong corner; `beside` (total, 4): indices of the edges to its neighbours, -1 for
+ * none; for edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), their number. */
 ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room), (OUT, uint8_t, fits, room),
                (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2), (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room),
                (OUT, int64_t, edges, 1))
 
-/* May a corner be taken, by what it looks like? */
+/* Whether a corner may be added, by its own properties. */
 INLINE int usable(const Corners *all, index_t c, double level) {
     return all->free[c] && (all->refined[c] || all->strong[c]) && all->response[c] * all->fit[c] >= level;
 }
 
-/* What the spots were offered before and refused, (count, 3) u, v, corner, by a hash table of rows: `slot` (slots), a power of two, -1 for none. */
+/* Offers refused before, (count, 3) u, v, corner, by a hash table of rows: `slot` (slots), a power of two, -1 for none.
+ * */
 typedef struct {
     const int64_t *refused;
     int32_t *slot;
@@ -99,15 +103,15 @@ static int open_refused(Refused *r, const int64_t *refused, index_t count) {
     return 1;
 }
 
-/* Predicted spots sorted into square cells, none of which is smaller than the furthest that a corner may lie from its prediction: a corner's spots
- * are in its own cell or in one of the eight around. */
+/* Predicted spots sorted into square cells, none smaller than the largest distance of a corner from its prediction: a
+ * corner's spots are in its own cell or in one of the eight around it. */
 typedef struct {
     double left, top, size;
     index_t columns, rows;
     int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
 } Places;
 
-/* Cells of an extent of so many sizes, which is at most n + 1; one if it is no number. */
+/* Number of cells along an extent of `sizes` cell sizes, at most n + 2; one if it is not a number. */
 INLINE index_t cells_along(double sizes, index_t n) {
     return sizes > 0 ? (index_t)fmin(sizes, (double)n + 1) + 1 : 1;
 }
@@ -147,7 +151,7 @@ static int open_places(Places *p, const Rim *rim, double near, const double *low
     return 1;
 }
 
-/* Do a corner's axes and colours fit the predicted steps? */
+/* Whether a corner's axes and colours fit the predicted steps. */
 static int fits_steps(const Corners *all, index_t corner, const double *map, int colour, double far) {
     double turn_u, turn_v;
     const int u = side_colour(all->axes + 2 * corner, all->polarity[corner], map[2], map[3], &turn_u);
@@ -155,8 +159,8 @@ static int fits_steps(const Corners *all, index_t corner, const double *map, int
     return u == colour && v == -colour && turn_u < far && turn_v < far;
 }
 
-/* The edges from a corner to the labelled neighbours of its spot: where they begin and end, and the neighbours' contrast, negative where the
- * side at rising angle is the dark one. Returns how many there are now. */
+/* The edges from a corner to the labelled neighbours of its spot: their starts and ends, and the neighbours' contrast,
+ * negative where the side at rising angle is the dark one. Returns the total number of edges so far. */
 static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, index_t corner, const int64_t *spot, int colour, index_t edges, double *start, double *end, double *level, int64_t *beside) {
     const int64_t ways[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
     for (int way = 0; way < 4; way++) {
@@ -172,7 +176,7 @@ static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, inde
     return edges;
 }
 
-/* Corners that might take one of the open spots, as far as there is room. Returns how many. */
+/* Corners that may fill one of the open spots; only as many as fit are stored. Returns their number. */
 KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules, rules), (GROUP, Offers, out),
        (WHERE, outlier_int64_t(rim.members, rim.n, 0, all.count - 1) == rim.n)) {
     const index_t count = rim.count;
@@ -228,8 +232,9 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
     return able ? total : NO_MEMORY;
 }
 
-/* Whose edges are seen (count), from the contrast that each third of an edge shows, (edges, 3), and what `rcdn_grid_offers` says: one is enough where
- * `fits` is 2, if none speaks against it; otherwise all must be, and two at least where it is 0. */
+/* Which offers have visible edges (count), from the contrast of each third of an edge, (edges, 3), and the results of
+ * `rcdn_grid_offers`: one edge is enough where `fits` is 2, if no other contradicts it; otherwise all must be visible,
+ * and at least two where it is 0. */
 KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3), (IN, double, level, edges),
        (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count), (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
     for (index_t k = 0; k < count; k++, beside += 4) {

@@ -1,7 +1,7 @@
 /* Drop-only validation of a labelled grid. */
 #include "grid.h"
 
-/* A value with what it is of. */
+/* A value with the index of its corner. */
 typedef struct {
     double value;
     index_t of;
@@ -11,12 +11,13 @@ typedef struct {
     Table table;
     const int64_t *labels;
     const double *xy, *quality, *contrast;
-    index_t n, left; /* corners, and how many of them are still there */
+    index_t n, left; /* number of corners, and of those that have not been removed */
     double *excess;
     Ranked *ranked;
-    int32_t *stack, *heap, *place; /* misfits, the worst on top; where a corner is among them, -1: nowhere */
+    int32_t *stack, *heap, *place; /* misfits, the worst on top; a corner's position among them, -1 for none */
     index_t misfits;
-    uint8_t *there, *stale; /* is a corner there; have its neighbours changed since its excess was computed? */
+    /* whether a corner has not been removed; whether its neighbours have changed since its excess was computed */
+    uint8_t *there, *stale;
 } Grid;
 
 typedef struct {
@@ -34,7 +35,7 @@ INLINE void drop(Grid *g, index_t k) {
                 g->stale[row[d * g->table.height + e]] = 1;
 }
 
-/* Is corner `a` a worse misfit than `b`? Of equals that with the smaller label. */
+/* Whether corner `a` is a worse misfit than `b`; of equal ones, that with the smaller label. */
 INLINE int worse(const Grid *g, int32_t a, int32_t b) {
     const int64_t *one = g->labels + 2 * (index_t)a, *other = g->labels + 2 * (index_t)b;
     if (g->excess[a] != g->excess[b])
@@ -42,7 +43,7 @@ INLINE int worse(const Grid *g, int32_t a, int32_t b) {
     return one[0] < other[0] || (one[0] == other[0] && one[1] < other[1]);
 }
 
-/* Put corner `k` where it belongs in the heap, from place `at` on. */
+/* Insert corner `k` into the heap at its proper position, starting from `at`. */
 static void sift(Grid *g, index_t at, int32_t k) {
     for (index_t up; at > 0 && worse(g, k, g->heap[up = (at - 1) / 2]); at = up)
         g->place[g->heap[at] = g->heap[up]] = (int32_t)at;
@@ -55,7 +56,7 @@ static void sift(Grid *g, index_t at, int32_t k) {
     g->place[g->heap[at] = k] = (int32_t)at;
 }
 
-/* Take a corner from the heap, or put it there, by its excess. */
+/* Remove a corner from the heap, or insert it, according to its excess. */
 static void judge(Grid *g, int32_t k) {
     const index_t at = g->place[k];
     if (g->there[k] && g->excess[k] > 1)
@@ -68,7 +69,7 @@ static void judge(Grid *g, int32_t k) {
     }
 }
 
-/* Is a corner off its neighbours' prediction? */
+/* Update a corner's excess over the allowed distance from its prediction. */
 INLINE void look_at(Grid *g, index_t k, const Limits *limits) {
     if (g->there[k] && g->stale[k]) {
         g->stale[k] = 0;
@@ -77,7 +78,7 @@ INLINE void look_at(Grid *g, index_t k, const Limits *limits) {
     judge(g, (int32_t)k);
 }
 
-/* Corners off their neighbours' prediction, worst first, of equals that with the smallest label. */
+/* Remove corners too far from their neighbours' prediction, worst first, of equal ones that with the smallest label. */
 INLINE void drop_misfits(Grid *g, const Limits *limits) {
     for (index_t k = 0; k < g->n; k++)
         look_at(g, k, limits);
@@ -93,7 +94,7 @@ INLINE void drop_misfits(Grid *g, const Limits *limits) {
     }
 }
 
-/* Is there a direction in which nothing follows within WIDEST squares (holes don't count)? */
+/* Whether there is a direction without a further corner within WIDEST squares (holes do not count). */
 INLINE int outermost(const Table *t, const int64_t *label) {
     const int32_t *row = t->row + cell_of(t, label);
     int left = 0, right = 0, up = 0, down = 0;
@@ -111,7 +112,7 @@ static int by_value(const void *a, const void *b) {
     return (one > other) - (one < other);
 }
 
-/* Median quality of the corners that are there, of all, `ranked` (n), by rising quality. */
+/* Median quality of the remaining corners; `ranked` (n) has all corners by rising quality. */
 static double median_quality(const Grid *g) {
     const index_t low = (g->left - 1) / 2, high = g->left / 2;
     double sum = 0;
@@ -123,15 +124,16 @@ static double median_quality(const Grid *g) {
     return sum / 2;
 }
 
-/* A corner inside the grid is vouched for by its neighbours; one on the rim must be an X-corner by its own looks: quality against the grid's
- * median, times its contrast against that of its neighbours. */
+/* Remove poor corners on the rim. A corner inside the grid is confirmed by its neighbours; one on the rim must be an
+ * X-corner by its own evidence: quality relative to the grid's median, times its contrast relative to its neighbours'.
+ * */
 INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
     while (g->left) {
         index_t poor = 0;
         const double median = fmax(median_quality(g), 1e-9);
         for (index_t k = 0; k < g->n; k++) {
             const int64_t *label = g->labels + 2 * k;
-            /* nothing lifts a corner's worth above its quality */
+            /* skip corners that pass even with the least share */
             if (!g->there[k] || !(g->quality[k] / median * limits->least_share < limits->least_quality) || !outermost(&g->table, label))
                 continue;
             double usual, share = 1;
@@ -148,7 +150,7 @@ INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
     }
 }
 
-/* Every corner belongs to a whole cell. */
+/* Remove corners that belong to no complete cell. */
 INLINE void drop_loose(Grid *g) {
     const index_t down = 1, right = g->table.height;
     index_t loose = 1;
@@ -171,8 +173,8 @@ INLINE void drop_loose(Grid *g) {
     }
 }
 
-/* Number of the part that edges join, for each corner (n), -1 for dropped ones: the largest part is 0, of equals that with the smallest label
- * comes first. Returns how many. */
+/* Index of the connected component of each corner (n), -1 for removed ones: the largest component is 0; of equal ones,
+ * that with the smallest label comes first. Returns their number. */
 static index_t split(Grid *g, int64_t *part) {
     const index_t ways[4] = {1, -1, g->table.height, -g->table.height};
     index_t count = 0;
@@ -197,12 +199,12 @@ static index_t split(Grid *g, int64_t *part) {
                 }
             }
         }
-        g->ranked[count] = (Ranked){-(double)size * (double)(g->n + 1) + (double)count, count}; /* of equals the earlier one */
+        g->ranked[count] = (Ranked){-(double)size * (double)(g->n + 1) + (double)count, count}; /* ties: the first */
         count++;
     }
     if (count < 2)
         return count;
-    int32_t *place = g->stack; /* no more than one part a corner */
+    int32_t *place = g->stack; /* there are no more components than corners */
     qsort(g->ranked, (size_t)count, sizeof *g->ranked, by_value);
     for (index_t a = 0; a < count; a++)
         place[g->ranked[a].of] = (int32_t)a;
@@ -232,8 +234,9 @@ static int with_room(Grid *g) {
     return 1;
 }
 
-/* What is left of a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits go, worst first, then rim corners that are
- * hardly X-corners, then what is in no whole cell, until nothing changes. `part` (n): as `split` says. Returns the number of parts. */
+/* Prune a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits are removed, worst first, then
+ * rim corners that are hardly X-corners, then corners in no complete cell, until nothing changes. `part` (n): as from
+ * `split`. Returns the number of components. */
 KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (IN, double, quality, n),
             (IN, double, contrast, n), (REAL, residual), (REAL, residual_loose), (REAL, least_quality), (REAL, least_share), (OUT, int64_t, part, n)) {
     Grid g = {.labels = labels, .xy = xy, .quality = quality, .contrast = contrast, .n = n, .left = n};

@@ -3,7 +3,8 @@
 
 enum { UNKNOWNS = 9, ROWS = 64, SWEEPS = 30 };
 
-/* Mean (2) of points (count, 2), and what makes their mean distance from it √2. Returns whether both are finite. */
+/* Mean (2) of points (count, 2), and the scale that makes their mean distance from it √2. Returns whether both are
+ * finite. */
 INLINE int normaliser(index_t count, const double *points, double *mean, double *scale) {
     double x = 0, y = 0, far = 0;
     for (index_t k = 0; k < count; k++) {
@@ -21,7 +22,7 @@ INLINE int normaliser(index_t count, const double *points, double *mean, double 
     return far < INFINITY;
 }
 
-/* The upper triangle of `rows` rows, by Householder reflections; columns are ROWS + UNKNOWNS apart. */
+/* Triangularize the matrix of `rows` rows by Householder reflections; columns are ROWS + UNKNOWNS apart. */
 INLINE void triangle(double a[UNKNOWNS][ROWS + UNKNOWNS], index_t rows) {
     for (index_t k = 0; k < UNKNOWNS && k < rows; k++) {
         double length = 0, *restrict v = a[k];
@@ -45,7 +46,7 @@ INLINE void triangle(double a[UNKNOWNS][ROWS + UNKNOWNS], index_t rows) {
     }
 }
 
-/* Turns columns p, q of a matrix whose columns lie `stride` apart. */
+/* Rotate two columns p, q of a matrix. */
 INLINE void turn(double *p, double *q, double c, double s) {
     for (index_t r = 0; r < UNKNOWNS; r++) {
         const double x = p[r], y = q[r];
@@ -54,7 +55,7 @@ INLINE void turn(double *p, double *q, double c, double s) {
     }
 }
 
-/* The unit vector that the triangle shortens most, by one-sided Jacobi rotations. */
+/* The right singular vector of the smallest singular value of the triangle, by one-sided Jacobi rotations. */
 INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
     double v[UNKNOWNS][UNKNOWNS] = {{0}}, total = 0, least = INFINITY;
     for (index_t k = 0; k < UNKNOWNS; k++) {
@@ -92,13 +93,13 @@ INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
     }
 }
 
-/* H (3, 3) that takes from (count, 2) to `to` (count, 2). Returns 0 where they aren't finite. */
+/* H (3, 3) that maps `from` (count, 2) to `to` (count, 2). Returns 0 if these are not finite. */
 FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2), (OUT, double, out, 3, 3)) {
     double mean[2], other[2], scale, size, a[UNKNOWNS][ROWS + UNKNOWNS], upper[UNKNOWNS][UNKNOWNS], h[UNKNOWNS] = {0};
     if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
         return 0;
     memset(a, 0, sizeof a);
-    for (index_t first = 0; first < count; first += ROWS / 2) { /* each time below the triangle of what came before */
+    for (index_t first = 0; first < count; first += ROWS / 2) { /* below the triangle of the previous rows */
         const index_t n = count - first < ROWS / 2 ? count - first : ROWS / 2;
         for (index_t k = 0; k < n; k++) {
             const double *p = from + 2 * (first + k), *q = to + 2 * (first + k);

@@ -1,28 +1,30 @@
-/* How Python's calls reach kernels. A kernel is declared once, and its parameters, its checks and its description follow from that:
+/* Calls of kernels from Python. A kernel is declared once, and its parameters, its checks and its description are
+ * derived from that:
  *
- *     FAST_KERNEL(rcdn_depths, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (REAL, least), (OUT, double, out, n)) {
+ *     FAST_KERNEL(rcdn_depths, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (REAL, least),
+ *                 (OUT, double, out, n)) {
  *         for (index_t k = 0; k < n; k++) ...
  *         return 0;
  *     }
  *
- * Python calls it with a value for each of these but SIZE, LET and WHERE, in this order:
+ * Python passes a value for each of these except SIZE, LET and WHERE, in this order:
  *
  *     (PICTURE, name)                               uint8 or float32 (H, W) of at least one pixel: a Picture
- *     (IN, type, name, dimensions...)               array of such a shape: const type *
- *     (OUT, type, name, dimensions...)              the same, that is written to: type *
- *     (WITHIN, type, name, low, high, dimensions...)  as IN, whole numbers within low..high: what is used as an index
+ *     (IN, type, name, dimensions...)               array of this shape: const type *
+ *     (OUT, type, name, dimensions...)              the same, writable: type *
+ *     (WITHIN, type, name, low, high, dimensions...)  as IN, integers within low..high: for use as an index
  *     (ROOM, type, name, least)                     a workspace of at least so many items: type *
- *     (INT, name, low, high)                        a whole number within low..high: index_t
+ *     (INT, name, low, high)                        an integer within low..high: index_t
  *     (REAL, name)                                  double
- *     (GROUP, type, name)                           a tuple, of what ARGUMENT_GROUP says of the type: a struct
+ *     (GROUP, type, name)                           a tuple, as described by the ARGUMENT_GROUP of the type: a struct
  *
  *     (SIZE, name, array, axis)                     the length of the axis of an array: index_t
  *     (LET, name, value)                            index_t
- *     (WHERE, condition)                            what must hold of all that stands before
+ *     (WHERE, condition)                            a condition on all preceding arguments
  *
- * Checks run in the order of the list: dimensions, limits and conditions are expressions of what stands before them. What doesn't fit raises
- * TypeError or ValueError, and the kernel isn't called. Values aren't converted. No array that is written to shares memory with another one.
- * A kernel returns a number, not negative, or NO_MEMORY, which raises MemoryError. */
+ * Checks run in the order of the list: dimensions, limits and conditions are expressions of preceding arguments. If one
+ * fails, TypeError or ValueError is raised, and the kernel is not called. Values are not converted. No writable array
+ * shares memory with another one. A kernel returns a non-negative number, or NO_MEMORY, which raises MemoryError. */
 #ifndef RCDN_KERNEL_H
 #define RCDN_KERNEL_H
 
@@ -31,33 +33,34 @@
 #define NO_MEMORY ((index_t)-1)
 #define REFUSED ((index_t)-2)
 
-/* Whole numbers that may be pixels lie within ± this; no axis of an array is longer, so that no product of a few of them runs over. */
+/* Integers that may be pixels lie within ± this; no axis of an array is longer, so that a product of a few of them
+ * cannot overflow. */
 enum { FURTHEST = 1 << 30 };
 
-/* axes of an array; values of a call, with those in groups */
+/* largest number of axes of an array, and of values of a call, including those in groups */
 enum { MOST_AXES = 4, MOST_VALUES = 48 };
 
 typedef struct Spec Spec;
 typedef struct Value Value;
 typedef struct Kernel Kernel;
 
-/* Some arguments that go together. */
+/* Arguments that belong together. */
 typedef struct {
     const char *name;
     const Spec *specs;
     int count;
 } Group;
 
-/* An argument: what Python must give. */
+/* An argument: description of the value that Python must pass. */
 struct Spec {
     const char *name;
     enum { PICTURE_GIVEN, ARRAY_GIVEN, INT_GIVEN, REAL_GIVEN, GROUP_GIVEN } what;
-    char kind; /* of an array's items, as NumPy calls it, and their size, bytes */
+    char kind; /* of an array's items, as in NumPy, and their size, bytes */
     int itemsize, axes, written;
     const Group *group;
 };
 
-/* What Python gave. */
+/* A value passed by Python. */
 struct Value {
     const Spec *spec;
     void *data;
@@ -69,7 +72,7 @@ struct Value {
     const Value *group;
 };
 
-/* Why a call was refused: an argument and what it must be, in words and numbers. */
+/* Reason why a call was refused: an argument and its requirement, in words and numbers. */
 typedef struct {
     const Value *value;
     const char *wanted;
@@ -85,7 +88,7 @@ struct Kernel {
     Kernel *next;
 };
 
-/* Named numbers that both sides need; they belong to C. */
+/* Named numbers shared by Python and C; they are defined in C. */
 typedef struct Constants Constants;
 struct Constants {
     const char *unit, *names; /* names: with commas between them */
@@ -119,7 +122,7 @@ static inline index_t refused_number(Refusal *refusal, const Value *value, const
     return REFUSED;
 }
 
-/* The first of `count` numbers that isn't within low..high, or `count`. */
+/* The index of the first of `count` numbers outside low..high, or `count`. */
 #define OUTLIER_OF(type)                                                                           \
     static inline index_t outlier_##type(const type *x, index_t count, index_t low, index_t high) { \
         for (index_t k = 0; k < count; k++)                                                         \
@@ -130,7 +133,7 @@ static inline index_t refused_number(Refusal *refusal, const Value *value, const
 OUTLIER_OF(int64_t)
 OUTLIER_OF(int32_t)
 
-/* ---- the list of arguments: every macro of the same beginning says what one of them adds */
+/* ---- the list of arguments: all macros with the same prefix define what one argument contributes */
 
 #define EACH_1(M, a) M(a)
 #define EACH_2(M, a, ...) M(a) EACH_1(M, __VA_ARGS__)
@@ -180,7 +183,7 @@ OUTLIER_OF(int32_t)
 #define SPEC_LET(name, value)
 #define SPEC_WHERE(condition)
 
-/* its place among what Python gives */
+/* its index among the values that Python passes */
 #define PLACE(argument) PLACE_OF argument
 #define PLACE_OF(tag, ...) PLACE_##tag(__VA_ARGS__)
 #define PLACE_PICTURE(name) at_##name,
@@ -215,7 +218,7 @@ OUTLIER_OF(int32_t)
 #define FIELD_LET(before, after, name, value) before() index_t name after()
 #define FIELD_WHERE(before, after, condition)
 
-/* its name, where it is handed on */
+/* its name, where it is passed on or stored */
 #define PASS(argument) PASS_OF argument
 #define PASS_OF(tag, ...) NAME_##tag(COMMA_, NONE_, __VA_ARGS__)
 #define FILL(argument) FILL_OF argument
@@ -276,7 +279,7 @@ OUTLIER_OF(int32_t)
     DECLARED(function, __VA_ARGS__)                                                           \
     static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
 
-/* Compiled for every level. What it calls must be INLINE, or it is compiled for the baseline only. */
+/* Compiled for every level. Functions that it calls must be INLINE, or they are compiled for the baseline only. */
 #ifdef X86_LEVELS
 #define FAST_KERNEL(function, ...)                                                            \
     INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));            \
@@ -300,7 +303,7 @@ OUTLIER_OF(int32_t)
 #define FAST_KERNEL(function, ...) KERNEL(function, __VA_ARGS__)
 #endif
 
-/* What Python sees of it. */
+/* The part of a kernel that is visible to Python. */
 #define DECLARED(function, ...)                                                               \
     static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));                   \
     static const Spec function##_specs[] = {EACH(SPEC, __VA_ARGS__)};                         \
@@ -315,7 +318,7 @@ OUTLIER_OF(int32_t)
         register_kernel(&kernel);                                                             \
     }
 
-/* A struct whose members Python gives in a tuple. */
+/* A struct whose members Python passes in a tuple. */
 #define ARGUMENT_GROUP(type, ...)                                                             \
     typedef struct {                                                                          \
         EACH(MEMBER, __VA_ARGS__)                                                             \
@@ -329,7 +332,7 @@ OUTLIER_OF(int32_t)
         return 0;                                                                             \
     }
 
-/* Constants (integers) of a file, by their names: `rcdn.native.constants(unit)` has them. */
+/* Integer constants of a file, by name, for `rcdn.native.constants(unit)`. */
 #define CONSTANTS(unit, ...)                                                                  \
     AT_LOADING unit##_constants_registered(void) {                                            \
         static const index_t values[] = {__VA_ARGS__};                                        \

@@ -1,6 +1,7 @@
-/* Sums in one order, whatever the processor. The compiler may not change the order of sums (setup.py), so a plain loop adds number after number,
- * which no vector unit can speed up. Long sums are LANES running sums instead, each of every LANES-th number, which are added by halves at the end:
- * an inner loop over the lanes becomes vector code of any width, with the same bits. */
+/* Sums in a fixed order on every processor. The compiler may not reorder sums (setup.py), so that a plain loop adds one
+ * number after another and cannot be vectorised. Long sums are therefore split into LANES partial sums, each of every
+ * LANES-th number, which are added pairwise at the end: an inner loop over the lanes becomes vector code of any width
+ * with the same bits. */
 #ifndef RCDN_LANES_H
 #define RCDN_LANES_H
 

@@ -4,14 +4,14 @@
 enum { NEAR = 32, FURTHEST_NEAR = 2 };
 CONSTANTS(lattice, TERMS)
 
-/* Squares (2) that the homography `flat` (3, 3) makes of pixels x, y. */
+/* Squares (2) at the pixel x, y by the homography `flat` (3, 3). */
 INLINE void rectify(const double *flat, double x, double y, double *out) {
     const double depth = 1 / (flat[6] * x + flat[7] * y + flat[8]);
     out[0] = (flat[0] * x + flat[1] * y + flat[2]) * depth;
     out[1] = (flat[3] * x + flat[4] * y + flat[5]) * depth;
 }
 
-/* Are the labels ij (count, 2) all within (rows, columns)? */
+/* Whether the labels ij (count, 2) are all within (rows, columns). */
 static int all_inside(const int64_t *ij, index_t count, index_t rows, index_t columns) {
     for (index_t k = 0; k < count; k++)
         if (ij[2 * k] >= rows || ij[2 * k + 1] >= columns)
@@ -19,8 +19,8 @@ static int all_inside(const int64_t *ij, index_t count, index_t rows, index_t co
     return 1;
 }
 
-/* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 where there is none.
- * ij (count, 2): labels from 0 on; grid (rows, columns): room for all of them and `reach` more on every side. */
+/* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 for none. ij (count, 2):
+ * labels from 0 on; grid (rows, columns): buffer for all of them and a margin of `reach` on every side. */
 FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0), (SIZE, columns, grid, 1), (WITHIN, int64_t, ij, 0, FURTHEST, count, 2),
             (INT, reach, 0, FURTHEST_NEAR), (OUT, int32_t, grid, rows, columns), (OUT, int32_t, near, count, (2 * reach + 1) * (2 * reach + 1)),
             (WHERE, all_inside(ij, count, rows - 2 * reach, columns - 2 * reach))) {
@@ -35,7 +35,8 @@ FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0)
     return 0;
 }
 
-/* Solves normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; `normal` counts on and above its diagonal. */
+/* Solve normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; only the upper triangle of `normal` is used.
+ * */
 INLINE void solve(double normal[TERMS][TERMS], double *pull) {
     for (index_t k = 0; k < TERMS; k++) {
         const double inverse = 1 / normal[k][k];
@@ -56,7 +57,8 @@ INLINE void solve(double normal[TERMS][TERMS], double *pull) {
         }
 }
 
-/* Normal matrix, on and above its diagonal, and right sides pull (TERMS, 2), of weighted quadratics in s and t of i and j. */
+/* Upper triangle of the normal matrix, and right-hand sides pull (TERMS, 2), of weighted quadratics in s and t for i
+ * and j. */
 INLINE void moments(const double *weight, const double *s, const double *t, const double *i, const double *j, double normal[TERMS][TERMS],
                     double *pull) {
     double w = 0, ws = 0, wt = 0, ss = 0, st = 0, tt = 0, sss = 0, sst = 0, stt = 0, ttt = 0, s4 = 0, s3t = 0, sstt = 0, st3 = 0, t4 = 0;
@@ -79,14 +81,16 @@ INLINE void moments(const double *weight, const double *s, const double *t, cons
     memcpy(pull, right, sizeof right);
 }
 
-/* Is the place n of a table (side, side) of neighbours two labels from its middle? */
+/* Whether the entry n of a table (side, side) of neighbours is two labels from its centre. */
 INLINE int is_far(index_t n, index_t side) {
     const index_t i = n / side - side / 2, j = n % side - side / 2;
     return i > 1 || i < -1 || j > 1 || j < -1;
 }
 
-/* origin (count, 2): squares that `flat` makes of xy (count, 2); terms (count, TERMS, 2): quadratics of the places on the board, `plane` (count, 2), around each corner,
- * by least squares over `near` (count, side²), up to `reach` squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): pull to 0. */
+/* origin (count, 2): xy (count, 2) mapped to squares by `flat`; terms (count, TERMS, 2): quadratics for the positions
+ * on the board, `plane` (count, 2), around each corner, by least squares over `near` (count, side²), up to `reach`
+ * squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): weight of a prior
+ * at 0. */
 FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (IN, double, xy, count, 2), (IN, double, flat, 3, 3),
             (INT, reach, 0, FURTHEST_NEAR),
             (LET, side, 2 * reach + 1), (WITHIN, int32_t, near, -1, count - 1, count, side * side), (REAL, own), (REAL, far),
@@ -113,8 +117,9 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (
     return 0;
 }
 
-/* Slopes (count, 4) along u and v, a square, of planes through the neighbours' levels (count, 2) at their places `plane` (count, 2), two kinds one after the other; from one corner to
- * the next the second kind changes its sign. near (count, 9): as from rcdn_lattice_neighbours. */
+/* Gradients (count, 4) along u and v, per square, of planes fitted to the neighbours' levels (count, 2) at their
+ * positions `plane` (count, 2), for the two kinds of levels one after the other; the second kind changes its sign from
+ * one corner to the next. near (count, 9): as from rcdn_lattice_neighbours. */
 FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, count, 2), (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
             (OUT, double, out, count, 4)) {
     for (index_t k = 0; k < count; k++) {
@@ -143,7 +148,8 @@ FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, c
     return 0;
 }
 
-/* Board coordinates uv (count, each, 2) and their derivatives (count, each, 2, 2) of pixels xy (count, each, 2), by the maps `which` (count,). */
+/* Board coordinates uv (count, each, 2) of pixels xy (count, each, 2) and their Jacobians (count, each, 2, 2), by the
+ * maps `which` (count,). */
 FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
             (IN, double, xy, count, each, 2), (OUT, double, uv, count, each, 2), (OUT, double, slopes, count, each, 2, 2)) {
     for (index_t k = 0; k < count; k++) {
@@ -154,7 +160,8 @@ FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP,
     return 0;
 }
 
-/* Moves pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton's steps. Returns 0 where a map folds. */
+/* Move pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton steps. Returns 0 if a map
+ * is singular there. */
 FAST_KERNEL(rcdn_lattice_pixels, (SIZE, count, uv, 0), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
             (IN, double, uv, count, 2), (INT, repeats, 0, 100), (OUT, double, xy, count, 2)) {
     for (index_t k = 0; k < count; k++) {

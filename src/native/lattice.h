@@ -1,4 +1,5 @@
-/* The map of one corner of a board, pixels to squares from the corner, as `rcdn.precision.lattice.Lattice` keeps it. */
+/* The local map of one corner of a board, from pixels to squares relative to the corner, as stored by
+ * `rcdn.precision.lattice.Lattice`. */
 #ifndef RCDN_LATTICE_H
 #define RCDN_LATTICE_H
 
@@ -9,7 +10,8 @@ enum { TERMS = 6 };
 /* The maps of all corners of a board. */
 ARGUMENT_GROUP(Maps, (SIZE, corners, origin, 0), (IN, double, flat, 3, 3), (IN, double, origin, corners, 2), (IN, double, terms, corners, TERMS, 2))
 
-/* `flat` (3, 3): pixels to rectified squares; `origin` (2): the corner there; `terms` (6, 2): 1, s, t, s², st, t². */
+/* `flat` (3, 3): pixels to rectified squares; `origin` (2): the rectified corner; `terms` (6, 2): coefficients of 1, s,
+ * t, s², st, t². */
 typedef struct {
     const double *flat, *origin, *terms;
 } Map;
@@ -19,7 +21,7 @@ INLINE Map map_of(const Maps *maps, index_t k) {
     return m;
 }
 
-/* Squares `uv` from the corner of the pixel (x, y), and the derivatives `slopes` (2, 2) by pixels. */
+/* Position `uv` of the pixel (x, y), squares from the corner, and its Jacobian `slopes` (2, 2), squares per pixel. */
 INLINE void map_pixel(const Map *m, double x, double y, double uv[2], double slopes[4]) {
     const double *H = m->flat;
     const double depth = 1 / (H[6] * x + H[7] * y + H[8]);

@@ -1,4 +1,5 @@
-/* What this processor's instructions are, by CPUID: compilers' own tables of processors aren't there, or empty, with some C libraries. */
+/* The processor's instruction set, by CPUID: the compilers' own tables of processors are missing, or empty, with some C
+ * libraries. */
 #include "levels.h"
 
 #include <stdlib.h>
@@ -7,12 +8,12 @@
 #ifdef X86_LEVELS
 #include <cpuid.h>
 
-/* Are all these bits set? */
+/* Whether all these bits are set. */
 static int has(unsigned flags, unsigned bits) {
     return (flags & bits) == bits;
 }
 
-/* What the operating system keeps when it changes from thread to thread: XCR0. */
+/* The registers that the operating system saves at a context switch: XCR0. */
 static unsigned kept(void) {
     unsigned low, high;
     __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0));

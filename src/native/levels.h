@@ -1,16 +1,19 @@
-/* Levels of a processor's instructions. A kernel is compiled for each of them, and the best that is there is taken: all give the same bits. */
+/* Levels of a processor's instruction set. A kernel is compiled for each of them, and the best available one is used:
+ * all give the same bits. */
 #ifndef RCDN_LEVELS_H
 #define RCDN_LEVELS_H
 
 enum { BASELINE, AVX2_LEVEL, AVX512_LEVEL, VNNI_LEVEL };
 
-/* The level that kernels are to take: of this processor, and at most what RCDN_LEVEL names. BASELINE before `find_level`. */
+/* The level for kernels: that of this processor, limited to what RCDN_LEVEL names. BASELINE before `find_level`. */
 int level_taken(void);
 
-/* Find it. Its name, or NULL if the environment variable RCDN_LEVEL is none of them. To be called once, before any kernel. */
+/* Determine the level. Returns its name, or NULL if the environment variable RCDN_LEVEL is none of them. Must be called
+ * once, before any kernel. */
 const char *find_level(void);
 
-/* x86-64, compiled by gcc or clang; on Windows by clang only, since gcc doesn't align the stack there as AVX needs it. ONE_LEVEL: tests. */
+/* x86-64, compiled by gcc or clang; on Windows only by clang, since gcc does not align the stack there as AVX requires.
+ * ONE_LEVEL: for tests. */
 #if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__)) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
 #define X86_LEVELS 1
 #define V3 "avx2,bmi,bmi2,f16c,fma,lzcnt,movbe"

@@ -1,7 +1,7 @@
-/* Which corner neighbours which: see boards/graph.py. */
+/* Links between neighbouring corners: see boards/graph.py. */
 #include "sampling.h"
 
-/* Rows `out`, rising, of those points `xy` (n, 2) that are `open` (n,) and in the box; returns how many. */
+/* Rows `out`, ascending, of the points `xy` (n, 2) that are `open` (n,) and in the box; returns their number. */
 KERNEL(rcdn_inside, (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, uint8_t, open, n), (REAL, left), (REAL, top), (REAL, right), (REAL, bottom),
        (OUT, int64_t, out, n)) {
     index_t count = 0;
@@ -13,12 +13,14 @@ KERNEL(rcdn_inside, (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, uint8_t, open
     return count;
 }
 
-/* Is the link of length `length` to corner `j` to be preferred to the one that is `taken` (−1: none)? The shorter one, of equals the later corner. */
+/* Whether the link of length `length` to corner `j` is preferred to the one that is `taken` (−1: none): the shorter
+ * one, of equal ones the later corner. */
 INLINE int preferred(double length, int64_t j, double shortest, int64_t taken) {
     return taken < 0 || length < shortest || (length == shortest && j > taken);
 }
 
-/* Take from `out` (n, slots), where −1 is none, the links whose other end has no link back: in place by way of `chosen`, as large. */
+/* Keep in `out` (n, slots), where −1 is none, only the links whose other end has a link back; in place, with `chosen`
+ * as a buffer of the same size. */
 INLINE void keep_mutual(int64_t *out, int64_t *chosen, index_t n, index_t slots) {
     memcpy(chosen, out, (size_t)(n * slots) * sizeof *out);
     for (index_t i = 0; i < n; i++)
@@ -31,8 +33,8 @@ INLINE void keep_mutual(int64_t *out, int64_t *chosen, index_t n, index_t slots)
         }
 }
 
-/* `out` (n, slots), −1 for none, gets the shortest of the `count` links i → j of each slot, where both ends choose each other. `shortest`, `chosen`
- * (n, slots) are room. */
+/* The shortest of the `count` links i → j of each slot to `out` (n, slots), −1 for none, where both ends choose each
+ * other. `shortest`, `chosen` (n, slots) are buffers. */
 KERNEL(rcdn_mutual, (SIZE, count, length, 0), (SIZE, n, out, 0), (SIZE, slots, out, 1), (WITHIN, int64_t, i, 0, n - 1, count),
        (WITHIN, int64_t, j, 0, n - 1, count), (IN, double, length, count), (WITHIN, int64_t, slot, 0, slots - 1, count),
        (OUT, double, shortest, n, slots), (OUT, int64_t, chosen, n, slots), (OUT, int64_t, out, n, slots)) {
@@ -54,7 +56,7 @@ typedef struct {
     double axes[4], polarity, contrast;
 } Looks;
 
-/* The axis of a corner that is nearest to the direction (x, y); the sine of the turn from it, ≥ 0. */
+/* The axis of a corner that is nearest to the direction (x, y); `turn`: sine of the angle to it, ≥ 0. */
 INLINE int nearest_axis(const Looks *corner, double x, double y, double *turn) {
     const double *a = corner->axes, one = fabs(a[0] * y - a[1] * x), other = fabs(a[2] * y - a[3] * x);
     *turn = other < one ? other : one;
@@ -65,9 +67,10 @@ INLINE int leads_to(const int64_t *row, int64_t corner) {
     return row[0] == corner || row[1] == corner || row[2] == corner || row[3] == corner;
 }
 
-/* `out` (n, 4): mutual links between corners `xy` (n, 2) px by `looks` (n, 6): cosine and sine of each axis, polarity ±1, contrast. `near`,
- * `distance` (n, most): other corners, the nearest first; no corner is n. `small` px: under it a link may turn by `loose`, over it by
- * `strict`, sines. `least`: share of the weaker contrast that each third of a link shows. `shortest`, `chosen` (n, 4) are room. */
+/* `out` (n, 4): mutual links between corners `xy` (n, 2) px with `looks` (n, 6): cosine and sine of each axis, polarity
+ * ±1, contrast. `near`, `distance` (n, most): neighbours, the nearest first; n is no corner. Links shorter than `small`
+ * px may deviate from the axes by `loose`, longer ones by `strict`, sines. `least`: least contrast of each third of a
+ * link, share of the weaker corner's. `shortest`, `chosen` (n, 4) are buffers. */
 FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1), (IN, double, xy, n, 2), (IN, double, looks, n, 6),
             (WITHIN, int64_t, near, 0, n, n, most), (IN, double, distance, n, most), (REAL, small), (REAL, strict), (REAL, loose), (REAL, least),
             (OUT, double, shortest, n, 4), (OUT, int64_t, chosen, n, 4), (OUT, int64_t, out, n, 4)) {
@@ -87,7 +90,8 @@ FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1),
             const int axis = nearest_axis(corner + i, x, y, &turn), other = nearest_axis(corner + j, x, y, &back);
             if (!(turn < limit && back < limit))
                 continue;
-            /* colour of the side at rising angle from the link: opposite at its ends, since neighbours are each other's negatives */
+            /* colour of the side at rising angle from the link: opposite at its ends, since neighbours are negatives of
+             * each other */
             const double colour = axis ? -corner[i].polarity : corner[i].polarity;
             if (colour != (other ? corner[j].polarity : -corner[j].polarity))
                 continue;
@@ -95,7 +99,7 @@ FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1),
             const index_t slot = 4 * i + axis + (way[0] * x + way[1] * y < 0 ? 2 : 0);
             if (!preferred(length, j, shortest[slot], out[slot]))
                 continue;
-            /* an edge that was seen from its other end is seen */
+            /* an edge already found visible from its other end need not be tested again */
             int seen = j < i && leads_to(out + 4 * j, i);
             if (!seen) {
                 sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);

@@ -1,17 +1,18 @@
-/* Functions of mathematics in single precision, without branches or calls, so that loops over them become vector code. */
+/* Mathematical functions in single precision, without branches or calls, so that loops over them are vectorised. */
 #ifndef RCDN_MATHS_H
 #define RCDN_MATHS_H
 
 #include "rcdn.h"
 
-/* The loop that follows has no pass that needs another's result, and no sum over its passes: clang would change its order. */
+/* The iterations of the loop that follows are independent, and nothing is summed over them: clang would reorder such a
+ * sum. */
 #if defined(__clang__)
 #define INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
 #else
 #define INDEPENDENT _Pragma("GCC ivdep")
 #endif
 
-/* erf x within 5e-6: 1 - p(|x|)^8, p fitted to the smallest largest error up to 3.4, where erf is 1. */
+/* erf x, error below 5e-6: 1 - p(|x|)^8, where p is the minimax fit up to 3.4, beyond which erf is 1. */
 INLINE float erf_near(float x) {
     float t = fabsf(x);
     t = t < 3.4f ? t : 3.4f;
@@ -26,7 +27,7 @@ INLINE float erf_near(float x) {
     return copysignf(1 - p * p, x);
 }
 
-/* exp(-x²) within 5e-7, and no less than exp(-10): p(x²)^8. */
+/* exp(-x²), error below 5e-7, and at least exp(-10): p(x²)^8. */
 INLINE float bell_near(float x) {
     float t = x * x;
     t = t < 10.0f ? t : 10.0f;

@@ -1,4 +1,5 @@
-/* The Python side of the kernels: what checks a call against the kernel's declaration (kernel.h) and makes it, without the lock. */
+/* The Python interface of the kernels: checks a call against the kernel's declaration (kernel.h) and runs it without
+ * the GIL. */
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
@@ -17,7 +18,7 @@ void register_constants(Constants *constants) {
     all_constants = constants;
 }
 
-/* What `__array_struct__` of an array points to (NumPy's array interface). */
+/* The struct that `__array_struct__` of an array points to (NumPy's array interface). */
 typedef struct {
     int two, dimensions;
     char kind;
@@ -30,7 +31,8 @@ enum { CONTIGUOUS = 0x1, ALIGNED = 0x100, NATIVE = 0x200, WRITEABLE = 0x400 };
 
 _Static_assert(sizeof(Py_ssize_t) == sizeof(index_t), "shapes are read as they are");
 
-/* One call: its values, those in groups behind those of the kernel, and the capsules that keep what they point to. */
+/* One call: its values, those in groups after those of the kernel, and the capsules that own the memory they point to.
+ * */
 typedef struct {
     const char *name;
     int used, kept;
@@ -40,7 +42,7 @@ typedef struct {
 
 static PyObject *array_struct; /* the attribute's name */
 
-/* ---- what Python gave */
+/* ---- conversion of the arguments */
 
 static const char *type_name(const Spec *spec) {
     if (spec->what == PICTURE_GIVEN)
@@ -88,7 +90,7 @@ static int take_array(Call *call, const Spec *spec, PyObject *given, Value *valu
             PyErr_Format(PyExc_ValueError, "%s: %s is too long: %zd", call->name, spec->name, a->shape[k]);
             return 0;
         }
-        value->size = (index_t)((size_t)value->size * (size_t)a->shape[k]); /* runs over in empty arrays only, and ends as 0 */
+        value->size = (index_t)((size_t)value->size * (size_t)a->shape[k]); /* overflows in empty arrays only, to 0 */
     }
     if (spec->what == PICTURE_GIVEN) {
         value->picture = (Picture){a->data, a->shape[0], a->shape[1], a->kind == 'f'};
@@ -153,7 +155,7 @@ static const Value *take_all(Call *call, const Spec *specs, int count, PyObject 
     return values;
 }
 
-/* ---- what was refused */
+/* ---- refusals */
 
 static int apart(const Call *call) {
     for (int i = 0; i < call->used; i++) {
@@ -239,9 +241,9 @@ static PyObject *called(PyObject *self, PyObject *const *given, Py_ssize_t count
     return out;
 }
 
-/* ---- what the module tells */
+/* ---- contents of the module */
 
-/* How many values an argument or a list of them comes to, with those in groups. */
+/* Number of values of an argument list, including those in groups. */
 static int width_of(const Spec *specs, int count) {
     int width = count;
     for (int k = 0; k < count; k++)
@@ -250,7 +252,7 @@ static int width_of(const Spec *specs, int count) {
     return width;
 }
 
-/* Put `value`, which is given up, into a dictionary; is there an error? */
+/* Put `value`, whose reference is stolen, into a dictionary; returns whether there is an error. */
 static int put(PyObject *dictionary, const char *name, PyObject *value) {
     const int failed = !value || PyDict_SetItemString(dictionary, name, value) < 0;
     Py_XDECREF(value);
@@ -306,8 +308,8 @@ static PyObject *integers_of(const Constants *constants) {
 static PyMethodDef methods[] = {{NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "rcdn._native", "Compiled kernels; see rcdn.native.", -1, methods, NULL, NULL, NULL, NULL};
 
-/* `level`: the processor's instructions that kernels use. `kernels`: functions by name. `arguments`: of each, in order, (name, what, type, axes, is it
- * written to, (those of a group)). `constants`: by unit and name. */
+/* `level`: the instruction set that kernels use. `kernels`: functions by name. `arguments`: for each, in order, (name,
+ * what, type, axes, whether it is written to, (those of a group)). `constants`: by unit and name. */
 PyMODINIT_FUNC PyInit__native(void) {
     PyObject *out = PyModule_Create(&module), *functions = PyDict_New(), *arguments = PyDict_New(), *constants = PyDict_New();
     array_struct = PyUnicode_InternFromString("__array_struct__");

@@ -1,22 +1,23 @@
 /* Neighbours in the plane: points sorted into square cells, which are searched ring by ring. */
 #include "kernel.h"
 
-/* Points put away, far off any picture, don't stretch the cells: they go to those at the rim. */
+/* Coordinates from which on points do not extend the grid of cells: such points are assigned to border cells. */
 #define AWAY 1e5
 #define PER_CELL 2.0
-/* Fewer questions than that are answered by looking at all points. */
+/* Fewer queries than this are answered by testing all points. */
 #define FEW 12
 
 typedef struct {
     const double *points;
     double left, top, size;
     index_t columns, rows;
-    int32_t *first, *order; /* first[cell] .. first[cell + 1] in order; order NULL: all in one cell, as they come */
+    /* points of a cell: order[first[cell]] .. order[first[cell + 1] - 1]; order NULL: one cell in input order */
+    int32_t *first, *order;
 } Cells;
 
 static index_t along(double at, double low, double size, index_t count) {
     const double k = (at - low) / size;
-    return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0; /* NaN goes to 0 */
+    return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0; /* 0 for NaN */
 }
 
 static index_t cell_of(const Cells *c, const double *at) {
@@ -72,7 +73,7 @@ static void forget(Cells *c) {
     free(c->order);
 }
 
-/* Put a point among the `count` nearest so far, by distance, then index. */
+/* Insert a point into the `count` nearest so far, ordered by distance, then index. */
 static void offer(double square, int64_t index, index_t count, double *distance, int64_t *nearest) {
     index_t k = count - 1;
     if (!(square < distance[k] || (square == distance[k] && index < nearest[k])))
@@ -99,7 +100,8 @@ static void offer_row(const Cells *c, index_t row, index_t from, index_t to, con
     }
 }
 
-/* How far away, at least, anything outside of the `ring` cells around (column, row) is; INFINITY where there is nothing. */
+/* Lower bound of the distance of anything outside the `ring` cells around (column, row); INFINITY if there is nothing.
+ * */
 static double beyond(const Cells *c, const double *at, index_t column, index_t row, index_t ring) {
     double out = INFINITY;
     if (column - ring > 0)
@@ -113,7 +115,7 @@ static double beyond(const Cells *c, const double *at, index_t column, index_t r
     return fmax(out, 0);
 }
 
-/* The `count` points nearest to each of `at` (m): distances, inf where there are fewer, and indices, n there. */
+/* The `count` points nearest to each of `at` (m): distances, and indices; inf and n where there are fewer. */
 KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, distance, 1), (WHERE, count > 0), (IN, double, points, n, 2),
        (IN, double, at, m, 2), (OUT, double, distance, m, count), (OUT, int64_t, nearest, m, count)) {
     Cells cells;
@@ -148,7 +150,7 @@ KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, dista
     return 0;
 }
 
-/* All points within reach[j] of at[j], by j, then index, as far as `room` lets; returns how many there are. */
+/* All points within reach[j] of at[j], ordered by j, then index; at most `room` are stored. Returns their number. */
 KERNEL(rcdn_within, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, room, row_out, 0), (IN, double, points, n, 2), (IN, double, at, m, 2),
        (IN, double, reach, m), (OUT, int64_t, row_out, room), (OUT, int64_t, index_out, room)) {
     Cells cells;

@@ -1,24 +1,26 @@
-/* The cell network (docs/decisions/0002-cell-network.md), evaluated only in the cells that are asked for and in what these see.
+/* The cell network (docs/decisions/0002-cell-network.md), evaluated only in the requested cells and their receptive
+ * fields.
  *
- * Layers follow each other row by row through short rings of rows, so that what a row needs lies in the cache, whatever the size of the
- * picture. The first layer is in floating point, the others in whole numbers (rows.h). Every number is the same sum in the same order, whatever
- * else is computed: results depend neither on what is asked for nor on the threads.
+ * Layers are computed row by row through short ring buffers of rows, so that the input of a row is in the cache,
+ * whatever the size of the image. The first layer is in floating point, the others in integer arithmetic (rows.h).
+ * Every number is the same sum in the same order, whatever else is computed: results depend neither on the requested
+ * cells nor on the number of threads.
  */
 #include "contrast.h"
 #include "kernel.h"
 #include "rows.h"
 
 #define CONVS 5   /* 3×3 convolutions from WIDE to WIDE channels at a quarter of the resolution */
-#define NARROW 16 /* channels at half resolution, and outputs a cell */
+#define NARROW 16 /* channels at half resolution, and outputs per cell */
 #define RING 4    /* rows of a layer that are kept */
-#define SEEN 8    /* rows of the normalised picture that are kept */
+#define SEEN 8    /* rows of the normalised image that are kept */
 
 typedef float vec __attribute__((vector_size(4 * NARROW)));
 typedef int32_t whole_vec __attribute__((vector_size(4 * NARROW)));
 typedef uint8_t byte_vec __attribute__((vector_size(NARROW)));
 
-/* Weights as `corners/cells.py` packs them: those in floating point, and those of 8 bits. `scale` and `bias` turn sums into the inputs of the
- * next layer, of the last one into what the sigmoid takes. */
+/* Weights as packed by `corners/cells.py`: those in floating point, and those of 8 bits. `scale` and `bias` turn sums
+ * into the inputs of the next layer, and those of the last layer into the argument of the sigmoid. */
 typedef struct {
     float first[25][NARROW], first_bias[NARROW];
     struct {
@@ -35,7 +37,7 @@ enum { REALS = sizeof(Reals) / sizeof(float) };
 _Static_assert(sizeof(Reals) == REALS * sizeof(float), "weights have no gaps");
 CONSTANTS(network, CELL, GROUP, BEST)
 
-/* A layer's rows: the latest in a ring, and which of its cells are needed. */
+/* Rows of a layer: the latest ones in a ring buffer, and the mask of the cells that are needed. */
 typedef struct {
     index_t height, width, channels, ring;
     index_t done;        /* rows computed so far */
@@ -43,7 +45,7 @@ typedef struct {
     const uint8_t *mask; /* (height, width) */
 } Layer;
 
-/* The normalised picture, continued at its border. */
+/* The normalised image, padded at its border. */
 typedef struct {
     index_t height, width, done;
     float *rows; /* (SEEN, width + SLACK) */
@@ -56,7 +58,7 @@ typedef struct {
     RowKernel *strided, *conv;
     Seen seen;
     Layer layer[CONVS + 2];  /* at half resolution; strided; the convolutions */
-    uint8_t *need;           /* room for a mask of the first layer's width */
+    uint8_t *need;           /* buffer for a mask of the first layer's width */
     index_t time;            /* steps of `advance` so far */
 } Network;
 
@@ -81,13 +83,13 @@ INLINE vec within(vec v, float low, float high) {
     return chosen(v < most, v, most);
 }
 
-/* Inputs of the next layer: 0..255. */
+/* Store inputs of the next layer, clamped to 0..255. */
 INLINE void store_levels(uint8_t *p, vec v) {
     const byte_vec out = __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
     memcpy(p, &out, sizeof out);
 }
 
-/* 1 / (1 + exp(−x)), within 1e-6. */
+/* 1 / (1 + exp(−x)), error below 1e-6. */
 INLINE vec sigmoid(vec x) {
     const vec t = within(x, -80, 80) * -1.44269504f;
     const whole_vec whole = __builtin_convertvector(t, whole_vec);
@@ -109,7 +111,7 @@ INLINE void joined(const uint8_t *restrict mask, index_t width, uint8_t *restric
         into[x] |= mask[x];
 }
 
-/* Make rows of the normalised picture up to `y`, as far as rows of the first layer need them. */
+/* Compute rows of the normalised image up to `y`, where rows of the first layer need them. */
 INLINE void see(Network *n, index_t y) {
     const Layer *first = &n->layer[0];
     uint8_t *need = n->need;
@@ -122,7 +124,7 @@ INLINE void see(Network *n, index_t y) {
         if (!memchr(need, 1, (size_t)first->width))
             continue;
         for (index_t x = 0, end; (x = next_run(need, x, first->width, &end)) < first->width; x = end) {
-            index_t later; /* gaps shorter than a window aren't worth a new start */
+            index_t later; /* bridging gaps shorter than a window is cheaper than a new start */
             for (index_t next; (next = next_run(need, end, first->width, &later)) < first->width && next - end < HALF;)
                 end = later;
             const index_t stop = 2 * end + 3 + 2 * SLACK;
@@ -131,7 +133,7 @@ INLINE void see(Network *n, index_t y) {
     }
 }
 
-/* `count` outputs of the first layer: 5×5 px, every second one. */
+/* `count` outputs of the first layer: 5×5 px, stride 2. */
 INLINE void first_block(const Network *n, index_t y, index_t x, const int count, uint8_t *out) {
     vec sum[8];
     for (int k = 0; k < count; k++)
@@ -160,7 +162,7 @@ INLINE void first_row(Network *n, index_t y) {
             first_block(n, y, x, 8, out + x * NARROW);
 }
 
-/* Row `y` of layer `k` + 1 from the one before; `stride` 2 for the first of them. */
+/* Row `y` of layer `k` + 1 from the previous layer; `stride` is 2 for the first of them. */
 static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
@@ -169,7 +171,7 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     (k ? n->conv : n->strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
-/* Write the outputs of one row of cells into the response (height, width) of the picture. */
+/* Write the outputs of one row of cells into the response (height, width) of the image. */
 INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index_t y, float *response) {
     const uint8_t *row = row_of(&n->layer[CONVS + 1], y);
     const vec scale = load(n->reals->last_scale), bias = load(n->reals->last_bias);
@@ -180,7 +182,7 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
         float value[WIDE], out[NARROW];
         for (int c = 0; c < WIDE; c++)
             value[c] = row[x * WIDE + c];
-        vec a = {0}, b = {0}, c = {0}, d = {0}; /* of whole numbers under 2^24: exact in any order */
+        vec a = {0}, b = {0}, c = {0}, d = {0}; /* sums of integers under 2^24: exact in any order */
         for (int k = 0; k < WIDE; k += 4) {
             a += load(last[k]) * value[k];
             b += load(last[k + 1]) * value[k + 1];
@@ -194,8 +196,8 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
     }
 }
 
-/* Compute the rows of all layers that row `y` of the last one needs: at each step one row of every layer, two behind the one before it,
- * so that no ring runs over. */
+/* Compute the rows of all layers that row `y` of the last one needs: at each step one row of every layer, two behind
+ * the previous layer, so that no ring buffer overflows. */
 INLINE void advance(Network *n, index_t y) {
     for (; n->time <= y + 2 * CONVS; n->time++) {
         for (; n->layer[0].done <= 2 * n->time + 2; n->layer[0].done++)
@@ -206,7 +208,7 @@ INLINE void advance(Network *n, index_t y) {
     }
 }
 
-/* Masks: a cell of a layer is needed where the 3×3 of the next one begins up to two cells before it. */
+/* Masks: a cell of a layer is needed if it is in the 3×3 window of a needed cell of the next layer. */
 INLINE void needed_by(const uint8_t *next, index_t height, index_t width, uint8_t *mask) {
     const index_t wide = width + 2;
     memset(mask, 0, (size_t)((height + 2) * wide));
@@ -217,7 +219,7 @@ INLINE void needed_by(const uint8_t *next, index_t height, index_t width, uint8_
         for (int k = 0; k < 3; k++)
             joined(from, width, mask + y * wide + k);
     }
-    for (index_t y = height + 1; y >= 0; y--) /* from below, so that rows are not yet spread themselves */
+    for (index_t y = height + 1; y >= 0; y--) /* from below, so that the rows read here are not yet dilated */
         for (int k = 1; k < 3; k++)
             if (y - k >= 0)
                 joined(mask + (y - k) * wide, wide, mask + y * wide);
@@ -235,7 +237,7 @@ INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width
     }
 }
 
-/* Bytes that hold all rings, sums and masks for so many rows of cells. */
+/* Number of bytes for all ring buffers, sums and masks of so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
     const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW, floats = SEEN * (seen + SLACK) + 8 * SLACK;
@@ -249,8 +251,8 @@ INLINE void *taken(char **room, index_t bytes) {
     return out;
 }
 
-/* The response in the cells of the rows `first` .. `first + rows` of `cells` (down, across) that are marked. `response` (height, width) is
- * left as it is elsewhere. */
+/* The response in the marked cells of the rows `first` .. `first + rows` of `cells` (down, across). `response` (height,
+ * width) is unchanged elsewhere. */
 FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL),
             (IN, float, reals, REALS), (IN, int8_t, bytes, sizeof(Bytes)), (INT, level, 0, BEST), (IN, uint8_t, cells, down, across),
             (INT, first, 0, down - 1), (INT, rows, 1, down - first), (OUT, float, response, p.height, p.width)) {

@@ -1,7 +1,7 @@
-/* Peaks of a response map: the level they must reach, the candidates, and which of them stand after suppression. */
+/* Peaks of a response map: the adaptive threshold, the candidates, and those that survive suppression. */
 #include "kernel.h"
 
-/* Sum and number of the responses (height, width) above `level`, in the `cells` (⌈height / 4⌉, ⌈width / 4⌉) that are marked. */
+/* Sum and number of the responses (height, width) above `level`, in the marked `cells` (⌈height / 4⌉, ⌈width / 4⌉). */
 FAST_KERNEL(rcdn_above, (SIZE, height, response, 0), (SIZE, width, response, 1), (IN, float, response, height, width),
             (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, level), (OUT, double, sum, 1)) {
     const index_t across = (width + CELL - 1) / CELL;
@@ -24,7 +24,7 @@ FAST_KERNEL(rcdn_above, (SIZE, height, response, 0), (SIZE, width, response, 1),
     return count;
 }
 
-/* Is none of the eight neighbours of (x, y) greater? */
+/* Whether none of the eight neighbours of (x, y) is greater. */
 static int is_peak(const float *response, index_t height, index_t width, index_t x, index_t y) {
     const float own = response[y * width + x];
     for (index_t j = y > 0 ? y - 1 : 0; j <= y + 1 && j < height; j++)
@@ -34,7 +34,7 @@ static int is_peak(const float *response, index_t height, index_t width, index_t
     return 1;
 }
 
-/* pixels of a row that are compared together: few have a response */
+/* number of pixels of a row that are compared together, since few exceed the threshold */
 enum { TOGETHER = 32 };
 
 INLINE int any_over(const float *row, index_t from, index_t to, float least) {
@@ -44,8 +44,8 @@ INLINE int any_over(const float *row, index_t from, index_t to, float least) {
     return any;
 }
 
-/* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by row, as far as `room` lets.
- * Returns how many there are. NaN is none. */
+/* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by
+ * row, at most `room` of them. Returns their number. NaN never counts. */
 FAST_KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0), (IN, float, response, height, width),
             (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold), (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
     const index_t across = (width + CELL - 1) / CELL;
@@ -80,8 +80,8 @@ static int all_inside(const int64_t *xy, index_t count, index_t height, index_t 
     return 1;
 }
 
-/* Greedy suppression: of `count` pixels xy, the strongest first, `keep` tells which stand. A survivor suppresses all at offsets where the
- * `stencil` (side, side), its own pixel in the middle, is set. */
+/* Greedy suppression: `keep` marks which of `count` pixels xy, the strongest first, survive. A survivor suppresses all
+ * pixels at offsets where the `stencil` (side, side), centred on it, is set. */
 KERNEL(rcdn_suppress, (SIZE, count, xy, 0), (SIZE, side, stencil, 0), (IN, int64_t, xy, count, 2), (INT, height, 0, FURTHEST), (INT, width, 0, FURTHEST),
        (WHERE, all_inside(xy, count, height, width)), (IN, uint8_t, stencil, side, side), (OUT, uint8_t, keep, count)) {
     const index_t stride = width + side;

@@ -1,7 +1,8 @@
-/* How deep points lie in a polygon. */
+/* Depth of points inside a polygon. */
 #include "kernel.h"
 
-/* Squared distance of a point from a side a–b of an outline, and whether a line of sight to the right crosses that. */
+/* Squared distance of a point from a side a–b of a polygon, and whether a ray from the point to the right crosses that
+ * side. */
 INLINE double from_side(const double *a, const double *b, double x, double y, int *crosses) {
     const double dx = b[0] - a[0], dy = b[1] - a[1], px = x - a[0], py = y - a[1];
     const double length = dx * dx + dy * dy;
@@ -12,8 +13,8 @@ INLINE double from_side(const double *a, const double *b, double x, double y, in
     return ex * ex + ey * ey;
 }
 
-/* Distances `depth` (m) of points `at` (m) from the outline of a polygon of `n` corners, positive inside (where lines of sight cross it an odd
- * number of times), negative outside. */
+/* Distances `depth` (m) of points `at` (m) from the boundary of a polygon of `n` corners, positive inside (where rays
+ * cross it an odd number of times), negative outside. */
 KERNEL(rcdn_depth, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2), (OUT, double, depth, m)) {
     for (index_t j = 0; j < m; j++) {
         double least = INFINITY;
@@ -29,14 +30,14 @@ KERNEL(rcdn_depth, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners
     return 0;
 }
 
-/* Which band, of `count` from `top` on, each `size` high, holds y. */
+/* Which of `count` bands, from `top` on, each `size` high, contains y. */
 INLINE index_t band_of(double y, double top, double size, index_t count) {
     const double k = (y - top) / size;
     return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0;
 }
 
-/* Which of the points `at` (m) lie inside of a polygon of `n` corners and further than `limit` from its outline, `out` (m). Sides are sorted into
- * bands, by their heights and `limit` more. */
+/* Which of the points `at` (m) lie inside a polygon of `n` corners and further than `limit` from its boundary, `out`
+ * (m). Sides are sorted into horizontal bands by their vertical extent, enlarged by `limit`. */
 KERNEL(rcdn_deeper, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2), (REAL, limit),
        (OUT, uint8_t, out, m)) {
     double top = INFINITY, low = -INFINITY, usual = 0;

@@ -1,7 +1,8 @@
-/* Cells that four linked corners make, and grids by flood fill over them: see boards/graph.py. */
+/* Cells of four linked corners, and grids by flood fill over them: see boards/graph.py. */
 #include "kernel.h"
 
-/* Does the quadrilateral turn clockwise at each corner, and are its opposite sides of like lengths? `xy`: positions of all corners. */
+/* Whether the quadrilateral turns clockwise at each corner and its opposite sides have similar lengths. `xy`: positions
+ * of all corners. */
 static int is_regular(const double *xy, const int64_t *quad) {
     double x[4], y[4], length[4];
     for (int k = 0; k < 4; k++) {
@@ -26,8 +27,9 @@ static int same_corners(const int64_t *one, const int64_t *other) {
     return has(other, one[0]) && has(other, one[1]) && has(other, one[2]) && has(other, one[3]);
 }
 
-/* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the first of their corners that shows
- * them; returns how many. `first` (n,) and `next` (room,) are room: the cells found so far by their lowest corner. At most 4 a link. */
+/* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the corner at
+ * which they are first found; returns their number. `first` (n,) and `next` (room,) are buffers: lists of the cells
+ * found so far by their lowest corner. At most 4 cells per link. */
 KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int64_t, neighbour, -1, n - 1, n, 4), (IN, double, xy, n, 2),
        (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, quads, room, 4)) {
     index_t count = 0;
@@ -58,8 +60,8 @@ KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int6
 
 /* ---- flood fill */
 
-/* What is known of the grid that is being filled. A corner's label and a label's corner hold for the grid `grid`; `slots`, a power of two, is
- * the size of the hash table of labels. */
+/* State of the flood fill. A corner's label and a label's corner are valid only for the grid `grid`; `slots`, a power
+ * of two, is the size of the hash table of labels. */
 typedef struct {
     int64_t u, v, grid;
 } Label;
@@ -75,7 +77,7 @@ typedef struct {
     int64_t grid;
 } Grids;
 
-/* The place of a label in the table: its own, or a free one. */
+/* The entry of a label in the table: its own, or a free one. */
 static Held *place_of(const Grids *g, int64_t u, int64_t v) {
     uint64_t hash = ((uint64_t)u * 0x9E3779B97F4A7C15u) ^ ((uint64_t)v * 0xC2B2AE3D27D4EB4Fu);
     hash ^= hash >> 29;
@@ -86,7 +88,8 @@ static Held *place_of(const Grids *g, int64_t u, int64_t v) {
     }
 }
 
-/* Label the corners of a cell `uv` (4, 2), unless that contradicts what they are labelled, or who bears the labels. */
+/* Label the corners of a cell with `uv` (4, 2), unless that contradicts their labels or the corners that have these
+ * labels. */
 static int labelled(Grids *g, const int64_t *quad, int64_t uv[4][2]) {
     for (int k = 0; k < 4; k++) {
         const Label *own = g->where + quad[k];
@@ -106,7 +109,8 @@ static int labelled(Grids *g, const int64_t *quad, int64_t uv[4][2]) {
     return 1;
 }
 
-/* Labels of a cell's corners from two next to each other that are known: all cells turn the same way, so that two are enough. */
+/* Labels of a cell's corners from two adjacent ones that are known: all cells have the same orientation, so that two
+ * are enough. */
 static int spots_of(const Grids *g, const int64_t *quad, int64_t uv[4][2]) {
     for (int k = 0; k < 4; k++) {
         const Label *a = g->where + quad[k], *b = g->where + quad[(k + 1) % 4];
@@ -154,9 +158,10 @@ static int share_edge(const int64_t *one, const int64_t *other) {
     return 0;
 }
 
-/* Grids of `cells` (count, 4), the surest first, among corners numbered under `n`: `out` (4 count, 3) u, v, corner, grid by grid, and where
- * each begins, `begin` (count + 1,). Returns how many. Room: `used`, `heap` (count,); `first` (n + 2,), `at_corner` (4 count,): the cells at each
- * corner; `where` (n, 3); `held` (slots, 4), `slots` a power of two. */
+/* Grids of `cells` (count, 4), in order of falling confidence, among corners numbered below `n`: `out` (4 count, 3) u,
+ * v, corner, grid by grid, and the start of each, `begin` (count + 1,). Returns their number. Buffers: `used`, `heap`
+ * (count,); `first` (n + 2,), `at_corner` (4 count,): the cells at each corner; `where` (n, 3); `held` (slots, 4),
+ * `slots` a power of two. */
 KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, held, 0), (WHERE, slots > 4 * count && (slots & (slots - 1)) == 0),
        (WITHIN, int64_t, cells, 0, n - 1, count, 4), (OUT, uint8_t, used, count), (OUT, int64_t, heap, count), (OUT, int64_t, first, n + 2),
        (OUT, int64_t, at_corner, 4 * count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4), (OUT, int64_t, begin, count + 1),
@@ -164,7 +169,7 @@ KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, h
     static const int64_t square[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     Grids g = {(Label *)where, (Held *)held, out, slots, 0, -1};
     memset(used, 0, (size_t)count);
-    memset(where, 0xff, (size_t)n * sizeof(Label)); /* of grid −1: of none */
+    memset(where, 0xff, (size_t)n * sizeof(Label)); /* grid −1: no grid */
     memset(held, 0xff, (size_t)slots * sizeof(Held));
     memset(first, 0, (size_t)(n + 2) * sizeof *first);
     for (index_t k = 0; k < 4 * count; k++)
@@ -194,7 +199,7 @@ KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, h
                     const int64_t other = at_corner[m];
                     if (used[other] || !share_edge(cell, cells + 4 * other))
                         continue;
-                    used[other] = 1; /* it has its turn in this grid, and no other */
+                    used[other] = 1; /* each cell is tried in one grid only */
                     push(heap, &size, other);
                 }
         }

@@ -1,4 +1,4 @@
-/* What all kernels share: what they export, what they are compiled for, and how they read a picture. */
+/* Definitions shared by all kernels: exported names, compilers and access to an image's pixels. */
 #ifndef RCDN_H
 #define RCDN_H
 
@@ -18,10 +18,10 @@
 
 typedef ptrdiff_t index_t;
 
-/* px of a picture that one of a network's cells covers, along each axis */
+/* side of a network cell, px of the image */
 enum { CELL = 4 };
 
-/* A grey picture (height, width), 0..255: bytes, or float32 where `real`. */
+/* A grey image (height, width), 0..255: bytes, or float32 if `real`. */
 typedef struct {
     const void *data;
     index_t height, width;
@@ -36,7 +36,7 @@ INLINE index_t clamped(index_t k, index_t n) {
     return k < 0 ? 0 : k >= n ? n - 1 : k;
 }
 
-/* The window of (2 half + 1)² pixels around (x, y), which may lie outside: the border is repeated. */
+/* The window of (2 half + 1)² pixels around (x, y), which may extend beyond the image: the border is replicated. */
 INLINE void gather(const Picture *p, index_t x, index_t y, index_t half, float *out) {
     const index_t side = 2 * half + 1;
     const int inside = x >= half && y >= half && x + half < p->width && y + half < p->height;
@@ -61,7 +61,8 @@ INLINE double length_of(double x, double y) {
     return sqrt(x * x + y * y);
 }
 
-/* Where the number k lies in 0 .. n − 1, which goes on by reflection at its ends, without repeating them. */
+/* The index in 0 .. n − 1 that corresponds to k when the range is continued by reflection, without repeating its ends.
+ * */
 INLINE index_t mirrored(index_t k, index_t n) {
     if (n == 1)
         return 0;
@@ -70,7 +71,7 @@ INLINE index_t mirrored(index_t k, index_t n) {
     return k;
 }
 
-/* The next cells from `x` on that are marked: their begin, and the end in *end; `width` if there are none. */
+/* The next run of marked cells from `x` on: returns its begin, and its end in *end; `width` if there is none. */
 INLINE index_t next_run(const uint8_t *mask, index_t x, index_t width, index_t *end) {
     const uint8_t *at = x < width ? memchr(mask + x, 1, (size_t)(width - x)) : NULL;
     if (!at)

@@ -1,4 +1,5 @@
-/* Grey levels on rings around corners, and the two edge directions that they show; see rcdn.corners.orientation and blurred_axes. */
+/* Grey levels on rings around corners, and the two edge directions estimated from them; see rcdn.corners.orientation
+ * and blurred_axes. */
 #include "elementary.h"
 #include "lanes.h"
 #include "maths.h"
@@ -8,23 +9,23 @@ enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRE
 CONSTANTS(rings, DIRECTIONS, RINGS)
 
 #define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
-#define START_BLUR 0.587786664902119 /* log of the first guess of s = sqrt 2 * blur: 1.8 px */
+#define START_BLUR 0.587786664902119 /* log of the initial guess of s = sqrt 2 * blur: 1.8 px */
 #define LEAST_BLUR -0.916290731874155 /* its limits: 0.4 and 20 px */
 #define MOST_BLUR 2.99573227355399
-#define BELIEF 100.0      /* weight of the guess of log s against the samples, in samples: it decides where noise hides the blur */
+#define BELIEF 100.0      /* weight of the prior of log s, in samples: it decides where noise hides the blur */
 #define DAMPING 1e-3      /* share of the trace of the normal matrix */
 #define ITERATIONS 5
-#define LONGEST_STEP 0.2  /* of an axis, radians, and of log s */
-#define MOST_TURN 0.5     /* furthest that the fit may turn an axis from its start, radians */
+#define LONGEST_STEP 0.2  /* largest step of an axis, radians, and of log s */
+#define MOST_TURN 0.5     /* largest angle between an axis before and after the fit, radians */
 #define DONE 0.002        /* radians; shorter steps end the fit */
 #define CLOSEST 0.05      /* smallest angle between the two axes, radians */
 
-/* Cosine and sine of the directions; all tables come from the caller. */
+/* Cosine and sine of the directions; all tables are passed by the caller. */
 typedef struct {
     const float *cosine, *sine;
 } Directions;
 
-/* Bilinear grey levels `out` (rings, TURN) on up to RINGS rings around `centre`; the border is repeated outside. */
+/* Bilinear grey levels `out` (rings, TURN) on up to RINGS rings around `centre`; the border is replicated. */
 INLINE void ring_levels(const Picture *p, const double centre[2], const double *radius, int rings, Directions d, Places *w, float *out) {
     const Spot s = spot_at(p, centre[0], centre[1]);
     const float x = (float)(centre[0] - s.x), y = (float)(centre[1] - s.y);
@@ -54,9 +55,9 @@ typedef struct {
     double contrast, fit;
 } Sectors;
 
-/* The boundaries a < b, the first of equals, with the largest variance between the two sectors: sums from a to b are differences of running
- * sums of the centred `signal`. `gain` (2 DIRECTIONS): at DIRECTIONS + g what turns the square of a sum of g into that variance; 0 up to
- * DIRECTIONS. */
+/* The boundaries a < b, the first of equal ones, with the largest variance between the two sectors: sums from a to b
+ * are differences of cumulative sums of the centred `signal`. `gain` (2 DIRECTIONS): the entry DIRECTIONS + g is the
+ * factor from the square of a sum of g to that variance; 0 up to DIRECTIONS. */
 INLINE int best_pair(const float *running, const float *gain) {
     float best[LANES] = {0}, top = 0;
     int32_t at[LANES] = {0}, found = 1;
@@ -102,17 +103,18 @@ INLINE Sectors sectors(const float signal[TURN], const float *gain) {
     return s;
 }
 
-/* Samples of a corner, their mean taken out, and the radius of each. */
+/* Samples of a corner with their mean removed, and the radius of each. */
 typedef struct {
     float level[SAMPLES], radius[SAMPLES];
 } Samples;
 
-/* Squared residuals, normal matrix (upper half, row by row) and right side of the model at a state: a, b, log s. */
+/* Squared residuals, normal matrix (upper triangle, row by row) and right-hand side of the model at a state: a, b, log
+ * s. */
 typedef struct {
     double energy, normal[6], pull[3];
 } Equations;
 
-/* The model's shape at every sample and, where `slopes`, what a, b and log s change in it. */
+/* The model's shape at every sample and, with `slopes`, its derivatives by a, b and log s. */
 INLINE void model(const Samples *s, Directions d, const double state[3], int slopes, float column[4][SAMPLES]) {
     double cos_a, sin_a, cos_b, sin_b;
     cosine_sine(state[0], &cos_a, &sin_a);
@@ -151,7 +153,7 @@ INLINE double product(const float *a, const float *b) {
     return lane_sum(sum);
 }
 
-/* Squared residuals of the model: what level and contrast, the two numbers that are solved for, don't explain. */
+/* Squared residuals of the model after level and contrast, its two linear parameters, have been eliminated. */
 INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
     float column[4][SAMPLES];
     model(s, d, state, 0, column);
@@ -160,8 +162,9 @@ INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
     return product(s->level, s->level) - cross * cross / (rest > 1e-9 ? rest : 1e-9);
 }
 
-/* Level and contrast are solved for: what they explain is taken out of data and slopes (variable projection, Kaufman's approximation), by
- * elimination in the table of all products of shape f, slopes u, v, w, data g and one. */
+/* Level and contrast are eliminated: the part that they explain is projected out of data and derivatives (variable
+ * projection, Kaufman's approximation), by elimination in the table of all products of shape f, derivatives u, v, w,
+ * data g and one. */
 INLINE Equations equations_at(const Samples *s, Directions d, const double state[3]) {
     float column[4][SAMPLES];
     double sum[4], data[4], table[4][4]; /* the data have no mean */
@@ -184,7 +187,7 @@ INLINE Equations equations_at(const Samples *s, Directions d, const double state
     return e;
 }
 
-/* The change of a, b and log s: damped, with the belief in the first guess of the blur. */
+/* The Gauss–Newton step of a, b and log s: damped, with the prior of the blur. */
 INLINE void model_step(const Equations *e, const double state[3], double change[3]) {
     const double *m = e->normal, belief = BELIEF * e->energy / SAMPLES, damp = DAMPING * (m[0] + m[3] + m[5]) + 1e-9;
     const double a = m[0] + damp, b = m[1], c = m[2], d = m[3] + damp, f = m[4], g = m[5] + damp + belief;
@@ -197,7 +200,7 @@ INLINE void model_step(const Equations *e, const double state[3], double change[
         change[i] = change[i] < -LONGEST_STEP ? -LONGEST_STEP : change[i] > LONGEST_STEP ? LONGEST_STEP : change[i];
 }
 
-/* Turns `axes` to where the model fits the samples best; they stay where the fit gets worse or runs away. */
+/* Refine `axes` by fitting the model to the samples; they are unchanged if the residuals grow or the fit diverges. */
 INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
     double state[3] = {axes[0], axes[1], START_BLUR}, change[3], first = 0;
     for (int k = 0; k < ITERATIONS; k++) {
@@ -234,7 +237,8 @@ INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS
     return s;
 }
 
-/* Axes (count, 2) that fit `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes that are there. */
+/* Axes (count, 2) fitted to `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes in `axes`
+ * as initial guess. */
 FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS), (IN, double, radius, count, RINGS),
             (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
     const Directions d = {directions, directions + TURN};
@@ -250,7 +254,7 @@ FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count
     return 0;
 }
 
-/* Axes in [0, pi), rising, and what the rings say; see `rcdn.corners.orientation.axes`. */
+/* Axes in [0, pi), ascending, and the properties of the rings; see `rcdn.corners.orientation.axes`. */
 FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, radius, count), (IN, uint8_t, careful, count),
             (REAL, least), (IN, float, directions, 2, TURN), (IN, float, gain, TURN), (OUT, double, axes, count, 2), (OUT, double, contrast, count),
             (OUT, int8_t, polarity, count), (OUT, double, fit, count)) {
@@ -258,7 +262,7 @@ FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, coun
     float level[RINGS * TURN], signal[TURN];
     Places w;
     for (index_t n = 0; n < count; n++) {
-        const double rings[RINGS] = {0.8 * radius[n], radius[n], 1.2 * radius[n]}; /* smaller ones see more blur than direction */
+        const double rings[RINGS] = {0.8 * radius[n], radius[n], 1.2 * radius[n]}; /* on smaller ones, blur dominates */
         double *own = axes + 2 * n;
         ring_levels(&p, xy + 2 * n, rings, RINGS, d, &w, level);
         for (int k = 0; k < TURN; k++)

@@ -1,5 +1,5 @@
-/* Rows of the cell network's 3×3 convolutions in whole numbers: inputs of 8 bits without a sign, weights of 8 bits, sums of 32. Sums are exact,
- * so that every processor gets the same. */
+/* Rows of the cell network's 3×3 convolutions in integer arithmetic: unsigned 8-bit inputs, signed 8-bit weights,
+ * 32-bit sums. Sums are exact, and therefore the same on every processor. */
 #ifndef ROWS_H
 #define ROWS_H
 
@@ -7,19 +7,21 @@
 
 #define WIDE 32  /* channels of a cell */
 #define GROUP 4  /* channels that are multiplied together */
-#define BEST 2   /* level of the processor's instructions that is used, if it is there: 2 VNNI, 1 AVX2, 0 any */
+#define BEST 2   /* highest level of the processor's instructions that is used, if available: 2 VNNI, 1 AVX2, 0 any */
 #define SLACK 8  /* cells that may be computed beyond the end of a row */
 
-/* Weights of a convolution: (tap, group of inputs, output, input); what turns sums into the next inputs. */
+/* Weights of a convolution: (tap, group of inputs, output, input); scale and bias that turn sums into the next inputs.
+ * */
 typedef struct {
     const int8_t *weight;
     const float *scale, *bias;
 } Convolution;
 
-/* Compute the cells of a row that are needed from three rows of the layer before. */
+/* Compute the marked cells of a row from three rows of the previous layer. */
 typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out);
 
-/* A row kernel out of the blocks of one processor: `count` cells at a time, channels of the layer before, stride. */
+/* A row kernel made of the block function of one processor: `count` cells at a time, channels of the previous layer,
+ * stride. */
 #define ROW_KERNEL(name, target, block, most, channels, stride)                                                                     \
     target static void name(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out) { \
         for (index_t x = 0, end; (x = next_run(mask, x, width, &end)) < width; x = end) {                                            \
@@ -30,7 +32,7 @@ typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const
         }                                                                                                                            \
     }
 
-/* What a sum becomes: the next layer's input, rounded, 0..255. */
+/* A sum converted to an input of the next layer, rounded, 0..255. */
 INLINE uint8_t rescaled(int32_t sum, float scale, float bias) {
     const float value = rintf((float)sum * scale + bias);
     return value > 0 ? value < 255 ? (uint8_t)value : 255 : 0;
@@ -58,7 +60,7 @@ ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 #ifdef X86_LEVELS
 #include <immintrin.h>
 
-/* Four bytes of `value` are two numbers of 16 bits, twice: no product runs over. */
+/* Four bytes of `value` are split into two pairs of 16-bit numbers: no product overflows. */
 FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
     for (int o = 0; o < WIDE; o += 16) {
         __m256i low[4], high[4];
@@ -92,7 +94,8 @@ FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution 
 FOR_AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
 FOR_AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
 
-/* sum += products of bytes, four together: as _mm512_dpbusd_epi32, around which gcc moves the sums from register to register. */
+/* sum += products of bytes, four at a time: as _mm512_dpbusd_epi32, for which gcc adds moves of the sums between
+ * registers. */
 #define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
 
 FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
@@ -129,7 +132,8 @@ FOR_VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2)
 FOR_VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
 #endif
 
-/* The kernels of this processor: of the strided convolution, of the others. `level`: at most 2: VNNI, 1: AVX2, 0: plain C. */
+/* The kernels of this processor: for the strided convolution, and for the others. `level`: upper limit, 2: VNNI, 1:
+ * AVX2, 0: plain C. */
 static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
     *strided = plain_strided;
     *conv = plain_conv;

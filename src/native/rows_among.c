@@ -1,7 +1,7 @@
-/* Where the very same point is in another list. See rcdn/geometry/rows.py. */
+/* Indices of identical points in another list. See rcdn/geometry/rows.py. */
 #include "kernel.h"
 
-/* Where a point is looked for first among `slots`, a power of two. -0 is 0. */
+/* The first slot to search for a point among `slots`, a power of two. -0 equals 0. */
 INLINE index_t slot_of(const double *point, index_t slots) {
     const double at[2] = {point[0] + 0.0, point[1] + 0.0};
     uint64_t bits[2];
@@ -15,7 +15,8 @@ INLINE int same(const double *a, const double *b) {
     return a[0] == b[0] && a[1] == b[1];
 }
 
-/* `row` (n): of each of the points `xy` (n), its first row in `among` (m), -1 if it isn't there, or isn't a number. `held`: room for the rows by their points. */
+/* `row` (n): for each of the points `xy` (n), its first row in `among` (m), -1 if it is not there or not a number.
+ * `held`: hash table of the rows. */
 KERNEL(rcdn_rows_among, (SIZE, n, xy, 0), (SIZE, m, among, 0), (SIZE, slots, held, 0), (IN, double, xy, n, 2), (IN, double, among, m, 2),
        (WHERE, slots > m && (slots & (slots - 1)) == 0), (OUT, int64_t, held, slots), (OUT, int64_t, row, n)) {
     for (index_t k = 0; k < slots; k++)

@@ -1,8 +1,9 @@
 /* Saddles of the grey surface by least-squares quadratic fits; see rcdn.corners.saddle. */
 #include "kernel.h"
 
-#define FLATNESS 0.004 /* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at t has tan²(t/2): 7° here */
-#define FAINT 0.01     /* smallest rise of the fitted saddle from the middle to the side of its window, grey levels */
+/* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at an angle t has tan²(t/2): 7° here */
+#define FLATNESS 0.004
+#define FAINT 0.01     /* smallest rise of the fitted saddle from the centre to the side of its window, grey levels */
 
 /* A fit: `matrix` (5, (2 reach + 1)²) from raw pixels to the coefficients of x², xy, y², x and y within `half` px. */
 typedef struct {
@@ -11,7 +12,7 @@ typedef struct {
     double slack;
 } Fit;
 
-/* From (x, y) to the saddle of the surface there, px; 0 where there is none in the window. */
+/* The step from (x, y) to the saddle of the surface there, px; returns 0 if there is none in the window. */
 INLINE int fit_step(const Picture *p, const Fit *fit, index_t x, index_t y, float *window, double step[2]) {
     const index_t side = 2 * fit->reach + 1, size = side * side;
     const double *m = fit->matrix;
@@ -35,7 +36,7 @@ INLINE int fit_step(const Picture *p, const Fit *fit, index_t x, index_t y, floa
     return fabs(step[0]) <= half && fabs(step[1]) <= half;
 }
 
-/* The saddle near a pixel: the window moves to the nearest pixel as long as the saddle isn't in its middle. */
+/* The saddle near a pixel: the window is recentred on the nearest pixel until the saddle is at its centre. */
 INLINE int surface_fit(const Picture *p, const Fit *fit, const int64_t seed[2], float *window, double out[2]) {
     index_t x = (index_t)seed[0], y = (index_t)seed[1];
     double step[2];
@@ -53,7 +54,7 @@ INLINE int surface_fit(const Picture *p, const Fit *fit, const int64_t seed[2], 
     return fabs(step[0]) <= rest && fabs(step[1]) <= rest && fabs(out[0] - (double)seed[0]) <= far && fabs(out[1] - (double)seed[1]) <= far;
 }
 
-/* Do `many` fits have matrices of `entries` in all, and windows of `room` pixels? */
+/* Whether `many` fits have matrices within `entries` in all, and windows of at most `room` pixels. */
 static int are_fits(const int64_t *first, const int64_t *sizes, index_t many, index_t entries, index_t room) {
     for (index_t f = 0; f < many; f++) {
         const int64_t half = sizes[3 * f], reach = sizes[3 * f + 1], repeats = sizes[3 * f + 2];
@@ -66,8 +67,9 @@ static int are_fits(const int64_t *first, const int64_t *sizes, index_t many, in
     return 1;
 }
 
-/* Saddles `xy` (count, 2) near `seeds` (count, 2), each by the fit `which` (count,); NaN where there is none. Of fit f: half window, reach
- * and repeats in `sizes` (., 3), the matrix from `first[f]` on. `window`: room for the largest window. */
+/* Saddles `xy` (count, 2) near `seeds` (count, 2), each by the fit `which` (count,); NaN where there is none. For fit
+ * f: half window, reach and repeats in `sizes` (., 3), the matrix from `first[f]` on. `window`: buffer for the largest
+ * window. */
 FAST_KERNEL(rcdn_surface_fit, (PICTURE, p), (SIZE, count, seeds, 0), (SIZE, many, first, 0), (SIZE, entries, matrices, 0), (SIZE, room, window, 0),
             (WITHIN, int64_t, seeds, -FURTHEST, FURTHEST, count, 2), (WITHIN, int64_t, which, 0, many - 1, count), (IN, double, matrices, entries),
             (IN, int64_t, first, many), (IN, int64_t, sizes, many, 3), (IN, double, slack, many), (WHERE, are_fits(first, sizes, many, entries, room)),

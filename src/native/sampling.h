@@ -1,11 +1,13 @@
-/* Bilinear grey levels at many places near each other. Positions are floats relative to a whole pixel nearby, so that they stay exact to
- * a hundred-thousandth of a pixel in any picture; arithmetic runs over whole arrays, and only the fetching of pixels doesn't. */
+/* Bilinear grey levels at many positions close to each other. Positions are floats relative to an integer pixel nearby,
+ * so that they are accurate to 1e-5 px in any image; arithmetic is vectorised over whole arrays, and only the loading
+ * of pixels is not. */
 #ifndef RCDN_SAMPLING_H
 #define RCDN_SAMPLING_H
 
 #include "kernel.h"
 
-/* A picture seen from the pixel (x, y); places are limited to `low`..`high` on each axis, so the border is repeated outside. */
+/* An image with its origin moved to the pixel (x, y); positions are clamped to `low`..`high` on each axis, which
+ * replicates the border. */
 typedef struct {
     const Picture *picture;
     index_t at;
@@ -13,7 +15,7 @@ typedef struct {
     float low_x, high_x, low_y, high_y;
 } Spot;
 
-/* NaN becomes `low`. */
+/* NaN is clamped to `low`. */
 INLINE double limited(double value, double low, double high) {
     value = value > low ? value : low;
     return value < high ? value : high;
@@ -30,18 +32,18 @@ INLINE Spot spot_at(const Picture *p, double x, double y) {
     return s;
 }
 
-/* What one pass needs for up to `MOST` places. */
+/* Buffers for one pass over up to `MOST` positions. */
 enum { MOST = 576 };
 typedef struct {
     float x[MOST], y[MOST];
-    int64_t from[MOST]; /* the first of the four pixels around each place */
+    int64_t from[MOST]; /* the first of the four pixels around each position */
     union {
         uint8_t bytes[4 * MOST];
         float reals[4 * MOST];
-    } pixels; /* two of the row above the places, then two of the row below */
+    } pixels; /* two of the row above the positions, then two of the row below */
 } Places;
 
-/* Only the fetching goes place by place. */
+/* Only the loading of pixels is done position by position. */
 #define INTERPOLATE(TYPE, HELD)                                                                                                            \
     do {                                                                                                                                   \
         const TYPE *from = (const TYPE *)s->picture->data + s->at;                                                                         \
@@ -58,10 +60,11 @@ typedef struct {
         }                                                                                                                                  \
     } while (0)
 
-/* Grey levels `out` (count,) at the places w->x, w->y (count,) relative to `s`, which are lost. A picture under 2 × 2 px has none: 0. */
+/* Grey levels `out` (count,) at the positions w->x, w->y (count,) relative to `s`, which are overwritten. For an image
+ * under 2 × 2 px: 0. */
 INLINE void grey_levels(const Spot *s, Places *w, index_t count, float *out) {
     const index_t width = s->picture->width;
-    const float last_x = s->high_x - 1, last_y = s->high_y - 1; /* another pixel follows */
+    const float last_x = s->high_x - 1, last_y = s->high_y - 1; /* the last pixels that have a successor */
     if (width < 2 || s->picture->height < 2) {
         memset(out, 0, (size_t)count * sizeof(float));
         return;
@@ -81,9 +84,9 @@ INLINE void grey_levels(const Spot *s, Places *w, index_t count, float *out) {
         INTERPOLATE(uint8_t, w->pixels.bytes);
 }
 
-/* What separates the two sides of a link, one mean difference for each third of its length: see boards/edges.py, `edge_contrast`.
- * 9 places along the link but for 0.15 of it at both ends, where blur mixes all four squares; on both sides at 0.08, 0.14 and 0.2 of its
- * length, but within 1 and 5 px. */
+/* Contrast between the two sides of a link, the mean difference in each third of its length: see boards/edges.py,
+ * `edge_contrast`. 9 positions along the link without 0.15 of it at both ends, where blur mixes all four squares; on
+ * both sides at 0.08, 0.14 and 0.2 of its length, clamped to 1..5 px. */
 enum { ALONG = 9, ACROSS = 3, AROUND = 2 * ACROSS * ALONG };
 INLINE void sides_differ(const Picture *p, const double *start, const double *end, Places *w, double *out) {
     static const double across[ACROSS] = {0.08, 0.14, 0.2}, skip = 0.15;

@@ -1,21 +1,22 @@
-/* Where X-corners can be at all: saddles of the grey levels, at half resolution, that stand out from the contrast around them. */
+/* Preselection of the cells that may contain X-corners: saddles of the grey levels, at half resolution, that exceed a
+ * share of the local contrast. */
 #include "kernel.h"
 
-#define BLOCK 4  /* px of half resolution a block, over which contrast is summed; a window is 3×3 of them */
+#define BLOCK 4  /* side of a block, px of half resolution, over which contrast is summed; a window is 3×3 blocks */
 #define TAPS 3   /* reach of the longest filter */
-#define STEP 64  /* columns that are tested together */
-#define PAD 8    /* columns continued on either side of a row */
-#define SADDLE 1 /* what is marked in a cell */
+#define STEP 64  /* number of columns that are tested together */
+#define PAD 8    /* columns of padding on either side of a row */
+#define SADDLE 1 /* marks of a cell */
 #define STEEP 2
 #define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
-    index_t height, width; /* of the half-resolution picture */
+    index_t height, width; /* of the half-resolution image */
     index_t stride;        /* of its rows, with PAD columns on either side */
     float *grey;           /* (height, stride) */
-    float *limit[2];       /* (blocks down, blocks across): least −det of the Hessian, of any saddle and of a steep one */
+    float *limit[2];       /* (blocks down, blocks across): least −det of the Hessian of any saddle, of a steep one */
     float *rows[3];        /* −det of three rows */
-    float *down[3];        /* a row filtered along y: smooth, slope, bend */
+    float *down[3];        /* a row filtered along y: smoothed, first and second derivative */
 } Half;
 
 /* Means of 2×2 px; an odd last row or column is left out. */
@@ -38,12 +39,13 @@ INLINE void halved(const Picture *p, Half *h) {
     }
 }
 
-/* How steep a saddle must be: share × (standard deviation around it + floor). */
+/* Least strength of a saddle: share × (standard deviation around it + floor). */
 typedef struct {
     float share, floor_;
 } Steepness;
 
-/* The limits of all blocks, squared, with standard deviations over 3×3 of them. `sums` (3, blocks down, blocks across) is room. */
+/* The limits of all blocks, squared, from standard deviations over 3×3 blocks. `sums` (3, blocks down, blocks across)
+ * is a buffer. */
 INLINE void limits(Half *h, const Steepness least[2], double *sums) {
     const index_t down = (h->height + BLOCK - 1) / BLOCK, across = (h->width + BLOCK - 1) / BLOCK;
     double *one = sums, *square = sums + down * across, *count = square + down * across;
@@ -82,7 +84,7 @@ INLINE void limits(Half *h, const Steepness least[2], double *sums) {
         }
 }
 
-/* Seven rows filtered along y. */
+/* Filter seven rows along y. */
 INLINE void down_row(const float *restrict a, const float *restrict b, const float *restrict c, const float *restrict d, const float *restrict e, const float *restrict f, const float *restrict g, index_t count, float *restrict smooth, float *restrict slope, float *restrict bend) {
     for (index_t x = 0; x < count; x++) {
         smooth[x] = (b[x] + f[x] + 4 * (c[x] + e[x]) + 6 * d[x]) * (1 / 16.f);
@@ -91,7 +93,7 @@ INLINE void down_row(const float *restrict a, const float *restrict b, const flo
     }
 }
 
-/* And these along x, to −det. */
+/* Filter their results along x, and combine them to −det. */
 INLINE void along_row(const float *restrict smooth, const float *restrict slope, const float *restrict bend, index_t count, float *restrict out) {
     for (index_t x = 0; x < count; x++) {
         const float yy = (bend[x - 2] + bend[x + 2] + 4 * (bend[x - 1] + bend[x + 1]) + 6 * bend[x]) * (1 / 16.f);
@@ -101,7 +103,7 @@ INLINE void along_row(const float *restrict smooth, const float *restrict slope,
     }
 }
 
-/* −det of the Hessian along one row, after a binomial smoothing. */
+/* −det of the Hessian along one row, after binomial smoothing. */
 INLINE void saddle_row(Half *h, index_t y, float *out) {
     const float *r[2 * TAPS + 1];
     for (int k = -TAPS; k <= TAPS; k++)
@@ -119,13 +121,13 @@ static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_
             cells[j * across + i] |= kind;
 }
 
-/* Mark the cells around the peaks among the three rows, of which the middle one is `y`, under the limits (2 rows) of its pixels. Returns how many peaks
- * there are. */
+/* Mark the cells around the peaks in the middle row, `y`, of three rows that exceed the limits (2 rows) of its pixels.
+ * Returns the number of peaks. */
 INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t *cells, index_t down, index_t across) {
     const float *limit = limits[0];
     const float *a = h->rows[0], *b = h->rows[1], *c = h->rows[2];
     index_t count = 0;
-    for (index_t i = 0; i < h->width; i += STEP) { /* most of a row is far below */
+    for (index_t i = 0; i < h->width; i += STEP) { /* most of a row is far below the limit */
         const index_t stop = i + STEP < h->width ? i + STEP : h->width;
         int any = 0;
         for (index_t x = i; x < stop; x++)
@@ -145,8 +147,8 @@ INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t 
     return count;
 }
 
-/* Mark in `cells` (down, across), all 0, those in which an X-corner's response may peak: 1, and 3 where a saddle exceeds `steep` × (the contrast +
- * `steep_floor`), too. Returns the number of saddles. */
+/* Mark in `cells` (down, across), initially 0, those in which an X-corner's response may peak: 1, and 3 where a saddle
+ * also exceeds `steep` × (the contrast + `steep_floor`). Returns the number of saddles. */
 FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_),
             (REAL, steep), (REAL, steep_floor), (OUT, uint8_t, cells, down, across)) {
     Half h = {p.height / 2, p.width / 2, 0, NULL, {NULL, NULL}, {NULL, NULL, NULL}, {NULL, NULL, NULL}};

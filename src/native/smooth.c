@@ -1,8 +1,9 @@
-/* A board's corners as one Gaussian process: normal matrices, marginal likelihoods and posteriors. See rcdn.precision.smooth.
+/* A board's corners as one Gaussian process: normal matrices, marginal likelihoods and posteriors. See
+ * rcdn.precision.smooth.
  *
- * Coefficients: FREE of a homography, which move x and y, then `terms` polynomials that move x, and as many that move y, D in all. `terms` is a
- * multiple of PANEL and at most TERMS; terms that aren't there are zeros. Matrices are symmetric, (D + 1, D + PANEL) with the data in row and
- * column D and zeros behind; only what stands on and above the diagonal counts. */
+ * Coefficients: FREE of a homography, which move x and y, then `terms` polynomials that move x, and as many that move
+ * y, D in all. `terms` is a multiple of PANEL and at most TERMS; it is padded with zeros. Matrices are symmetric,
+ * (D + 1, D + PANEL), with the data in row and column D and zeros behind; only the upper triangle is used. */
 #include "elementary.h"
 #include "kernel.h"
 
@@ -13,7 +14,7 @@ static int are_terms(index_t terms) {
     return terms > 0 && terms <= TERMS && terms % PANEL == 0;
 }
 
-/* The first whole cache line of some workspace, which needs PANEL doubles more. */
+/* The first complete cache line of a workspace, which needs PANEL additional doubles. */
 INLINE double *aligned(double *work) {
     return (double *)(((uintptr_t)work + sizeof(double[PANEL]) - 1) & ~(uintptr_t)(sizeof(double[PANEL]) - 1));
 }
@@ -31,8 +32,9 @@ INLINE void add_rows(double *restrict a, double *restrict b, const double *rows,
     }
 }
 
-/* Cholesky: eliminates the unknowns `first`..`last` (multiples of PANEL) from m (rows, stride), rows even. Rows of unknowns become those of the
- * upper factor; further columns become what it makes of right sides, further rows what is left. Returns the log of the determinant. */
+/* Cholesky: eliminate the unknowns `first`..`last` (multiples of PANEL) from m (rows, stride), with an even number of
+ * rows. Rows of unknowns become those of the upper factor; further columns are right-hand sides and become their
+ * forward substitutions; further rows become the Schur complement. Returns the log of the determinant. */
 INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, index_t stride) {
     double log_det = 0;
     for (index_t top = first; top < last; top += PANEL) {
@@ -63,7 +65,8 @@ INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, in
     return log_det;
 }
 
-/* Inverse (xx, xy, yy) of the covariance cov (2, 2) with `rough`² more on the diagonal, and the determinant of that. */
+/* Inverse (xx, xy, yy) of the covariance cov (2, 2) plus `rough`² on the diagonal; returns the determinant of that sum.
+ * */
 INLINE double weights(const double *cov, double rough, double *out) {
     const double a = cov[0] + rough * rough, b = cov[1], c = cov[3] + rough * rough, det = a * c - b * b;
     out[0] = c / det;
@@ -72,8 +75,8 @@ INLINE double weights(const double *cov, double rough, double *out) {
     return det;
 }
 
-/* base (count, 2): where the homography H (3, 3) takes labels ij (count, 2); tangent (count, 2, FREE): what its parameters move there, orthonormal
- * columns × √count. */
+/* base (count, 2): labels ij (count, 2) mapped by the homography H (3, 3); tangent (count, 2, FREE): derivatives of
+ * base by its parameters, as orthonormal columns × √count. */
 FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3), (OUT, double, base, count, 2),
             (OUT, double, tangent, count, 2, FREE)) {
     for (index_t k = 0; k < count; k++) {
@@ -110,7 +113,7 @@ FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2
     return 0;
 }
 
-/* PANEL points from `p` on; those beyond `count` weigh nothing. */
+/* PANEL points from `p` on; those beyond `count` have weight zero. */
 typedef struct {
     double bent[PANEL * TERMS], w[3][PANEL], x[FREE + 1][PANEL], y[FREE + 1][PANEL], log_det;
 } Points;
@@ -134,7 +137,7 @@ INLINE void take(Points *out, index_t p, index_t count, index_t terms, const dou
     }
 }
 
-/* Eliminates the homography from `gram`: `rest` as in rcdn_smooth_normal. Returns the log of the determinant. */
+/* Eliminate the homography from `gram`: `rest` as in rcdn_smooth_normal. Returns the log of the determinant. */
 INLINE double less_homography(const double *gram, index_t terms, double free, double *rest) {
     const index_t size = 2 * terms, wide = size + PANEL, stride = FREE + wide;
     double head[FREE * (FREE + 2 * TERMS + PANEL)];
@@ -158,12 +161,12 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
     return log_det;
 }
 
-/* Normal matrix `gram` of the coefficients with what the data say of them; `rest` (2 terms + 2, 2 terms + PANEL) what is left of it, and scrap in the
- * last row, after elimination of the homography, whose parameters are of standard deviation `free`; fixed (1,): −½ log of the determinants of
- * all errors and of that elimination.
+/* Normal matrix `gram` of the coefficients with the data as right-hand side; `rest` (2 terms + 2, 2 terms + PANEL): its
+ * Schur complement after elimination of the homography, whose parameters have the standard deviation `free` (the last
+ * row is scratch space); fixed (1,): −½ log of the determinants of all errors and of that elimination.
  *
- * tangent (count, 2, FREE), bent (count, terms): what the coefficients move; off (count, 2): the data; cov (count, 2, 2) of their errors, to
- * which `rough`² is added along both axes. */
+ * tangent (count, 2, FREE), bent (count, terms): derivatives by the coefficients; off (count, 2): the data; cov
+ * (count, 2, 2) of their errors, to which `rough`² is added along both axes. */
 FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (IN, double, tangent, count, 2, FREE),
             (IN, double, bent, count, terms), (IN, double, off, count, 2), (IN, double, cov, count, 2, 2), (REAL, rough), (REAL, free),
             (OUT, double, gram, FREE + 2 * terms + 1, FREE + 2 * terms + PANEL), (OUT, double, rest, 2 * terms + 2, 2 * terms + PANEL), (OUT, double, fixed, 1)) {
@@ -210,7 +213,8 @@ FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), 
     return 0;
 }
 
-/* The first `rows` rows of m (…, wide) = gram (size + 1, size + PANEL) × root of its row and column, + 1 on the diagonal but for the data's. */
+/* The first `rows` rows of m (…, wide) = gram (size + 1, size + PANEL) × root of its row and column, + 1 on the
+ * diagonal except the data's. */
 INLINE void scaled(const double *gram, const double *root, index_t rows, index_t size, double *m, index_t wide) {
     const index_t stride = size + PANEL;
     for (index_t i = 0; i < rows; i++) {
@@ -225,9 +229,9 @@ INLINE void scaled(const double *gram, const double *root, index_t rows, index_t
     }
 }
 
-/* Log marginal likelihoods (many,), but for a constant, of data under polynomials' coefficients of standard deviations root (many, 2 used), from the
- * normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms` polynomials, a multiple of PANEL, take part.
- * work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
+/* Log marginal likelihoods (many,), up to a constant, of the data under polynomials whose coefficients have standard
+ * deviations root (many, 2 used), from the normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms`
+ * polynomials, a multiple of PANEL, are included. work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
 FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1), (LET, terms, rows / 2 - 1),
             (LET, used, columns / 2), (WHERE, are_terms(terms) && are_terms(used) && used <= terms),
             (IN, double, rest, 2 * terms + 2, 2 * terms + PANEL), (IN, double, root, many, 2 * used),
@@ -249,7 +253,8 @@ FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), 
     return 0;
 }
 
-/* Columns of m (size, wide) from size + PANEL on: root × what the coefficients move of `count` points from p on along x, `span` columns; along y behind. */
+/* Columns of m (size, wide) from size + PANEL on: root × derivatives by the coefficients of x of `count` points from p
+ * on, `span` columns; then of y. */
 INLINE void moves(index_t p, index_t count, index_t span, index_t terms, const double *tangent, const double *bent, const double *root, double *m,
                   index_t wide) {
     const index_t size = FREE + 2 * terms;
@@ -269,8 +274,9 @@ INLINE void moves(index_t p, index_t count, index_t span, index_t terms, const d
     }
 }
 
-/* What one point's own datum leaves of it, given the smooth board: off (2) is its distance from that, known (2, 2) the board's covariance there, in
- * and out: the covariance of the point. Adds the shift off the smooth board to xy (2); returns off's squared length in standard deviations. */
+/* Combine one point's own datum with the smooth board: off (2) is its residual from the board, known (2, 2) on input
+ * the board's covariance there, on output the covariance of the point. Adds the shift relative to the smooth board to
+ * xy (2); returns the squared length of off in standard deviations. */
 INLINE double settle(const double *cov, double rough, const double *off, double *xy, double *known) {
     double w[3];
     weights(cov, rough, w);
@@ -289,10 +295,12 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
     return w[0] * off[0] * off[0] + 2 * w[1] * off[0] * off[1] + w[2] * off[1] * off[1];
 }
 
-/* Posterior of the points under coefficients of standard deviations root (size,) and unevenness `rough`, from their normal matrix.
+/* Posterior of the points under coefficients of standard deviations root (size,) and unevenness `rough`, from their
+ * normal matrix.
  *
- * moved (count, 2): their shifts from where they lie without coefficients; known (count, 2, 2): their covariances; off (count, 2): what the data
- * lie off the smooth board, and beyond (count,): its squared length, in standard deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
+ * moved (count, 2): their shifts from their positions without coefficients; known (count, 2, 2): their covariances;
+ * off (count, 2): residuals of the data from the smooth board, and beyond (count,): their squared lengths, in standard
+ * deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
 FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (LET, size, FREE + 2 * terms),
             (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms), (IN, double, data, count, 2), (IN, double, cov, count, 2, 2),
             (REAL, rough), (IN, double, gram, size + 1, size + PANEL), (IN, double, root, size),

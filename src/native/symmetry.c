@@ -4,24 +4,25 @@
 
 #define MARGIN 4   /* reach of the smoothing, px: a Gaussian of 1 px */
 #define THIN 0.004 /* smallest ratio of the two eigenvalues of the normal matrix; below it the window shows an edge */
-#define FAR 1e9    /* px: no picture is as wide */
+#define FAR 1e9    /* px, beyond the width of any image */
 
 enum { LARGEST = 10000 }; /* radius of a disc, px */
 
 static const float KERNEL[MARGIN + 1] = {0.39894346f, 0.24197145f, 0.05399112f, 0.00443186f, 0.00013383f};
 
-/* One corner's surroundings. All arrays have rows of `stride`. `disc`: 1 in the disc before its middle, the rest 0. */
+/* One corner's surroundings. All arrays have rows of `stride`. `disc`: 1 for pixels of the disc before its centre, 0
+ * elsewhere. */
 typedef struct {
     index_t half, stride;
     float *raw, *across, *smooth, *level, *disc;
 } Room;
 
-/* Rows are worked on in blocks of LANES pixels; what is too much is never used. */
+/* Rows are processed in blocks of LANES pixels; surplus pixels are never used. */
 INLINE index_t blocks(index_t columns) {
     return (columns + LANES - 1) / LANES;
 }
 
-/* The workspace's layout for discs of up to `half` px; how many floats it takes. */
+/* The workspace's layout for discs of up to `half` px; returns its size in floats. */
 INLINE index_t lay_out(Room *room, float *work, index_t half) {
     const index_t stride = blocks(2 * half + 4 + 2 * MARGIN) * LANES, size = (2 * half + 6 + 2 * MARGIN) * stride + 2 * LANES;
     room->half = half;
@@ -39,7 +40,7 @@ KERNEL(rcdn_symmetry_room, (INT, half, 0, LARGEST)) {
     return lay_out(&room, NULL, half);
 }
 
-/* Floats for the largest of `count` discs. */
+/* Number of floats for the largest of `count` discs. */
 static index_t room_for(const int64_t *half, index_t count) {
     Room room;
     index_t most = 0;
@@ -60,7 +61,7 @@ INLINE void draw_disc(Room *room) {
 /* Smooth (2 half + 4)² pixels, the first of them at (x - half - 1, y - half - 1). */
 INLINE void smooth(const Picture *p, const Room *room, index_t x, index_t y) {
     const index_t size = 2 * room->half + 4, side = size + 2 * MARGIN, stride = room->stride;
-    const index_t wide = side + 1; /* `gather` has a middle pixel: its first row and column are too much */
+    const index_t wide = side + 1; /* `gather` has an odd size: its first row and column are surplus */
     gather(p, x, y, room->half + 2 + MARGIN, room->raw);
     for (index_t j = 0; j < size; j++)
         for (index_t b = 0; b < blocks(side) * LANES; b += LANES) {
@@ -86,7 +87,8 @@ INLINE void smooth(const Picture *p, const Room *room, index_t x, index_t y) {
         }
 }
 
-/* Smoothed grey levels between the pixels: (2 half + 3)², the middle one (fx, fy) right of and below the middle pixel. */
+/* Smoothed grey levels between the pixels: (2 half + 3)², the central one (fx, fy) to the right of and below the
+ * central pixel. */
 INLINE void shift(const Room *room, float fx, float fy) {
     const index_t size = 2 * room->half + 3, stride = room->stride;
     for (index_t j = 0; j < size; j++)
@@ -100,7 +102,8 @@ INLINE void shift(const Room *room, float fx, float fy) {
         }
 }
 
-/* A pixel and what half a turn brings there: their difference, or (anti) their sum, of level and slopes (twice). */
+/* A pixel and its image under a half turn: their difference, or (anti) their sum, for the level and (doubled) its
+ * derivatives. */
 INLINE void turned(const float *level, index_t stride, const float *other, int anti, float out[3]) {
     const float sign = anti ? 1.0f : -1.0f;
     out[0] = level[0] + sign * other[0];
@@ -108,7 +111,8 @@ INLINE void turned(const float *level, index_t stride, const float *other, int a
     out[2] = level[stride] - level[-stride] + sign * (other[stride] - other[-stride]);
 }
 
-/* Means of the even parts over the disc, which are no business of the estimate; `own`: the middle pixel's, without them. */
+/* Means of the even parts over the disc, which must not affect the estimate; `own`: the central pixel's even parts
+ * without these means. */
 INLINE void level_out(const Room *room, index_t first, index_t last, index_t middle, float mean[3], float own[3]) {
     float r[LANES] = {0}, gx[LANES] = {0}, gy[LANES] = {0}, weights[LANES] = {0};
     for (index_t b = 0; b < blocks(middle) * LANES; b += LANES)
@@ -129,8 +133,9 @@ INLINE void level_out(const Room *room, index_t first, index_t last, index_t mid
     }
 }
 
-/* The Gauss-Newton step from the middle of the window to the centre of symmetry; 0 where the window has no edges, or of one direction only.
- * Half a turn exchanges the pixels before the middle with those after it: half of them tell all. */
+/* The Gauss–Newton step from the centre of the window to the centre of symmetry; returns 0 if the window has no edges,
+ * or edges of one direction only. A half turn exchanges the pixels before the centre with those after it: half of them
+ * are sufficient. */
 INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
     const index_t first = room->stride + 1, middle = room->half * (room->stride + 1), last = first + 2 * middle;
     float xx[LANES] = {0}, xy[LANES] = {0}, yy[LANES] = {0}, xr[LANES] = {0}, yr[LANES] = {0}, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
@@ -152,12 +157,13 @@ INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
     const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0], det = a * c - b * b;
     if (!(det > THIN * (a + c) * (a + c)))
         return 0;
-    step[0] = 2 * (b * v - c * u) / det; /* twice: the slopes are differences over two pixels */
+    step[0] = 2 * (b * v - c * u) / det; /* twice: the derivatives are differences over two pixels */
     step[1] = 2 * (b * u - a * v) / det;
     return 1;
 }
 
-/* The centre of symmetry near (x, y); 0 where there is none. The picture is smoothed anew only where the middle comes to another pixel. */
+/* The centre of symmetry near (x, y); 0 if there is none. The image is smoothed again only when the centre moves to
+ * another pixel. */
 INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], index_t repeats, double done, int anti) {
     double step[2];
     index_t x = 0, y = 0;
@@ -178,8 +184,8 @@ INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], ind
     return 0;
 }
 
-/* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,) px; NaN where there is
- * none. `work`: zeros, as many as `rcdn_symmetry_room` says for the largest disc. */
+/* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,)
+ * px; NaN where there is none. `work`: zeros, of the size returned by `rcdn_symmetry_room` for the largest disc. */
 FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, double, start, count, 2), (WITHIN, int64_t, half, 0, LARGEST, count),
             (INT, repeats, 0, 1000), (REAL, done), (INT, anti, 0, 1), (ROOM, float, work, room_for(half, count)), (OUT, double, out, count, 2)) {
     Room room = {-1, 0, NULL, NULL, NULL, NULL, NULL};

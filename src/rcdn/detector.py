@@ -25,19 +25,20 @@ from rcdn.types.shown import drawing, paragraph
 from rcdn.views import ViewResult, Views
 
 FITTED, PER_BOARD = (800, 4000), 100
-"""corners of boards that are fitted once more: at least, and a megapixel (photographs have 2,000 a megapixel at most); and how many corners' time
-a board takes besides"""
+"""largest number of corners of boards for the last fit: a minimum, and a number per megapixel (photographs have at most
+2,000 a megapixel); and the overhead of each board, counted in corners"""
 NO_CIRCLES = "not supported: a circle grid (the gaps between its circles are no {} × {} corners)"
 MIRRORED = READ_IN_A_MIRROR + "{} has no numbers, since its codes are seen in a mirror; flip the picture"
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What one picture holds: `corners`, every X-corner above the threshold or in a board; `boards`, the grids, largest first.
+    """Detections in one image: `corners`, every X-corner above the threshold or in a board; `boards`, the grids,
+    largest first.
 
-    `warnings`: a line for each limit that left something out, since the picture shows more than can be looked at in the time that a picture of
-    its size may take, and for what is seen but `not supported` or
-    `mirrored`; of a usual photograph there are none.
+    `warnings`: a line for each limit that left something out, since the image shows more than can be processed in the
+    time allowed for its size, and for targets that are detected but `not supported` or `mirrored`; a usual photograph
+    has none.
     """
 
     corners: Corners
@@ -50,19 +51,20 @@ class Detection:
         return f"<Detection: {', '.join(f'{n} {what}' + 's' * (n != 1) for n, what in counts)}>"
 
     def _repr_html_(self) -> str:
-        """A drawing of all boards, where there are any, and a line for each."""
+        """A drawing of all boards, if there are any, and a line for each."""
         lines = [paragraph(line) for line in (repr(self)[1:-1], *(repr(board)[1:-1] for board in self.boards))]
         boards = [(board.xy, board.ij) for board in self.boards]
         return "".join((drawing(self.boards[0].image_size, boards, self.corners.xy) if boards else "", *lines))
 
 
 class Detector:
-    """Finds X-corners and boards. Nobody has to say a board's size.
+    """Detects X-corners and boards. The size of a board need not be known.
 
-    `config`: see `DetectorConfig`; default: the preset `auto`. Images: arrays (H, W) grey or (H, W, 3) BGR, 8 or 16 bit or float
-    (docs/conventions.md), paths of pictures, or PIL images. Bad input raises RcdnError; a picture without a board gives [] and no error.
-    A detector may be used for any number of pictures; the same picture always gives the same bytes, whatever `config.threads`; with the
-    preset `auto` and plain boards of squares, on the CPU, on every x86-64 processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
+    `config`: see `DetectorConfig`; default: the preset `auto`. Images: arrays (H, W) grey or (H, W, 3) BGR, 8 or 16 bit
+    or float (docs/conventions.md), paths of image files, or PIL images. Bad input raises RcdnError; an image without a
+    board gives [] and no error. A detector may be used for any number of images; the same image always gives the same
+    bytes, whatever `config.threads`; with the preset `auto` and plain boards of squares, on the CPU, on every x86-64
+    processor (docs/decisions/0020-the-same-bits-on-every-processor.md).
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
@@ -79,7 +81,7 @@ class Detector:
         return f"<Detector {self.config!r} on {self._model.device}>"
 
     def response(self, image: Any) -> Real[Array, "h w"]:
-        """Response map (H, W) float32, ≥ 0: how much each pixel looks like an X-corner."""
+        """Response map (H, W) float32, ≥ 0: the evidence for an X-corner at each pixel."""
         return self._model(grey_of(image), self.config.threads)
 
     def corners(self, image: Any) -> Corners:
@@ -87,11 +89,11 @@ class Detector:
         return self.detect(image).corners
 
     def boards(self, image: Any) -> list[Board]:
-        """Recovered boards, the one with most corners first; [] if there is none."""
+        """Recovered boards, the one with the most corners first; [] if there is none."""
         return self.detect(image).boards
 
     def detect(self, image: Any) -> Detection:
-        """Corners and boards of one picture at the cost of one."""
+        """Corners and boards of one image in a single pass."""
         grey, warnings = grey_of(image), Warnings()
         results = Views(grey, self._model, self.config, warnings).results()
         boards = distinct_boards([result.boards for result in results])
@@ -111,10 +113,12 @@ class Detector:
     def _identified(
         self, grey: Array, boards: list[Board], results: list[ViewResult], warnings: Warnings
     ) -> list[Board]:
-        """The boards with what their codes say, and what codes make of pieces of boards, if not all boards are seen to be plain; lattices of tags
-        only if that is certain, since nothing else tells them from any other pattern.
+        """The boards identified by their codes, and the boards that codes make of pieces, unless all boards are
+        certainly plain.
 
-        It is told of codes that can be read in the mirror image only, and of grids of circles, which are no boards.
+        Lattices of tags are kept only if their codes were read, since nothing else distinguishes them from other
+        patterns. `warnings` note codes that can be read only in the mirror image, and circle grids, which are no
+        boards.
         """
         if self.config.pattern == "deltille":
             return boards
@@ -137,11 +141,11 @@ class Detector:
         return [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
 
     def _is_circle_grid(self, glance: Glance | None) -> bool:
-        literal = self.config.recovery == "growth"  # the paper tells no kinds apart
+        literal = self.config.recovery == "growth"  # the paper's method does not distinguish kinds of targets
         return glance is not None and not literal and is_circle_grid(glance)
 
     def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
-        """The board with what its codes say, if they say anything for certain."""
+        """The board with the target and labels that its codes give, if they are unambiguous."""
         from rcdn.targets.mirror import identified_or_mirrored  # here: few boards carry codes
 
         known, mirrored = identified_or_mirrored(grey, board, self._told)
@@ -151,12 +155,13 @@ class Detector:
 
     @property
     def _told(self) -> Target | None:
-        """The only target that boards may be, if it was told."""
+        """The only target that boards may be, if the user gave one."""
         return None if isinstance(self.config.target, str) else self.config.target
 
 
 def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warnings) -> list[Board]:
-    """The boards fitted once more, the largest first, as far as the corners that may be are not used up; the others as they are."""
+    """The boards after the last fit, the largest first, until the allowed number of corners is used up; the others
+    unchanged."""
     left, out, passed = allowed(grey.size, *FITTED), [], 0
     for board in boards:
         fits = len(board) + PER_BOARD <= left
@@ -171,7 +176,7 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
 
 
 def _surroundings(grey: Array, board: Board) -> Surroundings | None:
-    """What is printed around the corners of a board that was read."""
+    """The printed surroundings of the corners of an identified board."""
     if board.target is None:
         return None
     from rcdn.targets.surroundings import surroundings  # here: few boards carry codes
@@ -180,22 +185,23 @@ def _surroundings(grey: Array, board: Board) -> Surroundings | None:
 
 
 def _unseen(board: Board, seen: Real[Array, "n 2"]) -> Corners:
-    """The corners of a board that are none of those `seen` (N, 2) in views: codes told where to look for them."""
+    """The corners of a board that are none of those `seen` (N, 2) in views: their positions were predicted from
+    codes."""
     return Corners(board.xy, board.response, board.status).take(rows_among(board.xy, seen) < 0)
 
 
 def _in_frame(xy: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
-    """(N,) bool: which positions lie on pixels of a picture (H, W); the refinement may lead a little beyond."""
+    """(N,) bool: which positions lie on pixels of an image (H, W); refinement may move corners slightly beyond them."""
     return np.asarray(((xy >= -0.5) & (xy <= np.array(shape[::-1]) - 0.5)).all(axis=1))
 
 
 def _members(corners: Corners, boards: list[Board]) -> Bool[Array, " n"]:
-    """(N,) bool: which corners are in a board."""
+    """(N,) bool: which corners belong to a board."""
     return rows_among(corners.xy, joint([board.xy for board in boards], (0, 2))) >= 0
 
 
 def _moved(corners: Corners, before: list[Board], after: list[Board]) -> Corners:
-    """The corners with those of boards where their boards have them now, and with their sigma; NaN for the others."""
+    """The corners with those of boards moved to their boards' final positions, with their sigma; NaN for the others."""
     xy, sigma = corners.xy.copy(), np.full(len(corners), np.nan)
     row = rows_among(joint([board.xy for board in before], (0, 2)), corners.xy)
     xy[row] = joint([board.xy for board in after], (0, 2))

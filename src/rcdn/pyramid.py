@@ -1,8 +1,9 @@
-"""One picture at several scales: what to look at, and how what was found there becomes one answer.
+"""Detection at several scales: which views of an image to process, and how their results are merged.
 
-The network knows squares of about 6 to 60 px and blur to 4 px. A small picture whose boards aren't plainly seen, or a part of a
-large one with tiny squares, is looked at enlarged; a large one also reduced, where wide blur is narrow again. Each view is
-recovered by itself; where boards of two views are one, the fuller stands. Positions come back in pixels of the picture.
+The network is trained for squares of about 6 to 60 px and blur up to 4 px. A small image whose boards are not clearly
+visible, or a part of a large one with tiny squares, is also processed enlarged; a large image also reduced, which
+narrows wide blur. Boards are recovered in each view separately; where boards of two views are the same, the one with
+more corners is kept. Positions are returned in pixels of the original image.
 """
 
 from __future__ import annotations
@@ -22,44 +23,49 @@ from rcdn.types import Array, Board, Corners
 from rcdn.types.arrays import Bool, Real, Shaped
 
 SMALL_PICTURE = 330 * 250
-"""px; a picture up to this size is looked at enlarged, too, unless its boards are plainly seen"""
+"""px; an image up to this size is also processed enlarged, unless its boards are clearly visible"""
 PLAIN = 10.0
-"""px; squares from this on, of a settled board that the frame doesn't cut, show all that there is as they are"""
+"""px; from this size of squares on, a settled board that the image border does not cut needs no other view"""
 NEXT = (0.8, 1.5)
-"""squares beyond a board's rim: from where to where its next corner and what shows it would be"""
+"""squares beyond a board's rim: the nearest and the farthest extent of its next corner together with its
+surroundings"""
 AROUND = 1.5
 """squares around a board of a coarser view in which the next finer one may show more of it"""
 LEAST_REDUCED = 140 * 100
-"""px; a picture is halved, and halved again, as long as this is left of it"""
+"""px; an image is halved repeatedly as long as at least this size is left"""
 MOST_HALVINGS = 3
 """how often a picture is halved"""
 PLAIN_REDUCED = 6.0
-"""px of a reduced view; likewise, of squares that leave nothing to the picture itself but to be exact"""
+"""px of a reduced view; like `PLAIN`, for squares that need the full image only for accuracy"""
 SURE, SURE_REACH = 0.4, 48
-"""response of a coarser view around which, so many px of that view away, the next finer view may show more of the same"""
+"""response of a coarser view, and radius around it in px of that view, within which the next finer view may show more
+of the same board"""
 FAINT, FAINT_SIDE, FAINT_SHARE = 0.25, 15, 0.12
-"""likewise for squares that are nearly too small for that view: at least this share of a window of so many px answers by `FAINT`"""
+"""likewise for squares nearly too small for that view: least response, side of a window, px, and least share of it with
+such a response"""
 TINY = 8.5
-"""px; squares under this deserve a closer look"""
+"""px; squares below this size are worth an enlarged view"""
 LEAST_TINY = 12
-"""strong corners so close together that make a closer look worth its time"""
+"""fewest strong corners of such density for an enlarged view"""
 MOST_ENLARGED = 500 * 400
-"""px; largest part of a picture that is enlarged"""
+"""px; largest part of an image that is enlarged"""
 SAME = 0.35
-"""corners closer than this share of the squares are one"""
+"""corners closer than this share of a square are the same"""
 BEYOND = (0.3, 1.5)
-"""squares, + px of the view: so close to where a board's next corner would be, a peak may be that corner"""
+"""radius, squares + px of the view, around the predicted next corner of a board within which a peak may be that
+corner"""
 SHARED, COVERED = 0.25, 0.5
-"""share of a board's corners that are those of a fuller one, or lie inside of that, above which it is no board of its own"""
+"""largest share of a board's corners that may coincide with those of a larger board, and that may lie inside it;
+beyond, it is no board of its own"""
 EDGE = 1e-3
-"""px; so close to its hull's edges a board's own corners are inside of it"""
+"""px; tolerance of the test whether a corner lies inside a board's hull, so that its own corners do"""
 SPECK_PITCH, SPECK = 5.6, 0.1
-"""px; a board of smaller squares must span this share of the picture's diagonal"""
+"""px; a board of smaller squares must span this share of the image diagonal"""
 
 
 @dataclass(frozen=True)
 class View:
-    """A part of the picture, enlarged or reduced. `box` (x0, y0, x1, y1) px of the picture, ends excluded."""
+    """A part of the image, enlarged or reduced. `box` (x0, y0, x1, y1) px of the image, ends excluded."""
 
     box: tuple[int, int, int, int]
     scale: float = 1.0
@@ -75,25 +81,25 @@ class View:
         return np.asarray(cv2.resize(part, size, interpolation=method))
 
     def reduced(self, larger: Array) -> Array:
-        """This view of a whole picture, made of a larger view of it."""
+        """This view of a whole image, computed from a larger view of it."""
         x0, y0, x1, y1 = self.box
         size = tuple(max(1, round(n * self.scale)) for n in (x1 - x0, y1 - y0))
         return np.asarray(cv2.resize(larger, size, interpolation=cv2.INTER_AREA))
 
     def ratio(self) -> Real[Array, " 2"]:
-        """Pixels of the view for one of the picture, (2,); not quite `scale`, since views have whole sizes."""
+        """Pixels of the view per pixel of the image, (2,); not exactly `scale`, since views have integer sizes."""
         x0, y0, x1, y1 = self.box
         return np.array([max(1, round(n * self.scale)) / n for n in (x1 - x0, y1 - y0)])
 
     def to_picture(self, xy: Array) -> Real[Array, "n 2"]:
-        """Positions (N, 2) of the view in the picture."""
+        """Positions (N, 2) of the view in pixels of the image."""
         if self.scale == 1:
             return np.asarray(xy + np.array(self.box[:2], float))
         return (xy + 0.5) / self.ratio() - 0.5 + np.array(self.box[:2])
 
 
 def whole_views(shape: tuple[int, ...]) -> list[View]:
-    """Views of a whole picture (H, W), as it is first."""
+    """Views of a whole image (H, W), the full-size one first."""
     height, width = shape[:2]
     box = (0, 0, width, height)
     views = [View(box)]
@@ -106,9 +112,10 @@ def whole_views(shape: tuple[int, ...]) -> list[View]:
 
 
 def closer_view(xy: Real[Array, "n 2"], boards: list[Board], shape: tuple[int, ...]) -> View | None:
-    """The part of the picture where strong corners `xy` (N, 2) px stand as close as tiny squares, enlarged; or None.
+    """The part of the image where strong corners `xy` (N, 2) px are as dense as those of tiny squares, enlarged; or
+    None.
 
-    Corners in `boards` of larger squares, or between their corners, don't count.
+    Corners that belong to `boards` of larger squares, or lie between their corners, do not count.
     """
     height, width = shape[:2]
     large = [board for board in boards if _pitch(board) >= TINY] if len(xy) else []
@@ -134,7 +141,8 @@ def closer_view(xy: Real[Array, "n 2"], boards: list[Board], shape: tuple[int, .
 
 
 def pictures_of(grey: Shaped[Array, "h w"], views: list[View]) -> list[Array]:
-    """What the views of a whole picture `grey` (H, W) show. Each reduced one is made of the one before it, which is quicker."""
+    """Images of the views of a whole image `grey` (H, W). Each reduced one is computed from the previous one, which is
+    faster."""
     out: list[Array] = []
     for view in views:
         out.append(view.of(grey) if view.scale >= 1 or not out else view.reduced(out[-1]))
@@ -142,19 +150,19 @@ def pictures_of(grey: Shaped[Array, "h w"], views: list[View]) -> list[Array]:
 
 
 def settled(boards: list[Board]) -> bool:
-    """Are there boards, and is there nothing to add inside of any of them?"""
+    """Whether there are boards, and none of them has missing corners inside."""
     return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
 
 
 def halved_first(views: list[View]) -> View | None:
-    """The view that is looked at before the whole picture: half of it; None for a small picture."""
+    """The view processed before the full image: the halved one; None for a small image."""
     x0, y0, x1, y1 = views[0].box
     halved = [view for view in views if view.scale == 0.5]
     return halved[0] if halved and (x1 - x0) * (y1 - y0) > SMALL_PICTURE else None
 
 
 def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple[int, ...]) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) near what a coarser view shows by its `response` (h, w) and `boards`."""
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) near the `response` (h, w) and the `boards` of a coarser view."""
     side = 2 * SURE_REACH + 1
     cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
     for board in boards:
@@ -164,14 +172,15 @@ def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple
 
 
 def shown_faintly(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) where the `response` (h, w) of a coarser view is faint but dense, as in squares that are nearly
-    too small for it."""
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) where the `response` (h, w) of a coarser view is faint but dense, as
+    on squares that are nearly too small for it."""
     share = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
     return _cells_under((share >= round(255 * FAINT_SHARE)).view(np.uint8), shape)
 
 
 def _cells_under(mask: Shaped[Array, "h w"], shape: tuple[int, ...]) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) whose middles are marked in the `mask` (h, w) uint8 of a view of it."""
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) whose centres are marked in the `mask` (h, w) uint8 of a view of
+    it."""
     at = []
     for fine, coarse in zip(shape, mask.shape, strict=True):
         middle = CELL * np.arange(-(-fine // CELL)) + CELL / 2
@@ -180,10 +189,11 @@ def _cells_under(mask: Shaped[Array, "h w"], shape: tuple[int, ...]) -> Array:
 
 
 def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:
-    """Are there boards, all settled, of squares that need no larger view than that of `scale`, and does each end where it seems to?
+    """Whether there are boards, all settled, whose squares need no larger view than that of `scale`, and whose rims are
+    real.
 
-    It does if no `strong` corner (N, 2) px lies near where its next corners would be, had it more, and none of these is `at_the_frame` of the picture
-    (H, W), which only the picture itself can show.
+    A rim is real if no `strong` corner (N, 2) px lies near the predicted next corners beyond it, and none of these is
+    `at_the_frame` of the image (H, W), where only the full image can show them.
     """
     least = PLAIN if scale == 1 else PLAIN_REDUCED / scale
     if not settled(boards) or any(_pitch(board) < least for board in boards):
@@ -195,8 +205,8 @@ def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], sca
 
 
 def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
-    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of a picture (H, W) in which complete `boards` may have further corners so near the frame that a reduced view
-    wouldn't show them."""
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) in which complete `boards` may have further corners so near the
+    border that a reduced view would not show them."""
     cells = np.zeros([-(-n // CELL) for n in shape], bool)
     rim, second, _ = _rims(boards)
     some = _at_the_frame(rim, second, shape)
@@ -208,37 +218,40 @@ def at_the_frame(boards: list[Board], shape: tuple[int, ...]) -> Array:
 
 
 def _mark(cells: Array, low: Array, high: Real[Array, " 2"]) -> None:
-    """Put to True, in place, the `cells` that a box from `low` to `high` (2,) px touches."""
+    """Set to True, in place, the `cells` that a box from `low` to `high` (2,) px touches."""
     (x0, y0), (x1, y1) = (np.maximum(n, 0).astype(int) for n in (low // CELL, high // CELL + 1))
     cells[y0:y1, x0:x1] = True
 
 
 def _at_the_frame(rim: Real[Array, "n 2"], second: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
-    """(n,) bool: which next corners beyond a `rim` (n, 2) px would lie neither half a square or more within a picture (H, W) nor outside of it."""
+    """(n,) bool: which predicted corners beyond a `rim` (n, 2) px would lie neither half a square or more inside an
+    image (H, W) nor outside it."""
     return ~_in_frame(rim + NEXT[1] * (rim - second), shape) & _in_frame(rim + NEXT[0] * (rim - second), shape)
 
 
 def _in_frame(xy: Array, shape: tuple[int, ...]) -> Bool[Array, " n"]:
-    """(N,) bool: which positions (N, 2) px lie in a picture (H, W)."""
+    """(N,) bool: which positions (N, 2) px lie in an image (H, W)."""
     return np.asarray(((xy >= 0) & (xy <= np.array(shape[1::-1]) - 1)).all(axis=1))
 
 
 def _answered(xy: Real[Array, "n 2"], rim: Array, second: Array, scale: float) -> Array:
-    """(n,) bool: at which of the next corners beyond a `rim` (n, 2) px, as the `second` line behind it continues, one of `xy` (N, 2) px
-    lies, as seen in a view of `scale`."""
+    """(n,) bool: which of the next corners beyond a `rim` (n, 2) px, extrapolated from the `second` line behind it,
+    have one of `xy` (N, 2) px nearby, as detected in a view of `scale`."""
     step = np.linalg.norm(rim - second, axis=1)
     return np.asarray(nearest(xy, 2 * rim - second)[0][:, 0] < BEYOND[0] * step + BEYOND[1] / scale)
 
 
 def _rims(boards: list[Board]) -> tuple[Array, Array, Array]:
-    """The outermost and the second line of corners of all sides of complete boards, (n, 2) px each, and where each side begins in them."""
+    """The outermost and the second line of corners on all sides of complete boards, (n, 2) px each, and the start of
+    each side in them."""
     grids = [g for board in boards for g in (board.grid(), board.grid().swapaxes(0, 1))]
     rims, seconds = [g[k] for g in grids for k in (0, -1)], [g[k] for g in grids for k in (1, -2)]
     return np.concatenate(rims), np.concatenate(seconds), np.cumsum([0, *(len(side) for side in rims[:-1])])
 
 
 def outside(view: View, cells: Array, boards: list[Board]) -> Array:
-    """Those of a view's `cells` (h / 4, w / 4) bool, of 4×4 px, that lie neither on corners of `boards` nor half a square inside of their rims."""
+    """The `cells` (h / 4, w / 4) bool of a view, of 4×4 px, that lie neither on corners of `boards` nor half a square
+    inside their rims."""
     row, column = np.nonzero(cells)
     at = view.to_picture(CELL * np.stack([column, row], axis=1) + (CELL - 1) / 2)
     left, places = np.ones(len(at), bool), PointCells(at)
@@ -253,10 +266,11 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
 
 
 def may_go_on(view: View, xy: Shaped[Array, "n 2"], boards: list[Board], shape: tuple[int, ...] | None = None) -> bool:
-    """May one of the complete boards of the picture be fuller in a view with strong peaks `xy` (N, 2) px of it?
+    """Whether one of the complete boards of the image may have more corners in a view with strong peaks `xy` (N, 2) px
+    of it.
 
-    It may if there are peaks at more than half of the places where the next corners beyond a side would be; or at one that is `at_the_frame` of the
-    picture of `shape` (H, W), if that is given.
+    It may if there are peaks at more than half of the predicted next corners beyond a side; or at one of them that is
+    `at_the_frame` of the image of `shape` (H, W), if that is given.
     """
     rim, second, first = _rims(boards)
     close = _answered(view.to_picture(xy), rim, second, view.scale)
@@ -266,10 +280,10 @@ def may_go_on(view: View, xy: Shaped[Array, "n 2"], boards: list[Board], shape: 
 
 
 def unexplained(view: View, xy: Real[Array, "n 2"], boards: list[Board]) -> Array:
-    """Which peaks `xy` (N, 2) px of a view are not known from complete boards of the picture, (N,) bool.
+    """Which peaks `xy` (N, 2) px of a view are not explained by complete boards of the image, (N,) bool.
 
-    Known is what lies inside of a board's rim. What could be the same board again, and no more, leaves no cell then: its
-    rim alone has none.
+    Peaks inside a board's rim are explained. If a view shows the same board again and nothing else, no cell is left
+    then: its rim alone has none.
     """
     left = np.ones(len(xy), bool)
     places = PointCells(view.to_picture(xy))
@@ -279,15 +293,16 @@ def unexplained(view: View, xy: Real[Array, "n 2"], boards: list[Board]) -> Arra
 
 
 def _clear(left: Bool[Array, " n"], places: PointCells, grid: Array, more: float = 0.0) -> None:
-    """Put `left` (N,), in place, to False for those `places` (N, 2) that lie further inside a board's `grid` (rows, columns, 2) than half way from
-    its rim to its next corners + `more` px."""
+    """Set `left` (N,), in place, to False for those `places` (N, 2) that lie further inside a board's `grid` (rows,
+    columns, 2) than half way from its rim to its next inner corners + `more` px."""
     rim = np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
     rows = places.inside(rim.min(axis=0), rim.max(axis=0))
     left[rows[deeper(rim, places.points[rows], 0.5 * least_depth(rim, grid[1:-1, 1:-1]) + more)]] = False
 
 
 def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
-    """Boards of a view as boards of the picture (H, W), without specks: tiny squares in a corner of it are a grille."""
+    """Boards of a view as boards of the image (H, W), without specks: tiny squares on a small part of it are a
+    grille."""
     size = (int(shape[1]), int(shape[0]))
     moved = [replace(b, xy=view.to_picture(b.xy), image_size=size) for b in boards]
     return [b for b in moved if not _speck(b)]
@@ -299,19 +314,20 @@ def _speck(board: Board) -> bool:
 
 
 def _pitch(board: Board) -> float:
-    """Usual distance to the next corner, px."""
+    """Median distance to the nearest corner, px."""
     return median(nearest_pitch(board.xy))
 
 
 def corners_in_picture(view: View, corners: Corners) -> Corners:
-    """Corners of a view as corners of the picture."""
+    """Corners of a view in pixels of the image."""
     return replace(corners, xy=view.to_picture(corners.xy)) if len(corners) else corners
 
 
 def distinct_boards(found: list[list[Board]]) -> list[Board]:
-    """The boards of all views (the picture as it is first), each once: the fuller of two that share corners.
+    """The boards of all views (the full-size one first), each once: of two that share corners, the one with more
+    corners.
 
-    What lies inside a fuller board is none: markers and glyphs in its squares.
+    A board inside a larger one is rejected: it consists of markers and glyphs in its squares.
     """
     ranked = sorted(
         ((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True
@@ -330,7 +346,7 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
 
 
 def _twins(boards: list[Board]) -> list[list[int]]:
-    """For each board the earlier ones whose corners more than `SHARED` of its own are."""
+    """For each board, the earlier ones that share more than `SHARED` of its corners."""
     xy, sizes = np.concatenate([b.xy for b in boards]), np.array([len(b) for b in boards])
     owner, reach = np.repeat(np.arange(len(boards)), sizes), np.array([SAME * _pitch(b) for b in boards])
     theirs, own = within(xy, xy, reach[owner])
@@ -338,7 +354,7 @@ def _twins(boards: list[Board]) -> list[list[int]]:
     theirs, own = theirs[later], own[later]
     step = xy[own] - xy[theirs]
     close = np.sqrt(step[:, 0] * step[:, 0] + step[:, 1] * step[:, 1]) < reach[owner[theirs]]
-    # each corner once for each board that has one there
+    # each corner counts once for each board that has a corner there
     corner, other = np.divmod(np.unique(own[close] * len(boards) + owner[theirs[close]]), len(boards))
     pair, count = np.unique(owner[corner] * len(boards) + other, return_counts=True)
     out: list[list[int]] = [[] for _ in boards]
@@ -348,12 +364,12 @@ def _twins(boards: list[Board]) -> list[list[int]]:
 
 
 def _inside(board: Board, xy: Array) -> Bool[Array, " n"]:
-    """(N,) bool: which positions lie within the hull of a board's corners."""
+    """(N,) bool: which positions lie within the convex hull of a board's corners."""
     return depth(cv2.convexHull(board.xy.astype(np.float32)), xy) >= -EDGE
 
 
 def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
-    """Corners of several lists, each once: of two closer than `reach` px the one in the earlier list stands."""
+    """Corners of several lists, each once: of two closer than `reach` px, the one in the earlier list is kept."""
     out = parts[0]
     for more in parts[1:]:
         if len(out) and len(more):
@@ -364,7 +380,7 @@ def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
 
 
 def _joined(one: Corners, two: Corners) -> Corners:
-    """Both lists in one; what only one of them knows (axes, sigma) is NaN in the other's rows."""
+    """Both lists in one; attributes that only one of them has (axes, sigma) are NaN in the other's rows."""
 
     def both(name: str) -> Array | None:
         a, b = getattr(one, name), getattr(two, name)

@@ -1,4 +1,5 @@
-"""What the views of one picture show: a large picture halved first, and every other view only where those before it leave something open."""
+"""Detection in the views of one image: a large image is first processed at half size, and further views only as far as
+earlier ones are inconclusive."""
 
 from __future__ import annotations
 
@@ -42,16 +43,18 @@ from rcdn.types import AprilGrid, Array, Board, Corners, Warnings
 from rcdn.types.arrays import Shaped
 
 STRAY = (0.5, 0.005)
-"""px, + squares: by how much a corner of a halved view may move in the picture itself. One that moves further lies on something else in one of them,
-as where the edge of a shadow runs close by"""
+"""largest displacement, px + squares, of a corner of the halved view when it is refined in the full image. A corner
+that moves further is something else in one of the two, for instance where the edge of a shadow runs close by"""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewResult:
-    """What one view shows, in pixels of the picture: its corners and boards, and the positions `strong` (N, 2) of the surest corners.
+    """Detections in one view, in pixels of the full image: corners, boards, and the positions `strong` (N, 2) of the
+    surest corners.
 
-    `response`: its map, in pixels of the view; `detailed`: are its corners where the picture itself shows them? `pieces`: what may be pieces of
-    boards among its other corners, which only readers of codes ask for.
+    `response`: the response map, in pixels of the view; `detailed`: whether the corners have the accuracy of the full
+    image; `pieces`: a function that returns possible pieces of boards among the other corners, called only by code
+    readers.
     """
 
     view: View
@@ -65,7 +68,7 @@ class ViewResult:
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Detection in the views of one picture `grey` (H, W)."""
+    """Detection in the views of one image `grey` (H, W)."""
 
     grey: Array
     model: ResponseModel
@@ -73,7 +76,7 @@ class Views:
     warnings: Warnings
 
     def results(self) -> list[ViewResult]:
-        """What all views show that had to be looked at; the picture as it is comes first."""
+        """Results of all views that had to be processed, the full image first."""
         views = whole_views(self.grey.shape) if self.config.pyramid else whole_views(self.grey.shape)[:1]
         parts = dict(zip(views, pictures_of(self.grey, views), strict=True))
         out, plain = self._first(parts)
@@ -90,8 +93,8 @@ class Views:
         return out
 
     def _first(self, parts: dict[View, Array]) -> tuple[list[ViewResult], bool]:
-        """What the picture shows, and half of it if that comes first; and whether all boards there are plainly seen. `parts`: what views show, the
-        picture as it is first."""
+        """Results of the full image, and of the halved one if that is processed first; and whether all boards there are
+        clearly visible. `parts`: the images of the views, the full image first."""
         views = list(parts)
         half = halved_first(views) if self._from_coarse else None
         if half is None:
@@ -104,7 +107,8 @@ class Views:
 
     @property
     def _from_coarse(self) -> bool:
-        """Whether a coarse view may come first: corners that it shows are refined in the picture by their saddles."""
+        """Whether a coarse view may be processed first: its corners are then refined in the full image with the saddle
+        method."""
         config = self.config
         return config.pattern == "checker" and config.recovery == "graph" and config.refine.method == "saddle"
 
@@ -118,9 +122,10 @@ class Views:
         known: list[Board] | None = None,
         coarser: ViewResult | None = None,
     ) -> ViewResult:
-        """What one view, the picture `part` (h, w), shows; beside complete boards that are `known`, if it shows more than these.
+        """Result of one view with image `part` (h, w); next to complete boards that are `known`, only what it adds to
+        them.
 
-        `coarser`: what half of it shows, near which there is something to see.
+        `coarser`: result of the view at half size, near whose detections there is something to find.
         """
         if self.config.pattern == "deltille":
             return self._triangles(view, part)
@@ -136,9 +141,9 @@ class Views:
         return self._recovered(view, part, response, peaks)
 
     def _beside(self, known: list[Board], view: View, part: Array, coarser: ViewResult | None) -> ViewResult | None:
-        """What a view shows beside boards that are known; None if these may go on in it.
+        """What a view shows apart from known boards; None if these may extend further in it.
 
-        After a `coarser` view these are squares that were too small for that, and corners at the frame.
+        After a `coarser` view this means squares that were too small for it, and corners at the image border.
         """
         if coarser is None:
             shape, cells = None, self.model.cells_of(part)
@@ -151,7 +156,7 @@ class Views:
         strong = peaks.strong(self.config)
         if may_go_on(view, peaks.xy[strong], known, shape):
             return None
-        if strong.sum() < 2:  # a board needs two more to go on by a square
+        if strong.sum() < 2:  # to extend by a square, a board needs two more corners
             return self._nothing(view, response, peaks.xy[strong])
         left = unexplained(view, peaks.xy, known)
         peaks, strong = peaks.take(left), strong[left]
@@ -181,7 +186,7 @@ class Views:
 
     @property
     def _has_tags(self) -> bool:
-        """Whether lattices of tags are boards, too."""
+        """Whether lattices of tags count as boards, too."""
         return self.config.target == "auto" or isinstance(self.config.target, AprilGrid)
 
     def _triangles(self, view: View, part: Array) -> ViewResult:
@@ -192,7 +197,8 @@ class Views:
         return _result(view, found, boards, self.grey.shape, response)
 
     def _in_detail(self, seen: ViewResult) -> ViewResult | None:
-        """What a reduced view shows, its corners where the picture itself has them; None if it has one of a board elsewhere."""
+        """The result of a reduced view with its corners refined in the full image; None if a board's corner moves too
+        far."""
         before, pitch = seen.corners.xy, nearest_pitch(seen.corners.xy)
         at = np.clip(np.rint(before), 0, np.array(self.grey.shape[::-1]) - 1).astype(np.int64)
         after = saddle_position(self.grey, at, self.config.refine.half, pitch)
@@ -206,30 +212,30 @@ class Views:
 
 
 def _open_cells(part: Array, coarser: ViewResult, near: Array, floor: float) -> Array:
-    """The cells of the picture `part` in which it may show what its half, `coarser`, doesn't: those `near` what that shows, and where squares are
-    small for it (`floor`: see `saddles_and_steep_ones`)."""
+    """Cells of the image `part` in which it may show more than its half-size view, `coarser`: those `near` the
+    detections there, and those where squares are small for it (`floor`: see `saddles_and_steep_ones`)."""
     saddles, steep = saddles_and_steep_ones(part, floor)
     return (saddles & (near | shown_faintly(coarser.response, part.shape))) | steep
 
 
 def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:
-    """Pieces of boards in a view, in pixels of the picture."""
+    """Pieces of boards in a view, in pixels of the full image."""
     return boards_in_picture(view, find_pieces(part, found, boards), shape)
 
 
 def _result(view: View, found: Candidates, boards: list[Board], shape: tuple[int, ...], response: Array) -> ViewResult:
-    """What a view of a picture (H, W) shows, in pixels of the picture."""
+    """The result of a view of an image (H, W), in pixels of that image."""
     corners = corners_in_picture(view, _with_members(found, boards))
     strong = view.to_picture(found.corners.xy)
     return ViewResult(view, corners, boards_in_picture(view, boards, shape), strong, response, view.scale >= 1)
 
 
 def _with_members(found: Candidates, boards: list[Board]) -> Corners:
-    """The corners above the threshold, and those below it or without a response that are in a board."""
+    """The corners above the threshold, and those below it or without a response that belong to a board."""
     xy, status = joint([board.xy for board in boards], (0, 2)), joint([board.status for board in boards], 0)
     row = rows_among(found.all.xy, xy)
     own = np.append(status, np.uint8(0))[row]
     known = replace(found.all, status=np.where(row >= 0, own, found.all.status)).take(found.sure | (row >= 0))
-    new = rows_among(xy, found.all.xy) < 0  # no candidates before: the boards alone found them
+    new = rows_among(xy, found.all.xy) < 0  # corners that were no candidates: found only by completing the boards
     response = joint([board.response for board in boards], 0)
     return distinct_corners([known, Corners(xy[new], response[new], status[new])], reach=0)

@@ -31,12 +31,13 @@ __all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
 CELL = 4
 """corners of the smallest grid"""
 PIECES, BOARDS, FILLED = (30, 80), (25, 50), (800, 4000)
-"""how many are looked at, and corners of boards that missing ones are looked for beside: at least, and a megapixel (photographs have at most 22
-pieces, 12 boards and 400 corners in a view)"""
+"""largest numbers of pieces and of boards that are processed, and of corners of the boards beside which missed corners
+are searched for: a minimum, and a number per megapixel (photographs have at most 22 pieces, 12 boards and 400 corners
+in a view)"""
 GROWN = (80, 160)
-"""rounds of growth of all pieces, likewise (photographs have at most 36 in a view)"""
+"""rounds of growth of all pieces together, likewise (photographs need at most 36 in a view)"""
 ROOM = 4096
-"""corners that a board may add to those of its picture without a copy of all"""
+"""number of corners that a board may append to those of the image before all positions must be copied"""
 
 
 def find_boards(
@@ -47,11 +48,12 @@ def find_boards(
     warnings: Warnings | None = None,
     tags: bool = False,
 ) -> list[Board]:
-    """Boards among corners, the one with most corners first.
+    """Boards among the corners, the one with the most corners first.
 
-    `grey` (H, W), in which links are checked; `least`: fewest corners of a board, which also needs four whole cells;
-    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny squares are trusted less). No board gives []. Only the largest of
-    many pieces, and of many boards, are looked at; `warnings` are told. `tags`: lattices of tags, whose steps alternate, are boards, too.
+    `grey` (H, W): the image in which links are verified; `least`: fewest corners of a board, which also needs four
+    complete cells; `scale`: px of `grey` per px of the original image if `grey` is an enlargement (tiny squares are
+    trusted less). Returns [] if there is no board. Of many pieces, and of many boards, only the largest are processed,
+    which is noted in `warnings`. `tags`: whether lattices of tags, whose steps alternate, count as boards, too.
     """
     field, told = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
@@ -65,7 +67,8 @@ def find_boards(
     merged = [g for g in merged if plain(g, field.response, usual)]
     left = allowed(grey.size, *FILLED)
     for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", told):
-        # a part by itself has had its turn: nothing comes of another if it is whole, or was left as it is now
+        # A piece that was not merged has been completed before: a second time changes nothing if it is full, or if
+        # its last completion changed nothing and no peak has been evaluated since.
         alone = id(grid) in whole
         if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
             _finish(field, grid, free)
@@ -89,7 +92,10 @@ def find_boards(
 
 
 def find_pieces(grey: Array, candidates: Candidates, boards: list[Board]) -> list[Board]:
-    """Pieces of boards among the corners that are in none of the `boards`, for readers of codes (see `fragments`); most are no boards at all."""
+    """Pieces of boards among the corners outside all `boards`, for code readers (see `fragments`).
+
+    Most of these pieces are not boards at all.
+    """
     field = as_field(grey, candidates)
     free = np.ones(len(field.xy), bool)
     if boards:
@@ -99,8 +105,9 @@ def find_pieces(grey: Array, candidates: Candidates, boards: list[Board]) -> lis
 
 
 def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"]) -> tuple[list[Grid], dict[Grid, int]]:
-    """The grids, each pruned and completed, and what fell off them; and how many peaks were waiting when a grid was left as it was.
+    """The grids and the parts that were pruned off them, each pruned and completed.
 
+    Also returns, for each grid that its completion left unchanged, the number of peaks that were waiting then.
     `free` (N,) bool: corners that are in no grid, updated in place.
     """
     parts: list[Grid] = []
@@ -121,7 +128,7 @@ def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"])
 
 
 def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> list[Sized]:
-    """The `most` largest, in their order; of equals the first."""
+    """The `most` largest grids, in their original order; among grids of equal size the first are kept."""
     if len(grids) <= most:
         return grids
     warnings.add(name, f"of {len(grids):,} {name} only the {most:,} largest were looked at")
@@ -130,13 +137,13 @@ def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> lis
 
 
 def has_cells(grey: Array, candidates: Candidates) -> bool:
-    """Is there any cell among the corners, from which a board could start?"""
+    """Whether the corners form any cell from which a board could start."""
     field = as_field(grey, candidates)
     return len(cells(field, links(field))) > 0
 
 
 def _finish(field: Field, grid: Grid, free: Array) -> None:
-    """Complete a merged grid once more, in place. What it held stays together, though no edge may join its parts."""
+    """Complete a merged grid once more, in place. Its corners stay together even where no edge joins its parts."""
     held = dict(grid.at)
     for part in _complete(field, grid, free)[0]:
         again = {spot: corner for spot, corner in part.at.items() if held.get(spot) == corner}
@@ -146,9 +153,10 @@ def _finish(field: Field, grid: Grid, free: Array) -> None:
 
 
 def _complete(field: Field, grid: Grid, free: Bool[Array, " n"], pruned: bool = False) -> tuple[list[Grid], bool]:
-    """Grow a grid among the corners that are `free` (N,), prune it, and take what it holds. In place; returns what fell off.
+    """Grow a grid among the corners that are `free` (N,), prune it, and mark its corners as taken, all in place.
 
-    `pruned`: nothing fell off when that was done last, so that there is nothing to prune unless a corner is added. Returns whether that is so, too.
+    Returns the parts that were pruned off. `pruned`: the last pruning removed nothing, so that pruning is needed only
+    if a corner is added. The second value returned is whether this still holds: the grid is unchanged.
     """
     available, before = free.copy(), len(grid)
     available[list(grid.at.values())] = False
@@ -161,7 +169,7 @@ def _complete(field: Field, grid: Grid, free: Bool[Array, " n"], pruned: bool = 
 
 
 def as_field(grey: Array, candidates: Candidates) -> Field:
-    """The candidates as the recovery sees them, in their order, and after them the weak peaks."""
+    """The candidates as input of the board recovery, in their order, followed by the weak peaks."""
     found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
     more = 0 if peaks is None else len(peaks.xy)
     count = len(found) + more
@@ -185,18 +193,21 @@ def as_field(grey: Array, candidates: Candidates) -> Field:
 
 
 def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
-    """A right-handed grid of corners as a board labelled by the contract. Filled corners have no response: 0."""
+    """A right-handed grid of corners as a board labelled by the contract. Filled corners have response 0."""
     ij, index = np.array(list(grid.at)), np.array(list(grid.at.values()))
-    # side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
+    # the side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
     cols, rows = (new.max(axis=0) + 1).tolist()
-    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours nothing is settled
+    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours the orientation is undecided
     return _labelled(field, candidates, grid.xy, index, new, turn)
 
 
 def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> Board:
-    """A right-handed grid of tags' corners, whose tags begin at even labels, as a board. Which corner is the first, its codes must say."""
+    """A right-handed grid of tag corners, whose tags begin at even labels, as a board.
+
+    Its codes must determine which corner is the first.
+    """
     ij, index = np.array(list(at)), np.array(list(at.values()))
     ij -= ij.min(axis=0) // 2 * 2
     return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
@@ -213,7 +224,7 @@ def _labelled(
     """A board of the corners `index` (M,), rows of `xy` (N, 2), labelled `ij` (M, 2)."""
     order = np.lexsort((ij[:, 0], ij[:, 1]))
     index, ij = index[order], ij[order]
-    # filled corners were not seen; weak peaks are not known
+    # filled corners have no entry in `field`; weak peaks have none in `candidates`
     seen, known = index < len(field.xy), index < len(candidates.all)
     response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
     response[seen] = field.response[index[seen]]

@@ -1,7 +1,8 @@
-"""Lattices whose steps are long and short in turn, as on AprilGrids: tags, and small squares between their corners.
+"""Lattices with alternating long and short steps, as on AprilGrids: tags, and small squares between their corners.
 
-The link graph and the flood fill know no pitch, so that such a grid is labelled like any other. What differs is where the next corner lies: on the
-printed plane (`plane_points`) u is at ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of a tag, and v likewise.
+The link graph and the flood fill assume no pitch, so that such a grid is labelled like any other. What differs is the
+prediction of the next corner: on the printed plane (`plane_points`) u is at ⌊u / 2⌋ (1 + gap) + (u mod 2), in sides of
+a tag, and v likewise.
 """
 
 from __future__ import annotations
@@ -19,31 +20,32 @@ from rcdn.types.arrays import Bool
 from rcdn.types.plane import plane_points
 
 UNEVEN = float(log(1.5))
-"""log of the ratio of neighbouring steps from which on a lattice alternates"""
+"""least log of the ratio of neighbouring steps at which a lattice counts as alternating"""
 AGREE = 0.85
-"""share of the steps that must alternate alike"""
+"""least share of the steps that must alternate in the same phase"""
 LEAST = 12
-"""corners of a grid that can be told to alternate"""
+"""fewest corners of a grid for a decision on whether its steps alternate"""
 TRIPLES = 8
-"""corners with a neighbour on both sides that can tell, along both axes together"""
+"""fewest corners with a neighbour on both sides for that decision, both axes together"""
 ENOUGH = 400
-"""corners that are looked at to tell"""
+"""largest number of corners per axis used for that decision"""
 REACHES = (1.4, 2.4)
-"""sides of a tag within which corners predict the next one; the second where the first has too few"""
+"""radius of the neighbourhood that predicts the next corner, sides of a tag; the second where the first has too few"""
 FEW = 8
-"""corners that are too few for a prediction"""
+"""fewest corners that a prediction needs"""
 NEAR, NEAR_WEAK = 0.35, 0.2
-"""how far from its predicted place a corner may lie, gaps; one whose response is weak for its board, when all others are known"""
+"""largest distance of a corner from its prediction, gaps; the second, applied at the end, for corners of weak
+response"""
 WEAK = 0.75
-"""such a response, share of the board's median"""
+"""response below which a corner counts as weak, share of the board's median"""
 ROUNDS = 100
-"""of growth by one corner to each side"""
+"""largest number of rounds of growth, each by one corner to every side"""
 
 
 def alternating(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"]) -> list[dict[Label, int]]:
-    """Those of the `grids`, whole as far as corners are `free` (N,) bool, whose steps alternate, with labels at which long steps begin at even ones.
+    """The grids among `grids` with alternating steps, completed, labelled so that long steps begin at even labels.
 
-    Their corners are free no more.
+    Of each grid only the corners that are `free` (N,) bool are used. The corners of the lattices are marked as taken.
     """
     out = []
     for grid in grids:
@@ -58,7 +60,10 @@ def alternating(field: Field, grids: list[dict[Label, int]], free: Bool[Array, "
 
 
 def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] | None:
-    """The grid with long steps at even labels, and the gap, short over long step; None if its steps don't alternate along both axes."""
+    """The grid with long steps at even labels, and the gap (short step ÷ long step).
+
+    None if its steps do not alternate along both axes.
+    """
     shift, size, told = [], 1.0, 0
     for step in ((1, 0), (0, 1)) if len(at) >= LEAST else ():
         ratio = _ratios(xy, at, step)
@@ -75,7 +80,10 @@ def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] |
 
 
 def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
-    """log(step before ÷ step after) of corners with a neighbour on both sides, its sign changed where the step before begins at an odd label."""
+    """log(previous step ÷ next step) at the corners with a neighbour on both sides, along `step`.
+
+    The sign is flipped at even labels, whose previous step begins at an odd one.
+    """
     triples = []
     for (u, v), corner in at.items():
         before, after = at.get((u - step[0], v - step[1])), at.get((u + step[0], v + step[1]))
@@ -91,7 +99,8 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
 
 
 def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]) -> dict[Label, int]:
-    """The grid with all corners that lie where it goes on, as far as they are `free` (N,), without those that don't lie where the others say."""
+    """The grid grown by all `free` (N,) corners at predicted positions, without corners that their neighbours
+    contradict."""
     at = dict(at)
     usable = np.flatnonzero(free & (field.fit > 0))
     for _ in range(ROUNDS if len(usable) else 0):
@@ -120,7 +129,10 @@ def _agrees(xy: Array, at: dict[Label, int], gap: float, spot: Label, near: floa
 
 
 def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tuple[Array, float] | None:
-    """Where the corner of a spot should be, px, by the corners around it, and the gap there, px; None if they are too few."""
+    """Predicted position of the corner at a spot, px, from the corners around it, and the gap there, px.
+
+    None if there are too few corners.
+    """
     near = [
         (u, v)
         for u in range(spot[0] - 4, spot[0] + 5)

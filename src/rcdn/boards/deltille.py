@@ -1,7 +1,7 @@
 """Boards of triangles: from six-sector corners to labelled lattices (paper section 4.5). No board size is needed.
 
-As for squares: links that both ends agree on, cells that the picture shows, a flood fill over them (`boards.triangles`), then corners that
-the lattice predicts, and a validation that only drops.
+As for squares: mutual links, cells that the image confirms, a flood fill over them (`boards.triangles`), then corners
+at predicted positions of the lattice, and a validation that only removes corners.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from rcdn.types import Array, Board, Status
 from rcdn.types.arrays import Bool, Int, Shaped
 
 NEAR = 0.22
-"""a corner may lie this share of the shortest step from its prediction"""
+"""largest distance of a corner from its prediction, share of the shortest step"""
 NEAR_SEARCHED, FIT_SEARCHED = 0.12, 0.6
-"""the same, and least `fit`, of a corner that the network did not answer at"""
+"""the same, and the least `fit`, for a corner at which the network gave no response"""
 SUPPORT, SHORTEST = 3, 3.0
-"""labelled corners that a prediction needs, and the least step there, px"""
+"""fewest labelled corners that a prediction needs, and least step there, px"""
 ROUNDS = 60
 """of growth, at most"""
 
@@ -45,10 +45,10 @@ ROUNDS = 60
 def find_deltilles(
     grey: Shaped[Array, "h w"], candidates: Candidates, least: int = 9, scale: float = 1.0
 ) -> list[Board]:
-    """Deltilles among six-sector corners (`six_candidates`), the one with most corners first; [] if there is none.
+    """Deltilles among six-sector corners (`six_candidates`), the one with the most corners first; [] if there is none.
 
-    `grey` (H, W); `least`: fewest corners of a board, which also needs six whole triangles;
-    `scale`: px of `grey` for one of the picture that it shows enlarged (tiny triangles are trusted less).
+    `grey` (H, W); `least`: fewest corners of a board, which also needs six complete triangles;
+    `scale`: px of `grey` per px of the original image if `grey` is an enlargement (tiny triangles are trusted less).
     """
     field = Field.of(grey, candidates)
     free, boards = candidates.all.status != Status.SEED, []
@@ -70,7 +70,10 @@ def find_deltilles(
 
 
 def _grow(field: Field, grid: Grid, sign: int, free: Array) -> None:
-    """Add corners, nearest to their prediction first, until nothing changes; where the network is silent the picture is searched."""
+    """Add corners, nearest to their prediction first, until nothing changes.
+
+    Where the network gave no candidate, the image itself is searched.
+    """
     if not grid.at:
         return
     open_ = free.copy()
@@ -86,7 +89,7 @@ def _grow(field: Field, grid: Grid, sign: int, free: Array) -> None:
 
 
 class _Spots(NamedTuple):
-    """Empty places of a lattice where it may go on: `labels` (K), their predictions, and the shortest step there, `step` (K,) px."""
+    """Empty spots beside a lattice: `labels` (K), their predictions, and the shortest step there, `step` (K,) px."""
 
     labels: list[Label]
     guess: Predictions
@@ -102,7 +105,8 @@ def _spots_beside(grid: Grid) -> _Spots:
 
 
 class _Offer(NamedTuple):
-    """What may take spot number `row`: `corner`, or −1, at `xy` (2,); `gap`: from its prediction, in steps."""
+    """A corner offered for spot number `row`: `corner`, or −1 if new, at `xy` (2,); `gap`: its distance from the
+    prediction, steps."""
 
     gap: float
     row: int
@@ -111,7 +115,7 @@ class _Offer(NamedTuple):
 
 
 def _take(field: Field, grid: Grid, open_: Array, spot: Label, offer: _Offer) -> None:
-    """Give the spot what is offered, unless either has gone."""
+    """Assign the offered corner to the spot, unless either has been taken in the meantime."""
     corner = offer.corner
     if spot in grid.at or (corner >= 0 and not open_[corner]):
         return
@@ -128,7 +132,7 @@ def _take(field: Field, grid: Grid, open_: Array, spot: Label, offer: _Offer) ->
 def _offers(
     field: Field, grid: Grid, sign: int, open_: Array, spots: _Spots, refused: set[tuple[Label, int]]
 ) -> list[_Offer]:
-    """Unlabelled corners of the network's that may take a spot, and, with none near, one that the picture shows there."""
+    """Unlabelled candidates that may fill a spot and, where none is near, a corner found in the image there."""
     tries = _tries(field, open_, spots, refused)
     if not tries:
         return []
@@ -146,7 +150,8 @@ def _offers(
 
 
 def _tries(field: Field, open_: Array, spots: _Spots, refused: set[tuple[Label, int]]) -> list[tuple[int, int, Array]]:
-    """(row of a spot, corner or −1, position) of what lies near enough to be looked at, and wasn't refused."""
+    """(row of a spot, corner or −1, position) of all corners near enough to a spot to be tested that were not
+    refused."""
     out, silent = [], np.ones(len(spots.labels), bool)
     index = np.flatnonzero(open_[: field.known])
     if len(index) and len(silent):
@@ -166,7 +171,8 @@ def _inside(xy: Array, shape: tuple[int, ...]) -> Array:
 
 
 def _axes_fit(axes: Array, du: Array, dv: Array) -> Bool[Array, " k"]:
-    """(K,) bool: is there an axis (K, 3) along each of the lattice's directions, nearer than half way to the next one?"""
+    """(K,) bool: whether each lattice direction has an axis (K, 3) of its own, closer than half the angle to the next
+    direction."""
     angle = np.stack([arctan2(s[:, 1], s[:, 0]) for s in (du, dv, dv - du)], axis=1)
     turn = np.abs((angle[:, :, None] - axes[:, None] + np.pi / 2) % np.pi - np.pi / 2)
     order = np.sort(angle % np.pi, axis=1)
@@ -181,7 +187,7 @@ def _axes_fit(axes: Array, du: Array, dv: Array) -> Bool[Array, " k"]:
 
 
 def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Board:
-    """The lattice labelled by the contract. Searched corners have no response: 0."""
+    """The lattice labelled by the contract. Corners found by the search have response 0."""
     ij, corner = np.array(list(grid.at)), np.array(list(grid.at.values()))
     new = ordered(ij, field.xy[corner], sign)
     order = np.lexsort((new[:, 0], new[:, 1]))
@@ -199,8 +205,9 @@ def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Bo
 def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
 
-    `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 dark. In the labels returned they are dark. A third of
-    a turn keeps the colours: of the three labellings left, the one whose i axis runs closest to +x. The smallest i and j are 0.
+    `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 if dark. In the labels returned
+    they are dark. A rotation by 120° keeps the colours: of the three labellings left, the one whose i axis is closest
+    to +x is taken. The smallest i and j are 0.
     """
     options = [_turned(ij, k) for k in ((0, 2, 4) if colour < 0 else (1, 3, 5))]
     best = max(options, key=lambda o: _rightward(o, xy))
@@ -215,6 +222,6 @@ def _turned(ij: Array, sixths: int) -> Array:
 
 
 def _rightward(ij: Array, xy: Array) -> float:
-    """cos of the angle between the i axis and +x."""
+    """Cosine of the angle between the i axis and +x."""
     step = affine(ij, xy)[:, 0]
     return float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12))

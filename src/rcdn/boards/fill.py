@@ -1,8 +1,9 @@
-"""Corners that the network missed, found in the picture where a finished board predicts them.
+"""Corners that the network missed, found in the image where a finished board predicts them.
 
-A hard shadow, glare or a scratch across a corner may silence the network, and the frame or a cover leaves it little to
-see; the board's two edges still cross there, and that is looked for (`edges.crossings`). Nothing is invented: an edge
-must be seen on both sides of the crossing, about as plainly as at the labelled neighbours.
+A hard shadow, glare or a scratch across a corner may suppress the network's response, and at the image border or an
+occluder little of the corner is visible; the board's two edges still cross there, and this crossing is searched for
+(`edges.crossings`). Nothing is invented: an edge must be visible on both sides of the crossing, about as strongly as at
+the labelled neighbours.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ _usual = bind("rcdn_grid_usual")
 ROUNDS = 8
 """of filling, at most"""
 LEAST_SUPPORT = 5
-"""labelled neighbours that a prediction stands on"""
+"""fewest labelled neighbours that a prediction needs"""
 SEEN, SEEN_RIM = 0.35, 0.5
-"""strength of both edges, share of the neighbours' median; more where the board would grow beyond its rim"""
+"""least strength of both edges, share of the neighbours' median; the second where the board would grow beyond its
+rim"""
 SEEN_ONE = 0.6
-"""the same for the plainer edge of a corner between four labelled ones, where a shadow may run along the other edge"""
+"""the same for the stronger edge of a corner between four labelled ones, where a shadow may run along the other edge"""
 CLOSE = 0.06
 """largest offset of that edge, squares"""
 OFF = 0.14
@@ -39,11 +41,12 @@ OFF = 0.14
 ANSWER = 0.6
 """least response of a candidate beyond the rim, share of the board's median"""
 REACH_PX, ANSWERED = 1.5, 0.06
-"""a candidate this close to a crossing is its own, px or squares"""
+"""a candidate within the larger of these distances from a crossing is the corner there, px and squares"""
 BESIDES = (3, 5, 1, 7)
-"""places left, right, above and below in a window of nine labels"""
+"""indices of the left, right, upper and lower neighbour in a 3 × 3 window of labels"""
 BESIDE_PX, BESIDE = 2.5, (0.02, 0.035)
-"""a labelled corner so many px, but within these squares, from its crossing lies on something else"""
+"""a labelled corner further than so many px, clipped to these squares, from its crossing is a corner of something
+else"""
 
 
 class Spots(NamedTuple):
@@ -53,24 +56,25 @@ class Spots(NamedTuple):
     guess: Predictions
 
     def look(self, grey: Array, sign: int) -> tuple[Array, Array]:
-        """Offsets (K, 2), squares, of the crossings there, and their strengths (K, 2)."""
+        """Offsets (K, 2), squares, of the crossings at these spots, and their strengths (K, 2)."""
         colour = sign * (1.0 - 2 * (self.at.sum(axis=1) % 2))
         return crossings(grey, self.guess.xy, self.guess.du, self.guess.dv, colour)
 
 
 class _Seen:
-    """How strongly a board's two edges are seen, `strength` (K, 2), at labels `at` (K, 2)."""
+    """Strengths of a board's two edges, `strength` (K, 2), at labels `at` (K, 2)."""
 
     def __init__(self, at: Array, strength: Array) -> None:
         self.at, self.strength = at, strength
 
     def add(self, at: list[Label], strength: list[Array]) -> None:
-        """Further ones."""
+        """Append further strengths and their labels."""
         self.at = np.concatenate([self.at, as_labels(at)])
         self.strength = np.concatenate([self.strength, strength])
 
     def shares(self, at: Int[Array, "k 2"], strength: Real[Array, "k 2"]) -> Array:
-        """`strength` (K, 2) at labels `at` (K, 2) against the median of those within two squares; 0 where nothing is seen."""
+        """`strength` (K, 2) at labels `at` (K, 2) ÷ the median of the known ones within two squares; 0 where none is
+        known."""
         usual, at = np.empty((len(at), 2)), as_labels(at)
         _usual(self.at, np.ascontiguousarray(self.strength), at, usual)
         fine = (usual > 0).all(axis=1, keepdims=True)
@@ -78,11 +82,11 @@ class _Seen:
 
 
 def fill(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> None:
-    """Add corners to `grid`, in place, and put those right that lie beside their crossing.
+    """Add corners to `grid`, in place, and correct those that lie beside their crossing.
 
-    Where a candidate that is `free` (N,) bool lies on a crossing it is taken, and is free no more; otherwise the crossing's position is
-    appended to `grid.xy`. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
-    Corners that close no cell are welcome, as covers and the frame leave them.
+    A candidate that is `free` (N,) bool and lies on a crossing is taken, and marked as such; otherwise the crossing's
+    position is appended to `grid.xy`. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
+    Corners that complete no cell are accepted, since occluders and the image border leave such corners.
     """
     if sign == 0:
         return
@@ -109,9 +113,9 @@ def fill(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> None:
 
 
 def _drop_misfits(grid: Grid, added: list[Label]) -> None:
-    """Drop those of the `added` corners that lie off their neighbours' prediction, worst first."""
+    """Remove those `added` corners that lie too far from their neighbours' prediction, worst first."""
     excess = dict(zip(added, predicted_excess(grid, added).tolist(), strict=True))
-    changed: set[Label] = set()  # places near a corner that has gone: the others fit as well as before
+    changed: set[Label] = set()  # spots near a removed corner: the residuals of all others are unchanged
     for at in sorted(added, key=lambda a: (-excess[a], a)):
         if at in changed:
             near = Grid({spot: grid.at[spot] for spot in _around(at) if spot in grid.at}, grid.xy)
@@ -122,14 +126,15 @@ def _drop_misfits(grid: Grid, added: list[Label]) -> None:
 
 
 def _around(at: Label) -> list[Label]:
-    """The labels that a prediction may stand on, and its own."""
+    """The labels that a prediction at `at` may use, and `at` itself."""
     return [(at[0] + d, at[1] + e) for d in range(-WIDEST, WIDEST + 1) for e in range(-WIDEST, WIDEST + 1)]
 
 
 def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
-    """Move corners to the crossing beside which they lie; returns the strengths at all.
+    """Move corners to the crossing beside which they lie; returns the edge strengths at all corners.
 
-    The edge of a shadow makes a junction with each edge of the board that it crosses; one near a corner is taken for it.
+    The edge of a shadow forms a junction with each edge of the board that it crosses; one near a corner may have been
+    taken for that corner.
     """
     labels = grid.labels
     order = np.lexsort((labels[:, 1], labels[:, 0]))
@@ -154,7 +159,7 @@ def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
 
 
 def with_sense(guess: Predictions) -> Array:
-    """Numbers of predictions that stand on neighbours enough, with steps that span something."""
+    """Indices of the predictions with enough supporting neighbours and steps that span the plane."""
     area = np.abs(guess.du[:, 0] * guess.dv[:, 1] - guess.du[:, 1] * guess.dv[:, 0])
     return np.flatnonzero((guess.support >= LEAST_SUPPORT) & (guess.pitch >= LEAST_PITCH) & (area > 1))
 
@@ -162,9 +167,10 @@ def with_sense(guess: Predictions) -> Array:
 def _accepted(
     field: Field, grid: Grid, sign: int, spots: Spots, known: _Seen, free: Array, plain: float
 ) -> dict[Label, tuple[Array, int | None, Array]]:
-    """Position (2,), candidate and strengths (2,) of the spots at which the board's edges are seen to cross.
+    """Position (2,), candidate and strengths (2,) at the spots where the board's edges are seen to cross.
 
-    Beyond its rim a board vouches for nothing by itself: there it takes candidates of a response of `plain` and more.
+    Beyond its rim a board gives no evidence of its own: there only candidates with a response of at least `plain` are
+    accepted.
     """
     offset, strength = spots.look(field.grey, sign)
     share = known.shares(spots.at, strength)
@@ -172,7 +178,7 @@ def _accepted(
     left, right, above, below = (windows(grid.labels, spots.at, 1)[:, BESIDES] >= 0).T
     within = (left & right) | (above & below)
     far = np.abs(offset).max(axis=1, initial=0)
-    # where one edge shows that colours alternate, the other is where it must be
+    # where one edge shows that the colours alternate, the other edge is taken to be at its predicted place
     one = left & right & above & below & ((least < SEEN) | (far > OFF))
     offset = np.where(one[:, None] & (share < most[:, None]), 0, offset)
     far = np.abs(offset).max(axis=1, initial=0)
@@ -192,7 +198,7 @@ def _accepted(
 def _candidates(
     field: Field, grid: Grid, spots: Spots, xy: Array, some: Int[Array, " j"], free: Array
 ) -> list[int | None]:
-    """The free candidate on the crossing `xy` of each of `some` (J,) spots, or None."""
+    """The free candidate on the crossing `xy` at each of `some` (J,) spots, or None."""
     reach = np.maximum(REACH_PX, ANSWERED * spots.guess.pitch[some])
     field.look(xy[some], reach + SLACK)
     if not np.shares_memory(grid.xy, field.xy):

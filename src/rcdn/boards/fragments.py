@@ -1,7 +1,9 @@
-"""Pieces of boards that the recovery leaves out, for readers of codes: what a code says is proof enough, so that the pieces need not be.
+"""Pieces of boards that the recovery leaves out, for code readers: a decoded code is proof enough, so that pieces may
+be uncertain.
 
-Glare, hands and markers that stand too close disturb the links of a board. Here cells are made of any four corners that stand like a square's
-and agree on its colour; an edge may be covered for a third of its length. Nothing but a code makes a board of such a piece.
+Glare, hands and markers too close to their neighbours disturb the links of a board. Here cells are made of any four
+corners that are placed like those of a square and agree on its colour; an edge may be covered over a third of its
+length. Only a code turns such a piece into a board.
 """
 
 from __future__ import annotations
@@ -19,21 +21,21 @@ from rcdn.types.arrays import Bool, Real
 _three_of_quads = bind("rcdn_three_of_quads")
 
 AROUND = 10
-"""neighbours of a corner that may be those of its cells"""
+"""number of nearest neighbours with which a corner may form cells"""
 MOST = 250
-"""corners that are looked at, the surest of a picture"""
+"""largest number of corners that are used, the ones of highest quality in the image"""
 SKEW, RATIO = 0.35, 2.5
 """least sine of the angle between a cell's sides, and largest ratio of their lengths"""
 OFF = 0.22
-"""how far a cell's fourth corner may lie from the parallelogram of the others, share of the shorter side"""
+"""largest distance of a cell's fourth corner from the parallelogram of the others, share of the shorter side"""
 TURN = np.deg2rad(32)
-"""how far a side may turn from its corners' axes"""
+"""largest angle between a side and the axes of its corners, radians"""
 SHOWN = 0.12
-"""contrast of two thirds of a side, share of its corners' """
+"""least contrast of two thirds of a side, share of its corners' """
 LEAST = 6
-"""corners of a piece"""
+"""fewest corners of a piece"""
 PIECES = 6
-"""pieces of a picture, the largest"""
+"""largest number of pieces in an image; the largest are kept"""
 QUALITY = 0.12
 """least response × fit of a corner"""
 
@@ -41,7 +43,7 @@ QUALITY = 0.12
 def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[Label, int]]:
     """Grids {(u, v): corner} among the corners that are `free` (N,) bool, of the first `known`, the largest first.
 
-    They hold six corners or more; each has the colours of a board, but may be no board at all.
+    Each has six corners or more and the colours of a board, but may be no board at all.
     """
     usable = free & (field.polarity != 0) & (field.quality >= QUALITY)
     usable[known:] = False
@@ -55,7 +57,8 @@ def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[La
 
 
 def _quads(xy: Real[Array, "n 2"]) -> Real[Array, "q 4"]:
-    """Four corners each (Q, 4), rows of `xy` (N, 2), that stand like those of a square, clockwise on the screen, each once."""
+    """Quadruples (Q, 4) of rows of `xy` (N, 2) placed like the corners of a square, clockwise on the screen, each
+    once."""
     xy, count = np.ascontiguousarray(xy, np.float64), len(xy)
     length, near = (np.ascontiguousarray(a[:, 1:]) for a in nearest(xy, xy, min(AROUND, count - 1) + 1))
     room = count * near.shape[1] ** 2
@@ -71,14 +74,14 @@ def _quads(xy: Real[Array, "n 2"]) -> Real[Array, "q 4"]:
 
 
 def _coloured(field: Field, quads: Real[Array, "q 4"]) -> Array:
-    """Those of the `quads` (Q, 4) whose corners lie along their axes and agree on the colour inside."""
+    """The `quads` (Q, 4) whose sides lie along their corners' axes and whose corners agree on the colour inside."""
     step = field.xy[np.roll(quads, -1, axis=1)] - field.xy[quads]
     colour, turn = field.side_colour(quads, arctan2(step[..., 1], step[..., 0]))
     return quads[(turn < TURN).all(axis=1) & (np.abs(colour.sum(axis=1)) == 4)]
 
 
 def _shown(field: Field, quads: Real[Array, "q 4"]) -> Array:
-    """Those of the `quads` (Q, 4) whose four sides are seen in the picture, in two thirds of their lengths at least."""
+    """The `quads` (Q, 4) whose four sides are visible in the image, each over at least two thirds of its length."""
     start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
     contrast = edge_contrast(field.grey, field.xy[start], field.xy[end])
     step = field.xy[end] - field.xy[start]

@@ -16,13 +16,14 @@ ACROSS = 5.0
 CONE = np.deg2rad(25)
 """How far a neighbour may lie from the direction in which it is sought."""
 NEAREST, NEAREST_TO_GUESS = 64, 24
-"""Only this many nearest corners are looked at, so that time is bounded: around a corner, and around a prediction."""
+"""Only this many nearest corners are considered, to bound the run time: around a corner, and around a prediction."""
 AHEAD = 0.75
-"""Share of the extrapolated step at which the next line is sought: strong distortion shortens steps, and the nearer wins."""
+"""Share of the extrapolated step at which the next line is searched for: strong distortion shortens steps, and the
+nearest corner wins."""
 
 
 class Pool:
-    """Corners that may be taken: `xy` (N, 2) px in an order that depends on no input order, and `free` (N,) bool.
+    """Corners that may be taken: `xy` (N, 2) px in a canonical order, independent of the input's, and `free` (N,) bool.
 
     `angles` (N, K): edge directions, radians in [0, π), NaN for none.
     """
@@ -34,14 +35,16 @@ class Pool:
         self._ranked: dict[tuple[int, float], list[int]] = {}
 
     def neighbour(self, corner: int, angle: float) -> int | None:
-        """The free corner of least d_par + 5 d_perp in the direction `angle` (radians, [−π, π] or more), within 25° of it."""
+        """The free corner of least cost d_par + 5 d_perp in the direction `angle` (radians, any range), within 25° of
+        it."""
         ranked = self._ranked.get((corner, angle))
         if ranked is None:
             ranked = self._ranked[corner, angle] = self._rank(corner, angle)
         return next((other for other in ranked if self.free[other]), None)
 
     def toward(self, corner: int, angle: float) -> int | None:
-        """The neighbour along that edge direction of `corner` which is closest to `angle`; along `angle` itself if none is within 25°."""
+        """The neighbour along the edge direction of `corner` closest to `angle`; along `angle` itself if none is within
+        25°."""
         both = np.concatenate([self.angles[corner], self.angles[corner] + np.pi])
         turn = np.abs((both - angle + np.pi) % (2 * np.pi) - np.pi)
         best = int(np.where(np.isnan(turn), np.inf, turn).argmin())
@@ -59,9 +62,11 @@ class Pool:
 
 
 def energy(lattice: Array) -> float:
-    """E = −N (1 − the largest |x₁ + x₃ − 2x₂| / |x₁ − x₃| of any three in a row or column) of positions (rows, columns, 2).
+    """E = −N (1 − the largest |x₁ + x₃ − 2x₂| / |x₁ − x₃| of any three in a row or column), positions (rows, columns,
+    2).
 
-    Geiger et al. 2012: what a lattice gains by its corners, less what its worst triple costs. Lines shorter than three bend nothing.
+    Geiger et al. 2012: a reward for each corner of a lattice, reduced by the relative bending of its worst triple.
+    Lines of fewer than three corners have no bending.
     """
     worst = 0.0
     for lines in (lattice, lattice.swapaxes(0, 1)):
@@ -75,8 +80,8 @@ def energy(lattice: Array) -> float:
 def grow_lines(pool: Pool, index: Array) -> Array:
     """Grow a whole lattice of corners by lines; `index` (rows, columns), both ≥ 3. Returns the larger lattice.
 
-    Of the four sides the one whose new line gives the least energy grows, as long as the energy falls. Uses the pool's free
-    corners but for those of the lattice; takes none of them.
+    Of the four sides, the one whose new line gives the least energy is extended, as long as the energy falls. Uses the
+    pool's free corners outside the lattice; marks none of them as taken.
     """
     while True:
         now = energy(pool.xy[index])
@@ -88,7 +93,8 @@ def grow_lines(pool: Pool, index: Array) -> Array:
 
 
 def _with_line(pool: Pool, index: Array, side: int) -> Array | None:
-    """The lattice with one more line at its right, bottom, left or top (`side` 0..3); None if there aren't corners enough."""
+    """The lattice with one more line at its right, bottom, left or top (`side` 0..3); None if there are too few
+    corners."""
     turned = np.rot90(index, side)  # the side that grows is the right one
     line = _assign(pool, _next_line(pool.xy[turned[:, -3:]]), index)
     if line is None:
@@ -97,7 +103,8 @@ def _with_line(pool: Pool, index: Array, side: int) -> Array | None:
 
 
 def _next_line(last: Array) -> Real[Array, "l 2"]:
-    """Where the next line (L, 2) is sought, from the last three (L, 3, 2): angle and length of the step go on as they changed."""
+    """Predicted positions of the next line (L, 2) from the last three (L, 3, 2): angle and length of the step are
+    extrapolated linearly."""
     one, two = last[:, 1] - last[:, 0], last[:, 2] - last[:, 1]
     angle = 2 * np.arctan2(two[:, 1], two[:, 0]) - np.arctan2(one[:, 1], one[:, 0])
     length = 2 * np.linalg.norm(two, axis=1) - np.linalg.norm(one, axis=1)
@@ -105,7 +112,8 @@ def _next_line(last: Array) -> Real[Array, "l 2"]:
 
 
 def _assign(pool: Pool, guess: Array, taken: Array) -> Real[Array, " l"] | None:
-    """A corner (L,) for each prediction (L, 2), the closest pair first, none twice; None if one is left without."""
+    """A corner (L,) for each prediction (L, 2), the closest pair first, none twice; None if one prediction has no
+    corner."""
     distance, near = nearest(pool.xy, guess, min(NEAREST_TO_GUESS, len(pool.xy)))
     able = pool.free[near] & ~np.isin(near, taken)
     row = np.broadcast_to(np.arange(len(guess))[:, None], near.shape)[able]

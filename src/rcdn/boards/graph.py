@@ -1,6 +1,7 @@
-"""The validated link graph: which corner neighbours which, and the cells that four of them make.
+"""The validated link graph: links between neighbouring corners, and the cells formed by four of them.
 
-Purely local: no line, no homography, no size; so distorted, bent, cut and several boards come for free.
+All tests are local: no line, no homography and no board size is assumed, so that distorted, bent, cut and several
+boards need no special treatment.
 """
 
 from __future__ import annotations
@@ -28,13 +29,14 @@ _label = bind("rcdn_label")
 NEIGHBOURS = 14
 """nearest corners that may be linked: the next line is among them while steps along both axes differ by less than 7 : 1"""
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
-"""how far a link may turn from the axes at its ends; more for links under 10 px, whose axes are less sure"""
+"""largest angle between a link and the axes at its ends; more for links under 10 px, whose axes are less accurate"""
 LEAST_CONTRAST = 0.3
-"""every third of a link shows this share of the weaker corner's contrast"""
+"""least contrast in every third of a link, share of the weaker corner's contrast"""
 FEW, WIDE = 30_000, 0.2
-"""corners that are looked through one by one, and share of the picture from which on all are"""
+"""up to so many corners, or from this share of the image on, all corners are tested one by one instead of through the
+index"""
 GONE = -1e6
-"""where corners are put that turned out to be others"""
+"""coordinate assigned to peaks that turn out to be duplicates of other corners"""
 SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
 """(axis, sign) of the four links of a corner, by rising angle"""
 
@@ -43,10 +45,11 @@ Label = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Corners as the recovery sees them: N corners; `strong` ones may start boards, the others only complete them.
+    """Corners as input of the board recovery: N corners; `strong` ones may start boards, the others only complete them.
 
-    `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,); `strong`, `refined` (N,) bool.
-    The last of them are `peaks`, of which nothing but the response is known before `look` is called for: `waiting` (N,) bool.
+    `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,);
+    `strong`, `refined` (N,) bool. The last of them are `peaks`, of which only the response is known until `look`
+    evaluates them: `waiting` (N,) bool.
     """
 
     grey: Array
@@ -63,21 +66,22 @@ class Field:
 
     @cached_property
     def _cells(self) -> PointCells:
-        """Where corners were at first: `look` moves them a little."""
+        """Spatial index of the initial positions; `look` changes them slightly."""
         return PointCells(self.xy.copy())
 
     @cached_property
     def _moved(self) -> Real[Array, " 1"]:
-        """(1,) px: how far a corner has moved from there, at most."""
+        """(1,) px: largest displacement of a corner from its initial position."""
         return np.zeros(1)
 
     @cached_property
     def asked(self) -> Int[Array, " 1"]:
-        """(1,) int: in how many rounds grids have asked for corners beside them."""
+        """(1,) int: number of rounds of growth of all grids so far."""
         return np.zeros(1, np.int64)
 
     def near(self, some: Bool[Array, " n"], spots: Real[Array, "k 2"], margin: float) -> Array:
-        """Rows, rising, of those of the corners `some` (N,) bool that are within `margin` px of the box around `spots` (K, 2), at least one."""
+        """Rows, in ascending order, of the corners `some` (N,) bool within `margin` px of the bounding box of `spots`
+        (K, 2), K ≥ 1."""
         low, high = spots.min(axis=0) - margin, spots.max(axis=0) + margin
         if len(self.xy) <= FEW or self._cells.share(low, high) > WIDE:
             rows = np.empty(len(self.xy), np.int64)
@@ -87,7 +91,8 @@ class Field:
         return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
 
     def look(self, spots: Real[Array, "k 2"], reach: Real[Array, " k"]) -> None:
-        """Learn what the waiting peaks within `reach` (K,) px of `spots` (K, 2) are. In place; those that turn out to be another corner go."""
+        """Evaluate the waiting peaks within `reach` (K,) px of `spots` (K, 2), in place; duplicates of other corners
+        are removed."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
             return
         first = len(self.xy) - len(self.peaks.xy)
@@ -110,16 +115,17 @@ class Field:
 
     @property
     def unseen(self) -> int:
-        """How many peaks are waiting."""
+        """Number of peaks not evaluated yet."""
         return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
     @property
     def quality(self) -> Real[Array, " n"]:
-        """Response × fit (N,): how much each corner is an X-corner, by the network and by the rings around it."""
+        """Response × fit (N,): evidence for an X-corner from the network and from the rings around it."""
         return self.response * self.fit
 
     def side_colour(self, index: Array, direction: Array) -> tuple[Array, Array]:
-        """Colour (±1, bright or dark) at rising angle from `direction` at corners `index`, and the turn from the nearest axis, radians."""
+        """Colour (±1, bright or dark) at rising angle from `direction` at corners `index`, and the angle to the nearest
+        axis, radians."""
         turn = np.abs((self.axes[index] - direction[..., None] + np.pi / 2) % np.pi - np.pi / 2)
         turn = np.where(np.isfinite(turn), turn, np.pi)
         axis = turn.argmin(axis=-1)
@@ -127,7 +133,8 @@ class Field:
 
 
 def _apart(xy: Array, known: Real[Array, "n 2"]) -> Bool[Array, " k"]:
-    """Which positions (K,), strongest first, are corners of their own: not on one of `known` (N, 2) nor on a stronger one."""
+    """Which positions (K,), strongest first, are distinct: not within SAME px of one of `known` (N, 2) nor of a
+    stronger one."""
     fresh = nearest(known, xy)[0][:, 0] >= SAME
     for one, other in pairs(xy, SAME).tolist():
         if fresh[one]:
@@ -138,8 +145,9 @@ def _apart(xy: Array, known: Real[Array, "n 2"]) -> Bool[Array, " k"]:
 def links(field: Field) -> Int[Array, "n 4"]:
     """Mutual links (N, 4): the neighbour in each slot (SLOTS), −1 for none.
 
-    A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: an X-corner's neighbours are its negatives), and
-    the edge between them is seen in the picture over its whole length. Each slot takes its shortest link; both ends must choose each other.
+    A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: the neighbours of an X-corner
+    are its negatives), and the edge between them is visible over its whole length. Each slot takes its shortest link;
+    both ends must choose each other.
     """
     out = np.full((len(field.xy), 4), -1)
     usable = np.flatnonzero(field.strong & field.refined & (field.polarity != 0))
@@ -159,7 +167,10 @@ def links(field: Field) -> Int[Array, "n 4"]:
 
 
 def near_pairs(xy: Real[Array, "n 2"], usable: Real[Array, " k"], count: int) -> tuple[Array, Array, Array, Array]:
-    """Each corner of `usable` (K,), numbers of rows of `xy` (N, 2), and its `count` nearest among them: from, to, distance px, direction (M,) rad."""
+    """Pairs of each corner of `usable` (K,), rows of `xy` (N, 2), with its `count` nearest among them.
+
+    Returns, each (M,): from, to, distance px, direction rad.
+    """
     distance, near = nearest(xy[usable], xy[usable], count + 1)
     row, rank = np.nonzero((near != np.arange(len(usable))[:, None]) & (near < len(usable)))
     i, j = usable[row], usable[near[row, rank]]
@@ -168,21 +179,24 @@ def near_pairs(xy: Real[Array, "n 2"], usable: Real[Array, " k"], count: int) ->
 
 
 def slot_of(axes: Real[Array, "m k"], angle: Real[Array, " m"]) -> Array:
-    """Which of the 2 K directions of `axes` (M, K) the direction `angle` (M,) is nearest to: axis k is slot k, its other end K + k."""
+    """Which of the 2 K directions of `axes` (M, K) is nearest to `angle` (M,): axis k is slot k, its opposite direction
+    K + k."""
     turn = cos_sin(angle[:, None] - axes)[0]
     axis = np.abs(turn).argmax(axis=1)
     return np.asarray(axis + axes.shape[1] * (turn[np.arange(len(axes)), axis] < 0))
 
 
 def mutual(out: Real[Array, "n s"], i: Array, j: Array, length: Array, slot: Array) -> Array:
-    """`out` (N, S), −1 for none, with the shortest link i → j of each slot, where the other end has chosen its corner, too."""
+    """`out` (N, S), −1 for none, with the shortest link i → j of each slot, kept only where both ends choose each
+    other."""
     i, j, slot = (np.ascontiguousarray(a, np.int64) for a in (i, j, slot))
     _mutual(i, j, length, slot, np.empty(out.shape), np.empty_like(out), out)
     return out
 
 
 def cells(field: Field, neighbour: Array) -> Int[Array, "q 4"]:
-    """Quadrilaterals (Q, 4) of links, corners a, b, c, d turning clockwise on the screen, each once, convex and not absurdly skewed."""
+    """Quadrilaterals (Q, 4) of links, corners a, b, c, d clockwise on the screen, each once, convex and not extremely
+    skewed."""
     count = len(neighbour)
     room = 4 * int(np.count_nonzero(neighbour >= 0))
     quads = np.empty((room, 4), np.int64)
@@ -192,7 +206,10 @@ def cells(field: Field, neighbour: Array) -> Int[Array, "q 4"]:
 
 
 def label(field: Field, quads: Array) -> list[dict[Label, int]]:
-    """Grids by flood fill over cells (Q, 4), each {(u, v): corner}; the surest cell first; a cell that contradicts its grid is left out."""
+    """Grids by flood fill over cells (Q, 4), each {(u, v): corner}, starting from the cell of highest response.
+
+    A cell that contradicts its grid is left out.
+    """
     count, corners = len(quads), len(field.xy)
     if not count:
         return []

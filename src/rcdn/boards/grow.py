@@ -1,4 +1,4 @@
-"""Completion: corners that the graph missed, where a grid's neighbours predict them and the picture agrees."""
+"""Completion: adds corners that the graph missed where a grid's neighbours predict them and the image confirms them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rcdn.types.arrays import Bool, Int
 
 
 class _Rim(NamedTuple):
-    """A grid that may go on, as the kernel takes it: labels (M, 2) and numbers of its corners (M,), open spots (K, 2) with their predictions
-    (K, 6) and steps (K,)."""
+    """A growing grid as input of the kernel: labels (M, 2) and indices (M,) of its corners, open spots (K, 2) with
+    their predictions (K, 6) and shorter steps (K,)."""
 
     labels: Array
     members: Array
@@ -29,7 +29,7 @@ class _Rim(NamedTuple):
 
 
 class _Corners(NamedTuple):
-    """A `Field` as the kernel takes it, and which corners are `free`."""
+    """A `Field` as input of the kernel, and which corners are `free`."""
 
     xy: Array
     axes: Array
@@ -43,8 +43,8 @@ class _Corners(NamedTuple):
 
 
 class _Rules(NamedTuple):
-    """What a grid takes: least `level`, response × fit; its colouring; `near`, `near_weak` squares, axes within `far`; none of those
-    `refused` (R, 3)."""
+    """Conditions on new corners: least response × fit, `level`; the board's colouring; largest distances `near`,
+    `near_weak`, squares, and largest angle of the axes, `far`; the offers already `refused` (R, 3)."""
 
     level: float
     sign: int
@@ -55,7 +55,7 @@ class _Rules(NamedTuple):
 
 
 class _Offers(NamedTuple):
-    """What a grid is offered, see `_Growth._near`, and how many edges there are, `edges` (1,)."""
+    """Corners offered to a grid, see `_Growth._near`, and the number of edges, `edges` (1,)."""
 
     offers: Array
     gap: Array
@@ -68,7 +68,7 @@ class _Offers(NamedTuple):
 
     @classmethod
     def room(cls, count: int) -> _Offers:
-        """For so many."""
+        """Empty arrays for `count` offers."""
         return cls(
             np.empty((count, 3), np.int64), np.empty(count), np.empty(count, np.uint8), np.empty((count, 4), np.int64),
             np.empty((4 * count, 2)), np.empty((4 * count, 2)), np.empty(4 * count), np.zeros(1, np.int64),
@@ -80,26 +80,28 @@ _offers = bind("rcdn_grid_offers", _Rim, _Corners, _Rules, _Offers)
 ROUNDS = 40
 """of growth of a grid, at most"""
 NEAR, NEAR_WEAK = 0.28, 0.24
-"""a corner may lie this share of the pitch from its prediction; a weak one must be closer"""
+"""largest distance of a corner from its prediction, share of the pitch; the second for weak corners"""
 PLAIN = 5
-"""corners that a grid must have before weak peaks are looked at: no board is one whose corners are mostly weak (`validate.plain`)"""
+"""fewest corners of a grid for which weak peaks are evaluated: a grid of mostly weak corners is no board
+(`validate.plain`)"""
 ROOM = 64
-"""corners near an open spot that are usual"""
+"""initial capacity for offers"""
 MANY = 64
-"""corners from which on only spots near the last additions are asked again: nothing has changed elsewhere"""
+"""from so many corners on, only spots near the last additions are tested again: nothing has changed elsewhere"""
 SLACK = 3.0
-"""px by which refinement may move a peak"""
+"""largest displacement of a peak by its refinement, px"""
 FAR_AXIS = np.deg2rad(30)
 """how far a corner's axes may turn from the predicted steps"""
 SHOWN, SHOWN_WEAK = 0.2, 0.3
-"""share of the board's contrast that an edge to a labelled neighbour shows"""
+"""least contrast of an edge to a labelled neighbour, share of the board's contrast"""
 
 
 def grow(field: Field, grid: Grid, free: Bool[Array, " n"]) -> None:
-    """Add corners to `grid`, nearest to their prediction first, until nothing changes. `free` (N,) bool: corners that may be taken; updated.
+    """Add corners to `grid`, nearest to their prediction first, until nothing changes.
 
-    A corner is taken if it lies within 0.28 of a square of its prediction (0.24 if it is weak), its axes and colours fit the
-    board where they are known, and the edges to its labelled neighbours are in the picture. Drops nothing and renames nothing.
+    `free` (N,) bool: corners that may be taken; updated. A corner is taken if it lies within 0.28 of a square of its
+    prediction (0.24 if it is weak), its axes and colours fit the board where they are known, and the edges to its
+    labelled neighbours are visible. No corner is removed and no label is changed.
     """
     sign = board_sign(field, grid)
     if sign == 0:
@@ -129,12 +131,12 @@ def board_sign(field: Field, grid: Grid) -> int:
 
 
 Offer = tuple[float, Label, int]
-"""a corner that might take a spot: its distance from the prediction, in squares; the spot; the corner"""
+"""a corner offered to a spot: its distance from the prediction, in squares; the spot; the corner"""
 
 
 class _Growth:
-    """A grid that goes on. `level`: least quality of a new corner; `refused` (R, 3): u, v and corner of what was offered and isn't asked again;
-    `added` (A, 2): labels of the last round's corners, None before the first."""
+    """A growing grid. `level`: least quality of a new corner; `refused` (R, 3): u, v and corner of the offers that were
+    refused for good; `added` (A, 2): labels of the last round's corners, None before the first."""
 
     def __init__(self, field: Field, grid: Grid, sign: int, free: Array) -> None:
         self.field, self.grid, self.sign, self.free = field, grid, sign, free
@@ -145,10 +147,11 @@ class _Growth:
         self._room = _Offers.room(ROOM)
 
     def offers(self) -> list[Offer]:
-        """Acceptable corners for the empty spots beside the grid: their edges to its corners are in the picture.
+        """Acceptable corners for the empty spots beside the grid: corners whose edges to the grid's corners are
+        visible.
 
-        One is enough for a strong corner whose axes fit, if none speaks against it; otherwise all must be seen, and two at least
-        where the axes don't fit (motion blur bends them).
+        For a strong corner whose axes fit, one visible edge is enough if no other contradicts it; otherwise all edges
+        must be visible, and at least two of them where the axes do not fit (motion blur changes their directions).
         """
         labels, members = self.grid.labels, self.grid.corners
         labels, members, spots, guess = self._open(labels, members)
@@ -167,14 +170,14 @@ class _Growth:
         return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
 
     def _open(self, labels: Array, members: Array) -> tuple[Array, Array, Array, Predictions]:
-        """The open spots (K, 2) that are to be asked, with their predictions, and the labels and corners near them.
+        """The open spots (K, 2) to be tested, with their predictions, and the labels and corners near them.
 
-        A spot that took nothing will take nothing in the next round, either, unless one of the corners that predict it has been added.
+        A spot that stayed empty stays empty in the next round, too, unless one of the corners that predict it is new.
         """
         added = self.added
         if added is None or len(labels) < MANY or len(labels) - len(added) <= PLAIN:
             return labels, members, *beside(labels, self.grid.xy[members])
-        # spots within WIDEST of what was added stand on labels within WIDEST of them
+        # spots within WIDEST of the added corners are predicted from labels within WIDEST of the spots
         some = nearest(added, labels)[0][:, 0] <= np.sqrt(2) * 2 * WIDEST + 1
         labels, members = labels[some], members[some]
         spots, guess = beside(labels, self.grid.xy[members])
@@ -182,9 +185,12 @@ class _Growth:
         return labels, members, spots[row], guess.take(row)
 
     def _near(self, labels: Array, members: Array, spots: Int[Array, "k 2"], guess: Predictions) -> tuple[Array, ...]:
-        """What the open `spots` (K, 2) may be offered: u, v and corners (M, 3); their distance from the prediction (M,), squares; do their own axes
-        and colours fit the predicted steps (M,), 2: of a strong corner; which edges lead to labelled neighbours (M, 4), −1 for none. Of
-        these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the side at rising angle is the dark one.
+        """Corners offered to the open `spots` (K, 2).
+
+        Returns u, v and corner (M, 3); distance from the prediction (M,), squares; whether the corner's axes and
+        colours fit the predicted steps (M,), 2 for a strong corner; which edges lead to labelled neighbours (M, 4), −1
+        for none; and, of these edges, starts and ends (E, 2) px, and the neighbours' contrast (E,), negative where the
+        side at rising angle is the dark one.
         """
         field = self.field
         rim = _Rim(labels, members, spots, guess.maps, guess.pitch)

@@ -1,4 +1,5 @@
-"""Where a corner should be, from its labelled neighbours: a low-order map of a few squares, never of the whole board."""
+"""Prediction of corners from their labelled neighbours: a low-order map over a few squares, never over the whole
+board."""
 
 from __future__ import annotations
 
@@ -17,15 +18,15 @@ _around = bind("rcdn_grid_around")
 _predict = bind("rcdn_grid_predict")
 _beside = bind("rcdn_grid_beside")
 LEAST_PITCH = 2.0
-"""px; smaller squares are none"""
+"""least pitch of a grid, px"""
 WIDEST = 3
-"""squares: labels further away tell a prediction nothing"""
+"""largest distance of the labels that a prediction uses, squares"""
 Labels = Array | Sequence[Label]
-"""of spots: (K, 2), or so many (u, v)"""
+"""labels of spots: (K, 2), or a sequence of (u, v)"""
 
 
 class Grid:
-    """A labelled grid over corners: {(u, v): corner} with the positions at hand."""
+    """A labelled grid over corners, {(u, v): corner}, together with the positions of all corners."""
 
     def __init__(self, at: dict[Label, int], xy: Array) -> None:
         self.at, self.xy = dict(at), xy
@@ -35,16 +36,20 @@ class Grid:
 
     @property
     def labels(self) -> Int[Array, "m 2"]:
-        """Of its corners, (M, 2) int64, in the order of `at`."""
+        """Labels of its corners, (M, 2) int64, in the order of `at`."""
         return as_labels(self.at)
 
     @property
     def corners(self) -> Int[Array, " m"]:
-        """Their numbers, (M,) int64, in the order of `at`."""
+        """Indices of its corners, (M,) int64, in the order of `at`."""
         return np.fromiter(self.at.values(), np.int64, len(self.at))
 
     def append(self, xy: list[Array], shared: Array) -> None:
-        """Put positions (2,) of its own behind `xy`: into the room behind `shared`, those of all corners, if there is some. One grid at a time."""
+        """Append positions (2,) of new corners to `xy`.
+
+        They are written into the spare capacity behind `shared`, the positions of all corners, if there is enough;
+        otherwise `xy` is copied. Only one grid at a time may use that capacity.
+        """
         before, after, room = len(self.xy), len(self.xy) + len(xy), shared.base
         if room is not None and self.xy.base is room and after <= len(room):
             room[before:after] = np.reshape(xy, (-1, 2))
@@ -53,37 +58,41 @@ class Grid:
             self.xy = np.vstack([self.xy, *xy])
 
     def around(self, spots: Labels, reach: int) -> Array:
-        """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
+        """Corners (K, (2 reach + 1)²) at the labels around `spots` (K, 2), row by row, spot in the centre; −1 for
+        none."""
         rows = windows(self.labels, spots, reach)
         return np.where(rows >= 0, self.corners[rows], -1) if self.at else rows
 
     def predict(self, spot: Label) -> Prediction | None:
-        """Where the corner of `spot` should be; None if its neighbours don't span the plane."""
+        """Predicted corner of `spot`; None if its neighbours do not span the plane."""
         guess = self.predictions([spot])
         return Prediction(guess.xy[0], guess.du[0], guess.dv[0], int(guess.support[0])) if guess.support[0] else None
 
     def predictions(self, spots: Labels) -> Predictions:
-        """`predict` of many spots (K); `support` is 0, and the rest NaN, where their neighbours don't span the plane.
+        """`predict` for many spots (K); where their neighbours do not span the plane, `support` is 0 and the rest is
+        NaN.
 
-        Weighted least squares over the neighbours up to two squares away, with fewer than six of them up to three: bilinear with four
-        neighbours, quadratic along an axis on which they take three places; the smallest such map where there are many.
+        Weighted least squares over the neighbours up to two squares away, or up to three if there are fewer than six:
+        bilinear with four neighbours, quadratic along an axis with three distinct coordinates; among many neighbours
+        the smallest such map.
         """
         return predictions(self.labels, self.xy[self.corners], as_labels(spots))
 
     def beside(self) -> tuple[Array, Predictions]:
-        """The empty labels (K, 2) beside its corners, where a grid may go on, sorted; and their predictions, of steps of 2 px and more."""
+        """The empty labels (K, 2) beside its corners, sorted, and their predictions; only those with steps of at least
+        2 px."""
         return beside(self.labels, self.xy[self.corners])
 
 
 def predictions(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Predictions:
-    """`Grid.predictions` at `spots` (K, 2) of the corners `labels`, `xy` (M, 2)."""
+    """`Grid.predictions` at `spots` (K, 2) from corners with `labels`, `xy` (M, 2)."""
     guess = Predictions.room(len(spots))
     _predict(labels, xy, spots, *guess)
     return guess
 
 
 def beside(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> tuple[Array, Predictions]:
-    """`Grid.beside` of the corners `labels`, `xy` (M, 2)."""
+    """`Grid.beside` for corners with `labels`, `xy` (M, 2)."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
     count = _beside(labels, xy, LEAST_PITCH, spots, *guess)
@@ -91,14 +100,15 @@ def beside(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> tuple[Array, Pr
 
 
 def as_labels(spots: Iterable[Label] | Array) -> Int[Array, "k 2"]:
-    """(K, 2) int64 of the labels of spots."""
+    """Labels of spots as (K, 2) int64."""
     if isinstance(spots, np.ndarray):
         return np.ascontiguousarray(spots, np.int64).reshape(-1, 2)
     return np.fromiter(chain.from_iterable(spots), np.int64).reshape(-1, 2)
 
 
 def windows(labels: Int[Array, "m 2"], spots: Labels, reach: int) -> Array:
-    """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, each spot in the middle; −1 for none."""
+    """Rows (K, (2 reach + 1)²) of `labels` (M, 2) around `spots` (K, 2), row by row, spot in the centre; −1 for
+    none."""
     spots = as_labels(spots)
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
     _around(labels, spots, reach, out)
@@ -106,8 +116,10 @@ def windows(labels: Int[Array, "m 2"], spots: Labels, reach: int) -> Array:
 
 
 class Predictions(NamedTuple):
-    """Predicted corners and the steps to their neighbours: `maps` (K, 6) px, x, y and both steps; on how many corners they stand, `support` (K,);
-    lengths of the shorter steps, `pitch` (K,) px. NaN where `support` is 0.
+    """Predicted corners and the steps to their neighbours.
+
+    `maps` (K, 6) px: x, y and both steps; `support` (K,): number of corners used; `pitch` (K,) px: length of the
+    shorter step. NaN where `support` is 0.
     """
 
     maps: Array
@@ -116,11 +128,11 @@ class Predictions(NamedTuple):
 
     @classmethod
     def room(cls, count: int) -> Predictions:
-        """For so many, not filled in."""
+        """Uninitialised arrays for `count` predictions."""
         return cls(np.empty((count, 6)), np.empty(count, np.int64), np.empty(count))
 
     def take(self, index: Array | slice) -> Predictions:
-        """Those at `index`."""
+        """The predictions at `index`."""
         return Predictions(self.maps[index], self.support[index], self.pitch[index])
 
     @property
@@ -140,7 +152,8 @@ class Predictions(NamedTuple):
 
 
 class Prediction:
-    """A predicted corner: `xy` (2,) px, the steps `du`, `dv` (2,) px to its neighbours, and how many corners it stands on."""
+    """A predicted corner: `xy` (2,) px, the steps `du`, `dv` (2,) px to its neighbours, and the number of corners
+    used."""
 
     def __init__(self, xy: Array, du: Array, dv: Array, count: int) -> None:
         self.xy, self.du, self.dv, self.count = xy, du, dv, count
@@ -152,7 +165,8 @@ class Prediction:
 
 
 def parts(spots: Iterable[Label], steps: Iterable[Label]) -> list[set[Label]]:
-    """The parts of a grid's labels that `steps` join, the largest first, of equals that with the smallest label."""
+    """Components of a grid's labels connected by `steps`, the largest first; of equal ones that with the smallest
+    label."""
     left, out, ways = set(spots), [], list(steps)
     while left:
         stack, part = [min(left)], set()

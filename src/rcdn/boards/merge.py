@@ -1,4 +1,4 @@
-"""Parts of one board that a shadow, a finger or a glare has torn apart are put together again."""
+"""Merges parts of one board that a shadow, a finger or glare has separated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
 GAP = 3
-"""parts may lie this many squares apart"""
+"""largest gap between two parts, squares"""
 OFF = 0.08
 """largest distance from a lattice point of the other part, squares, for each square of the gap"""
 STRETCH = 0.25
@@ -25,15 +25,15 @@ STRETCH = 0.25
 LEAST_VOTES, SHARE = 3, 0.8
 """corners that must agree on how two parts lie, and share of those within `GAP` of the other part"""
 Motion = tuple[int, int, int]
-"""quarter turns, shift in u, shift in v"""
+"""number of quarter turns, shift in u, shift in v"""
 
 
 def merge(field: Field, grids: list[Grid]) -> list[Grid]:
-    """Join grids whose lattices are one, larger ones first; what doesn't join stays as it is.
+    """Join grids that share one lattice, larger ones first; all others are left unchanged.
 
-    A part joins if at least three of its corners, and four fifths of those near enough to tell, lie on continued lattice points of the
-    other under one turn and shift, and the other way round too; if their steps are alike where they face each other; if colours agree, and no
-    label is taken.
+    A part joins if at least three of its corners, and four fifths of those near enough to vote, lie on extrapolated
+    lattice points of the other under one rotation and shift, and vice versa; if their steps agree where they face each
+    other; if the colours agree; and if no label is occupied.
     """
     if len(grids) < 2:
         return grids
@@ -49,21 +49,22 @@ def merge(field: Field, grids: list[Grid]) -> list[Grid]:
             if not free[n] or not _join(field, host, parts[n]):
                 continue
             free[n] = False
-            # of those that didn't join before, only what lies near the new part may now
+            # of the parts that did not join before, only those near the new part can join now
             again = sorted({*again, *_near(parts, boxes, free, parts[n])})
         out.append(host.grid)
     return out
 
 
 def _near(parts: list[_Lattice], boxes: BoxCells, free: Array, host: _Lattice) -> list[int]:
-    """Numbers, rising, of those of the `free` parts that aren't surely too far from `host`."""
+    """Indices, ascending, of the `free` parts that are not certainly too far from `host`."""
     around = boxes.touched(host.low - host.reach, host.high + host.reach)
     return [n for n in around if free[n] and not parts[n].apart(host)]
 
 
 class _Lattice:
-    """A grid with what its neighbours are told by: `labels` (M, 2), positions `xy` (M, 2), and the steps there, `steps` (M, 2, 2), columns du, dv,
-    NaN if unknown. `low`, `high` (2,): the box around them; `reach`: beyond it, surely nothing is within `GAP` of its squares.
+    """A grid as an operand of merging: `labels` (M, 2), positions `xy` (M, 2), and the steps there, `steps` (M, 2, 2),
+    columns du, dv, NaN if unknown. `low`, `high` (2,): bounding box of the positions; `reach`: distance from it beyond
+    which nothing is within `GAP` of its squares.
     """
 
     def __init__(self, grid: Grid) -> None:
@@ -75,27 +76,27 @@ class _Lattice:
         self._sign, self._own = 0, False
 
     def sign(self, field: Field) -> int:
-        """The board's colouring; what joins it must agree, and doesn't change it."""
+        """The board's colouring; a part that joins must agree with it and does not change it."""
         self._sign = self._sign or board_sign(field, self.grid)
         return self._sign
 
     def apart(self, other: _Lattice) -> bool:
-        """Are two grids surely further apart than `GAP` squares of either?"""
+        """Whether two grids are certainly further apart than `GAP` squares of either."""
         gap = max((self.low - other.high).max(), (other.low - self.high).max())
         return bool(gap > max(self.reach, other.reach))
 
     def within(self, other: _Lattice) -> Array:
-        """Rows of what isn't surely further than that from the other's box."""
+        """Rows of the corners that are not certainly further than that from the other's box."""
         reach = max(self.reach, other.reach)
         return np.flatnonzero(((self.xy >= other.low - reach) & (self.xy <= other.high + reach)).all(axis=1))
 
     def take(self, guest: _Lattice, motion: Motion) -> None:
-        """Add a guest's corners, with their labels after `motion`."""
+        """Add a guest's corners, with their labels transformed by `motion`."""
         if not self._own:
             self.grid, self._own = Grid(self.grid.at, self.grid.xy), True
         labels = np.array([_move(motion, (u, v)) for u, v in guest.labels.tolist()], np.int64)
         self.grid.at |= zip(map(tuple, labels.tolist()), guest.corners.tolist(), strict=True)
-        # predictions stand on labels close by: the others stay as they are
+        # a prediction uses only labels close by: all other steps remain valid
         changed = _close(self.labels, labels, WIDEST)
         told = np.concatenate([self.labels, labels])
         xy = np.concatenate([self.xy, guest.xy])
@@ -113,12 +114,12 @@ def _reach(steps: Array) -> float:
 
 
 def _steps(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Array, "k 2"]) -> Real[Array, "k 2 2"]:
-    """Steps (K, 2, 2) at labels `spots` (K, 2) of corners `labels`, `xy` (M, 2)."""
+    """Steps (K, 2, 2) at labels `spots` (K, 2), predicted from corners with `labels`, `xy` (M, 2)."""
     return predictions(labels, xy, spots).maps[:, 2:].reshape(-1, 2, 2).swapaxes(1, 2)
 
 
 def _close(labels: Int[Array, "m 2"], others: Real[Array, "k 2"], reach: int) -> Array:
-    """Rows of `labels` (M, 2) that lie within `reach` squares of one of `others` (K, 2)."""
+    """Rows of `labels` (M, 2) within `reach` squares of one of `others` (K, 2)."""
     low, high = others.min(axis=0) - reach, others.max(axis=0) + reach
     rows = np.flatnonzero(((labels >= low) & (labels <= high)).all(axis=1))
     known = windows(others, labels[rows], reach)
@@ -126,7 +127,7 @@ def _close(labels: Int[Array, "m 2"], others: Real[Array, "k 2"], reach: int) ->
 
 
 def _join(field: Field, host: _Lattice, guest: _Lattice) -> bool:
-    """Join a guest to its host, in place, if their lattices are one."""
+    """Join a guest to its host, in place, if they share one lattice."""
     here, there = host.within(guest), guest.within(host)
     if not len(here) or not len(there):
         return False
@@ -154,8 +155,8 @@ def _move(motion: Motion, spot: Label) -> Label:
 
 
 def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motion | None:
-    """The turn and shift that take the guest's labels to the host's, or None if there is no clear one. Rows `here` of the host and `there` of the
-    guest are those that may tell."""
+    """The rotation and shift that take the guest's labels to the host's, or None if there is no clear majority. Only
+    the rows `here` of the host and `there` of the guest are used."""
     at = guest.xy[there]
     near = here[nearest(host.xy[here], at)[1][:, 0]]
     squares = _inverses(host.steps[near])
@@ -165,7 +166,7 @@ def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motio
     voters = (reach >= 1) & (reach <= GAP)
     close = np.flatnonzero(voters & (np.abs(offset - whole).max(axis=1) <= OFF * reach))
     if len(close) < max(LEAST_VOTES, SHARE * int(voters.sum())):
-        return None  # each has one vote for a motion at most
+        return None  # each corner has at most one vote per motion
     alike = _same_steps(squares[close], guest.steps[there[close]])
     votes: Counter[Motion] = Counter()
     base = host.labels[near[close]] + whole[close].astype(int)
@@ -180,7 +181,7 @@ def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motio
 
 
 def _inverses(steps: Array) -> Real[Array, "m 2 2"]:
-    """Inverses (M, 2, 2) of steps, NaN where these span nothing."""
+    """Inverses (M, 2, 2) of steps, NaN where the steps are singular."""
     (a, b), (c, d) = steps.transpose(1, 2, 0)
     area = a * d - b * c
     area = np.where(np.abs(area) >= 1e-6, area, np.nan)
@@ -188,7 +189,11 @@ def _inverses(steps: Array) -> Real[Array, "m 2 2"]:
 
 
 def _same_steps(squares: Real[Array, "k 2 2"], steps: Real[Array, "k 2 2"]) -> Bool[Array, "k 4"]:
-    """(K, 4) bool: are a guest's `steps` (K, 2, 2), after so many turns, the host's, by its `squares` (K, 2, 2), but for a quarter of a square?"""
+    """(K, 4) bool: whether a guest's `steps` (K, 2, 2), after 0 to 3 quarter turns, agree with the host's to a quarter
+    of a square.
+
+    `squares` (K, 2, 2): inverses of the host's steps.
+    """
     out = []
     for _ in range(4):
         difference = product(squares, steps) - np.eye(2)

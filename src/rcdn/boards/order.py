@@ -1,4 +1,4 @@
-"""Which corner is (0, 0): the ordering contract of docs/conventions.md."""
+"""Choice of corner (0, 0): the ordering contract of docs/conventions.md."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from rcdn.types.arrays import Int
 
 
 def orientation(cols: int, rows: int) -> Orientation:
-    """What colours say of a board of `cols` × `rows` inner corners.
+    """Which labellings the colours of a board of `cols` × `rows` inner corners leave open.
 
-    cols + rows odd: one labelling only. Even: half a turn looks the same; a square of an even size looks the same after quarter turns too.
+    cols + rows odd: a single labelling. Even: the board is symmetric under a half turn; a square of an even size under
+    quarter turns, too.
     """
     if (cols + rows) % 2:
         return "unique"
@@ -20,7 +21,7 @@ def orientation(cols: int, rows: int) -> Orientation:
 
 
 def turned(ij: Array, quarters: int) -> Array:
-    """Labels after `quarters` quarter turns that keep the grid right-handed, starting at 0."""
+    """Labels after `quarters` quarter turns that keep the grid right-handed; the smallest labels are 0."""
     u, v = ij.T
     for _ in range(quarters % 4):
         u, v = -v, u
@@ -31,10 +32,10 @@ def turned(ij: Array, quarters: int) -> Array:
 def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
 
-    `colour`: +1 if the square between (0, 0) and (1, 1) of `ij`'s lattice (that is, of even u + v) is bright, −1 dark.
-    An unambiguous board (cols + rows odd) is labelled by what is printed on it: columns along its longer side, and the square
-    inside the origin is dark, so that the same printed corner has the same label from every side. Any other is labelled by how
-    it lies: columns closest to +x, origin at the top left.
+    `colour`: +1 if the square between (0, 0) and (1, 1) of `ij`'s lattice (that is, of even u + v) is bright, −1 if
+    dark. An unambiguous board (cols + rows odd) is labelled by its print: columns along its longer side, and the square
+    inside the origin is dark, so that the same printed corner has the same label from every viewpoint. Any other board
+    is labelled by its pose in the image: columns closest to +x, origin at the top left.
     """
     low, high = ij.min(axis=0).tolist(), ij.max(axis=0).tolist()
     cols, rows = high[0] - low[0] + 1, high[1] - low[1] + 1
@@ -50,6 +51,6 @@ def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
 
 
 def _rightward(ij: Array, xy: Array) -> list[float]:
-    """cos of the angle between the column direction and +x, after each number of quarter turns."""
+    """Cosine of the angle between the column direction and +x, after 0 to 3 quarter turns."""
     u, v, _ = affine(ij, xy).T
     return [float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12)) for step in (u, -v, -u, v)]

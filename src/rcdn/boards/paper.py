@@ -1,6 +1,7 @@
 """The paper's board recovery (section 3.4): initial matrices of 3 × 3 or 2 × 2 corners, grown by lines or by cells.
 
-Kept beside the link graph (`find_boards`) so that the paper's claims can be checked; docs/recovery.md shows where it fails.
+Kept beside the link graph (`find_boards`) so that the paper's claims can be verified; docs/recovery.md shows where it
+fails.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from rcdn.types import Array, Board
 from rcdn.types.arrays import Real, Shaped
 
 DIRECTIONS = (2, 4)
-"""A corner with fewer or more edge directions starts no board."""
+"""least and largest number of edge directions of a corner from which a board may start"""
 APART = 0.3
-"""radians between the two directions of a lattice, at least"""
+"""least angle between the two directions of a lattice, radians"""
 UNEVEN = 0.3
 """largest standard deviation ÷ mean of the steps along one direction of a 3 × 3 matrix"""
 START_ENERGY = -6.0
-"""of a 3 × 3 matrix, at most"""
+"""largest energy of an initial 3 × 3 matrix"""
 RATIO = (0.8, 1.2)
-"""mean edge of a cell ÷ mean edge of the initial cell, where cells merge (the paper's figures)"""
+"""range of the mean edge of a cell ÷ mean edge of the initial cell for cells to merge (the paper's values)"""
 QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 """Diagonals of a 3 × 3 matrix, clockwise on the screen."""
 CELL = 4
@@ -38,10 +39,11 @@ Labels = dict[Label, int]
 
 
 def find_boards_paper(grey: Shaped[Array, "h w"], candidates: Candidates, least: int = CELL) -> list[Board]:
-    """Boards among the corners above the threshold by the paper's growth, the one with most corners first.
+    """Boards among the corners above the threshold by the paper's growth, the one with the most corners first.
 
-    As `find_boards`: `grey` (H, W), `least` the fewest corners of a board, labels by docs/conventions.md, [] for no board. The
-    result doesn't depend on the order of the candidates. Paper section 3.4; what it leaves open is settled in docs/paper.md, P17.
+    As `find_boards`: `grey` (H, W), `least` the fewest corners of a board, labels by docs/conventions.md, [] for no
+    board. The result does not depend on the order of the candidates. Paper section 3.4; details that the paper leaves
+    open are documented in docs/paper.md, P17.
     """
     found = candidates.all
     index = np.flatnonzero(candidates.sure)
@@ -57,11 +59,13 @@ def find_boards_paper(grey: Shaped[Array, "h w"], candidates: Candidates, least:
 
 
 def recover(xy: Real[Array, "n 2"], angles: Array, count: Array) -> list[Labels]:
-    """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of `edge_directions`.
+    """Grids {(u, v): corner} of corners `xy` (N, 2), sorted by falling response, with `angles`, `count` of
+    `edge_directions`.
 
-    First all boards that grow by lines from 3 × 3 corners, then those that grow by cells among the corners that are left: a corner at
-    the rim has no 3 × 3 around it, and the cells that would grow from it end where perspective changes their size. Within each, seeds come by
-    falling response. Labels are right-handed, of any origin. Each corner is in one board at most.
+    First all boards that grow by lines from 3 × 3 corners, then boards that grow by cells among the remaining corners:
+    a corner at the rim has no 3 × 3 neighbourhood, and growth by cells ends where perspective changes their size.
+    Within each stage, seeds are tried by falling response. Labels are right-handed, with arbitrary origin. Each corner
+    is in at most one board.
     """
     grids: list[Labels] = []
     if len(xy) < CELL:
@@ -80,14 +84,14 @@ def recover(xy: Real[Array, "n 2"], angles: Array, count: Array) -> list[Labels]
 
 
 def _matrices_at(pool: Pool, seed: int) -> list[Labels]:
-    """The initial matrix of each pair of the seed's directions."""
+    """The initial matrix for each pair of the seed's edge directions."""
     own = [float(a) for a in pool.angles[seed] if np.isfinite(a)]
     pairs = [(min(p), max(p)) for p in combinations(own, 2)]
     return [start_matrix(pool, seed, a, b) for a, b in pairs if APART <= b - a <= np.pi - APART]
 
 
 def _lines_at(pool: Pool, seed: int) -> Labels | None:
-    """The board that grows by lines from the first matrix of 3 × 3 corners around `seed` that is fit for it; None if there is none."""
+    """The board grown by lines from the first suitable matrix of 3 × 3 corners around `seed`; None if there is none."""
     for at in _matrices_at(pool, seed):
         if len(at) == 9 and even(pool, index := np.array([[at[u, v] for u in (-1, 0, 1)] for v in (-1, 0, 1)])):
             grown = grow_lines(pool, index)
@@ -96,7 +100,7 @@ def _lines_at(pool: Pool, seed: int) -> Labels | None:
 
 
 def _cells_at(pool: Pool, seed: int) -> Labels | None:
-    """The board that grows by cells from the first convex cell at `seed`; None if there is none."""
+    """The board grown by cells from the first convex cell at `seed`; None if there is none."""
     for at in _matrices_at(pool, seed):
         for u, v in QUADRANTS:
             ring = _ring((min(u, 0), min(v, 0)))
@@ -108,7 +112,8 @@ def _cells_at(pool: Pool, seed: int) -> Labels | None:
 def start_matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
     """Corners at labels −1..1 around `seed`: columns run along the angle `a`, rows along `b`, a < b.
 
-    The neighbours of the seed, then theirs: a diagonal counts if both ways to it end at one corner. No corner comes twice.
+    The neighbours of the seed, then their neighbours: a diagonal corner is accepted if both paths to it end at the same
+    corner. No corner appears twice.
     """
     at, along, down = {(0, 0): seed}, {1: a, -1: a + np.pi}, {1: b, -1: b + np.pi}
     for k in (1, -1):
@@ -125,7 +130,8 @@ def start_matrix(pool: Pool, seed: int, a: float, b: float) -> Labels:
 
 
 def even(pool: Pool, index: Array) -> bool:
-    """Is a 3 × 3 matrix of corners (rows, columns) a start for growth: even steps along each direction, nearly straight lines?"""
+    """Whether growth may start from a 3 × 3 matrix of corners (rows, columns): even steps along each direction, nearly
+    straight lines."""
     xy = pool.xy[index]
     steps = [np.linalg.norm(np.diff(xy, axis=axis), axis=-1) for axis in (0, 1)]
     cells = np.stack([xy[:-1, :-1], xy[:-1, 1:], xy[1:, 1:], xy[1:, :-1]], axis=2)
@@ -133,16 +139,18 @@ def even(pool: Pool, index: Array) -> bool:
 
 
 def _convex(quads: Array) -> bool:
-    """Are all quads (..., 4, 2) convex, turning clockwise on the screen?"""
+    """Whether all quads (..., 4, 2) are convex and clockwise on the screen."""
     edge = np.roll(quads, -1, axis=-2) - quads
     after = np.roll(edge, -1, axis=-2)
     return bool((edge[..., 0] * after[..., 1] > edge[..., 1] * after[..., 0]).all())
 
 
 def _grow_cells(pool: Pool, at: Labels, first: Label) -> Labels:
-    """Cells beside the edges of cells, from the one whose least label is `first`, while their size is the first one's.
+    """Add cells beside the edges of cells, starting from the cell of least label `first`, while they are about as large
+    as it.
 
-    The literal rule: mean edge ÷ mean edge of the initial cell in [0.8, 1.2]. What contradicts a label is left out.
+    The paper's literal rule: mean edge ÷ mean edge of the initial cell in [0.8, 1.2]. Cells that contradict a label are
+    left out.
     """
     size = _mean_edge(pool.xy[[at[spot] for spot in _ring(first)]])
     where = {corner: spot for spot, corner in at.items()}
@@ -166,7 +174,7 @@ def _grow_cells(pool: Pool, at: Labels, first: Label) -> Labels:
 
 
 def _ring(cell: Label) -> list[Label]:
-    """Labels around a cell, by its least label; clockwise on the screen."""
+    """Labels of the corners of a cell given by its least label; clockwise on the screen."""
     u, v = cell
     return [(u, v), (u + 1, v), (u + 1, v + 1), (u, v + 1)]
 
@@ -178,8 +186,8 @@ def _mean_edge(quad: Array) -> float:
 def _beside(pool: Pool, at: Labels, where: dict[int, Label], cell: Label, step: Label) -> Labels | None:
     """The two corners beyond the edge of `cell` that faces `step`, {label: corner}; None if there is no cell.
 
-    Found like the initial matrix: outward from both ends of the edge, and from each of the two to the other. Both ways must agree
-    with each other and with the labels that are given.
+    Found like the initial matrix: outward from both ends of the edge, and from each of the two to the other. Both paths
+    must agree with each other and with existing labels.
     """
     d, e = step
     near = [spot for spot in _ring(cell) if (spot[0] - d, spot[1] - e) in _ring(cell)]

@@ -1,4 +1,5 @@
-"""Where a board ends: one or two corners beyond its rim make no column or row where the picture shows that rim beside them."""
+"""The rim of a board: one or two corners beyond it are no column or row if the image shows that the board ends beside
+them."""
 
 from __future__ import annotations
 
@@ -14,18 +15,21 @@ from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
 FEW = 2
-"""corners that are no evidence for a column by themselves: a dark background makes as many where it meets a white margin as a square would"""
+"""largest number of corners that do not establish a column by themselves: where a dark background meets a white margin,
+as many corners appear as beside a square"""
 LEAST_ENDS = 2
-"""places of a column at which the board must be seen to end before it"""
+"""fewest spots of a column at which the board must be seen to end before it"""
 CLEAR = 0.4
-"""squares to the frame within which a crossing may go unseen"""
+"""distance to the image border, squares, within which a crossing may be invisible"""
 
 
 def cut_at_rim(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> bool:
-    """Drop outermost columns and rows of one or two corners if at as many of their other places, and two at least, the board is seen to end.
+    """Remove outermost columns and rows of one or two corners if the board is seen to end at as many of their other
+    spots, and at two at least.
 
-    In place; `free` (N,) bool: corners that are in no board, updated. `sign`: the board's colouring (`grow.board_sign`); 0 changes nothing.
-    Returns whether a corner was dropped. Columns that the frame or a cover cuts stay: it hides the edges that lead to what it hides.
+    In place; `free` (N,) bool: corners that are in no board, updated. `sign`: the board's colouring
+    (`grow.board_sign`); 0 changes nothing. Returns whether a corner was removed. Columns cut by the image border or an
+    occluder are kept: there the edges that lead to the hidden corners are hidden, too.
     """
     before = len(grid)
     while sign and not is_full(grid) and any([_cut_side(field, grid, sign, free, np.array(step)) for step in STEPS]):
@@ -34,7 +38,8 @@ def cut_at_rim(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> 
 
 
 def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Int[Array, " 2"]) -> bool:
-    """Drop the line of corners on the side from which the step `inward` (2,) leads into the grid, if it is none of the board's."""
+    """Remove the outermost line of corners, on the side from which the step `inward` (2,) leads into the grid, if the
+    board ends before it."""
     labels = grid.labels
     depth = labels @ inward
     line = labels[depth == depth.min()]
@@ -52,17 +57,19 @@ def _cut_side(field: Field, grid: Grid, sign: int, free: Array, inward: Int[Arra
 
 
 def _ends(field: Field, grid: Grid, sign: int, spots: Int[Array, "k 2"], inward: Array) -> Array:
-    """How plainly the picture shows at each of the empty `spots` (K, 2), a step before a corner each, that the board ends there: 0, ½ or 1.
+    """Evidence, 0, ½ or 1, that the board ends at each of the empty `spots` (K, 2), which are one step outside a corner
+    each.
 
-    The edge that leads there from the corner is seen, about as plainly as the one on the corner's other side, but no crossing at its end. It
-    counts half where the edge can't be followed to its end, through noise or since a cover or the dark begins there.
+    Evidence means that the edge from the corner to the spot is visible, with about the contrast of the edge on the
+    corner's other side, but no crossing at its end. It counts half where the edge cannot be followed to its end, due to
+    noise or since an occluder or a dark region begins there.
     """
     near, behind = _Known(grid, spots + inward), _Known(grid, spots + 2 * inward)
     guess, inner = grid.predictions(spots), grid.predictions(spots + inward)
     some = np.intersect1d(with_sense(guess), with_sense(inner))
     some = some[near.has[some] & behind.has[some] & _clear(field.grey, guess.maps[some])]
     start, end = near.xy[some], guess.xy[some]
-    # the sides of an edge change their colours in each corner
+    # the sides of an edge exchange their colours at each corner
     usual = -np.median(edge_contrast(field.grey, behind.xy[some], start), axis=1)
     whole, far = (_share(edge_contrast(field.grey, at, end), usual) for at in (start, 0.5 * (start + end)))
     shown = np.where(whole >= SHOWN_WEAK, np.where(far >= SHOWN, 1.0, 0.5), 0.0)
@@ -73,12 +80,12 @@ def _ends(field: Field, grid: Grid, sign: int, spots: Int[Array, "k 2"], inward:
 
 
 def _share(contrast: Real[Array, "k 3"], usual: Real[Array, " k"]) -> Array:
-    """The least of the thirds of `contrast` (K, 3), share of what is `usual` (K,)."""
+    """The smallest of the thirds of `contrast` (K, 3), as a share of the `usual` contrast (K,)."""
     return (contrast / np.where(usual == 0, np.inf, usual)[:, None]).min(axis=1)
 
 
 class _Known:
-    """Which `spots` (K, 2) of a grid have corners, `has` (K,), and where these are, `xy` (K, 2) px."""
+    """Which `spots` (K, 2) of a grid have corners, `has` (K,), and the positions of these, `xy` (K, 2) px."""
 
     def __init__(self, grid: Grid, spots: Array) -> None:
         rows = windows(grid.labels, spots, 0)[:, 0]
@@ -86,7 +93,7 @@ class _Known:
 
 
 def _clear(grey: Array, maps: Real[Array, "k 6"]) -> Bool[Array, " k"]:
-    """Which predicted corners (K,), of `maps` (K, 6) as in `Predictions`, lie far enough from the picture's frame."""
+    """Which predicted corners (K,), with `maps` (K, 6) as in `Predictions`, lie far enough from the image border."""
     height, width = grey.shape
     reach = CLEAR * np.maximum(np.abs(maps[:, 2:4]), np.abs(maps[:, 4:]))
     xy = maps[:, :2]

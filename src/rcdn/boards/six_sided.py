@@ -1,4 +1,5 @@
-"""What makes corners a lattice of triangles: six sectors that alternate, places that their neighbours predict. Drop-only, as for squares."""
+"""Tests for lattices of triangles: six alternating sectors, and positions predicted by the neighbours. Drop-only, as
+for squares."""
 
 from __future__ import annotations
 
@@ -14,47 +15,53 @@ from rcdn.types import Array
 from rcdn.types.arrays import Real, Shaped
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
-"""steps to where a lattice may go on: a shadow's edge takes a line of corners with it"""
+"""steps from a corner to spots where a lattice may grow: they span two edges, since a shadow's edge may hide a line of
+corners"""
 OFF_INSIDE, OFF_RIM, OFF_LOOSE = 0.04, 0.1, 0.18
-"""largest distance of a corner from its neighbours' prediction, share of the shortest step: with all six neighbours, with fewer, and where
-the prediction stands on few corners (`ENOUGH`)"""
+"""largest distance of a corner from its neighbours' prediction, share of the shortest step: with all six neighbours,
+with fewer, and where the prediction uses few corners (`ENOUGH`)"""
 OFF_PX, OFF_USUAL, OFF_MOST = 0.6, 6.0, 0.06
-"""what is always allowed: so many px, and so many times the board's median, but no more of a step than this"""
+"""distance that is always allowed: so many px, and so many times the board's median, the latter up to this share of a
+step"""
 ENOUGH = 7
 """corners on which a prediction stands firmly"""
 EVEN, EVEN_USUAL, EVEN_MOST = 0.02, 10.0, 0.4
-"""most of a ring's variance that doesn't change its sign under half a turn, that as a multiple of the board's median (noise has it, too), and
-whatever is usual: the edge of a shadow or of a cover near a corner, which draws it aside"""
+"""largest share of a ring's variance that is even, i.e. does not change its sign under a half turn; the same as a
+multiple of the board's median (noise has an even part, too); and an upper bound in any case: the edge of a shadow or an
+occluder near a corner, which biases its position, is even"""
 ALIKE, ALIKE_SEARCHED = 0.12, 0.4
-"""least contrast of a corner, share of the usual one beside it (shadows leave a fifth); of one that the network did not answer at"""
+"""least contrast of a corner, share of the usual one beside it (shadows leave a fifth); of one without a network
+response"""
 CLOSE, CLOSE_PX, FAR = (0.3, 0.6), 2.2, 0.9
-"""how far from a corner its sectors are looked at, shares of the way to their centroids: close to it, but not in its blur, and far from it"""
+"""distances from a corner at which its sectors are sampled, shares of the distance to their centroids: close to the
+corner but outside its blur, and far from it"""
 ALONG, ASIDE = (0.85, 1.0, 1.15), (-0.35, -0.18, 0.0, 0.18, 0.35)
-"""where the samples of a sector lie around that, along the way and to its sides: their mean is what noise leaves"""
+"""positions of a sector's samples relative to that distance, radially and to the sides: their mean reduces the noise"""
 STEP_CLOSE, STEP_FAR = 0.15, 0.3
 """least step between adjacent sectors there, share of the mean step"""
 DARK = 6.0
-"""grey levels added before the logarithm, so that noise in the dark doesn't count as contrast"""
+"""grey levels added before the logarithm, so that noise in dark regions does not count as contrast"""
 CELLS = 6
-"""fewest whole triangles of a board"""
+"""fewest complete triangles of a board"""
 RESPONSE = 0.3
 """least median response of a board"""
 IRREGULAR = 0.035
-"""largest median distance of a board's corners from their neighbours' predictions, steps: fisheyes and bent sheets have 0.022, cloth
-0.05 to 0.09"""
+"""largest median distance of a board's corners from their neighbours' predictions, steps: fisheye images and bent
+sheets have 0.022, cloth 0.05 to 0.09"""
 FEW, FEW_IRREGULAR, FEW_FIT = 25, 0.025, 0.75
-"""under so many corners, the same, and the least median `fit`"""
+"""below so many corners: the same limit, and the least median `fit`"""
 TINY, TINY_LEAST = 8.0, 20
-"""px of the picture; a board of shorter steps must have so many corners"""
+"""px of the original image; a board of shorter steps must have so many corners"""
 
 
 def six_sided(
     grey: Array, xy: Real[Array, "k 2"], du: Real[Array, "k 2"], dv: Real[Array, "k 2"], sign: int
 ) -> Real[Array, " k"]:
-    """Contrast (K,) of corners at `xy` (K, 2) whose six sectors alternate as the lattice says, steps of the logarithm of the grey level; 0 of others.
+    """Contrast (K,) of corners at `xy` (K, 2) whose six sectors alternate as the lattice predicts; 0 for all others.
 
-    `du`, `dv` (K, 2) px: the lattice's steps there; `sign`: colour of the sector between them. Sectors must alternate near the corner
-    and further out: beyond a narrow margin, a dark background is no triangle. The logarithm makes lit and shaded parts alike.
+    Contrast is the step of the logarithm of the grey level. `du`, `dv` (K, 2) px: the lattice's steps there; `sign`:
+    colour of the sector between them. Sectors must alternate near the corner and further out, since a dark background
+    beyond a narrow margin is no triangle. The logarithm gives lit and shaded parts the same contrast.
     """
     arms = STEPS[:, 0, None] * du[:, None] + STEPS[:, 1, None] * dv[:, None]
     middle, across = (arms + np.roll(arms, -1, axis=1)) / 3, (np.roll(arms, -1, axis=1) - arms) / 3
@@ -79,7 +86,7 @@ def shortest(guess: Predictions) -> Real[Array, " k"]:
 def usual_contrast(
     field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array
 ) -> Shaped[Array, " k"]:
-    """Median contrast (K,) of the labelled corners within two steps of each spot, by the steps there."""
+    """Median contrast (K,) of the labelled corners within two steps of each spot, evaluated with the spot's steps."""
     near = grid.around(spots, 2)
     rows, columns = np.nonzero(near >= 0)
     value = six_sided(field.grey, grid.xy[near[rows, columns]], du[rows], dv[rows], sign)
@@ -93,8 +100,8 @@ def usual_contrast(
 
 
 def validate(field: Field, grid: Grid, sign: int) -> None:
-    """Drop, in place: corners that no half turn negates; misfits, worst first; corners whose six sectors don't alternate; what has no
-    neighbour; all but the largest part.
+    """Remove, in place: corners that a half turn does not negate; misfits, worst first; corners whose six sectors do
+    not alternate; corners without a neighbour; all but the largest part.
     """
     while True:
         before = len(grid)
@@ -109,7 +116,7 @@ def validate(field: Field, grid: Grid, sign: int) -> None:
 
 
 def _drop_uneven(field: Field, grid: Grid) -> None:
-    """Drop corners that half a turn doesn't turn into their negative."""
+    """Remove corners whose neighbourhood is not negated by a half turn."""
     spots = sorted(grid.at)
     guess = grid.predictions(spots)
     step = np.where(guess.support > 0, shortest(guess), 0)
@@ -119,7 +126,8 @@ def _drop_uneven(field: Field, grid: Grid) -> None:
 
 
 def _drop_misfits(grid: Grid) -> None:
-    """Drop corners that lie off their neighbours' prediction, worst first. A shadow's edge, or a cover's, near a corner draws it aside."""
+    """Remove corners too far from their neighbours' prediction, worst first: the edge of a shadow or an occluder may
+    have biased them."""
     while len(grid) > 3:
         spots = sorted(grid.at)
         guess = grid.predictions(spots)
@@ -156,7 +164,7 @@ def _drop_poor(field: Field, grid: Grid, sign: int) -> None:
 
 
 def _triangles(grid: Grid) -> list[tuple[Label, Label, Label]]:
-    """Whole triangles of a lattice."""
+    """Complete triangles of a lattice."""
     out = []
     for u, v in grid.at:
         for other in ((u + 1, v), (u, v + 1)), ((u, v + 1), (u - 1, v + 1)):
@@ -166,17 +174,18 @@ def _triangles(grid: Grid) -> list[tuple[Label, Label, Label]]:
 
 
 def _largest_part(grid: Grid) -> None:
-    """Leave the largest of the parts that are more than two edges apart."""
+    """Keep the largest of the parts that are more than two edges apart."""
     for part in parts(grid.at, REACH)[1:]:
         for spot in part:
             del grid.at[spot]
 
 
 def believable(field: Field, grid: Grid, least: int, scale: float) -> bool:
-    """Is it a board? Corners and triangles enough, most of them answered by the network, and as regular as print is.
+    """Whether it is a board: enough corners and triangles, most corners with a network response, and as regular as
+    print.
 
-    Few corners must look plainly like corners, and where triangles are tiny in the picture, of which `grid` shows `scale` px for one, there must
-    be many: woven and printed cloth has triangles, too.
+    Few corners must have clear responses, and where triangles are tiny in the original image (`scale` px of `grid` per
+    px of it) there must be many corners: woven and printed cloth has triangles, too.
     """
     if len(grid) < least or len(_triangles(grid)) < CELLS:
         return False

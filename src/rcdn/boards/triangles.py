@@ -1,7 +1,7 @@
-"""Triangles of a deltille: six-sector corners that are linked, the cells that three of them make, and labels by flood fill.
+"""Triangles of a deltille: links between six-sector corners, cells of three corners, and labels by flood fill.
 
-Labels (u, v) count edges along two sides of a triangle, 60° apart; half of the triangles, those between (u, v), (u + 1, v) and
-(u, v + 1), have one colour. Purely local, as the graph of squares is (`boards.graph`).
+Labels (u, v) count edges along two sides of a triangle, 60° apart; half of the triangles, those between (u, v),
+(u + 1, v) and (u, v + 1), have one colour. All tests are local, as in the graph of squares (`boards.graph`).
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from rcdn.types import Array, Status
 from rcdn.types.arrays import Bool, Real
 
 STEPS = np.array([[1, 0], [0, 1], [-1, 1], [-1, 0], [0, -1], [1, -1]])
-"""from a corner to its neighbours, by rising angle"""
+"""steps from a corner to its neighbours, by rising angle"""
 NEIGHBOURS = 10
 """nearest corners that may be linked"""
 TURN = 0.4
-"""how far a link may turn from the axis at its ends, share of the angle to the next axis"""
+"""largest angle between a link and the axes at its ends, share of the angle to the next axis"""
 UNLIKE = 2.5
-"""most that the contrasts of two linked corners, or the sides of a triangle, may differ by, as a ratio"""
+"""largest ratio of the contrasts of two linked corners, and, doubled, of the sides of a triangle"""
 SHOWN = 0.3
-"""least difference across each side of a triangle, share of the weakest of its corners' contrasts"""
+"""least contrast across each side of a triangle, share of the weakest of its corners' contrasts"""
 FIT = 0.5
 """least `fit` of a corner that may start a lattice or join one"""
 
@@ -36,7 +36,11 @@ Triangle = tuple[int, int, int]
 
 @dataclass(eq=False)
 class Field:
-    """Six-sector corners: `xy` (N, 2), `axes` (N, 3), `polarity`, `contrast`, `fit`, `response` (N,), `strong` (N,) bool. Found ones are appended."""
+    """Six-sector corners: `xy` (N, 2), `axes` (N, 3), `polarity`, `contrast`, `fit`, `response` (N,), `strong` (N,)
+    bool.
+
+    Corners found by searching the image are appended to `xy`; the first `known` come from the network.
+    """
 
     grey: Array
     xy: Array
@@ -58,13 +62,13 @@ class Field:
         )
 
     def append(self, xy: Array) -> int:
-        """A corner that the network did not answer at; returns its number. What its looks are has been seen to."""
+        """Append a corner without a network response, already verified in the image; returns its index."""
         self.xy = np.vstack([self.xy, xy])
         return len(self.xy) - 1
 
     def side(self, index: Array, direction: Array) -> tuple[Array, Array]:
-        """At corners `index`: colour (±1) of the sector at rising angle from the axis nearest to `direction`, and the turn to that axis, share of
-        the angle from it to the next."""
+        """Colour (±1) at corners `index` of the sector at rising angle from the axis nearest to `direction`, and the
+        angle to that axis, as a share of the angle from it to the next."""
         axes = self.axes[index]
         turn = (direction[:, None] - axes + np.pi / 2) % np.pi - np.pi / 2
         turn = np.where(np.isfinite(turn), turn, np.pi)
@@ -75,7 +79,7 @@ class Field:
             (axes[row, axis] - axes[row, axis - 1]) % np.pi,
         )
         room = np.where(closest >= 0, after, before)
-        # sectors after the axes have colours p, −p, p; half a turn on, the negative of that
+        # the sectors after the axes have colours p, −p, p; opposite sectors have the opposite colours
         half = cos_sin(direction - axes[row, axis])[0] < 0
         colour = self.polarity[index] * np.where(axis == 1, -1, 1) * np.where(half, -1, 1)
         return colour, np.abs(closest) / np.maximum(np.nan_to_num(room, nan=1e-9), 1e-9)
@@ -84,7 +88,7 @@ class Field:
 def links(field: Field) -> Real[Array, "n 6"]:
     """Mutual links (N, 6): the neighbour in each of six slots, by rising angle from the first axis, −1 for none.
 
-    A link lies along an axis at both of its ends, and has the same colour to its side at both.
+    A link lies along an axis at both of its ends, and the sector at its side has the same colour at both.
     """
     out = np.full((len(field.xy), 6), -1)
     usable = np.flatnonzero(field.strong & (field.polarity != 0))
@@ -99,7 +103,7 @@ def links(field: Field) -> Real[Array, "n 6"]:
 
 
 def cells(field: Field, neighbour: Array) -> list[tuple[Triangle, int]]:
-    """Triangles (a, b, c) of links, turning clockwise on the screen, each once, and their colours, ±1: as the picture shows them."""
+    """Triangles (a, b, c) of links, clockwise on the screen, each once, and their colours in the image, ±1."""
     tries: set[Triangle] = set()
     for a in np.flatnonzero((neighbour >= 0).any(axis=1)).tolist():
         row = neighbour[a]
@@ -118,7 +122,7 @@ def cells(field: Field, neighbour: Array) -> list[tuple[Triangle, int]]:
 
 
 def _regular(corners: Array) -> Bool[Array, " t"]:
-    """(T,) bool of triangles (T, 3, 2): clockwise, and not absurdly long."""
+    """(T,) bool of triangles (T, 3, 2): clockwise, and not extremely elongated."""
     edge = np.roll(corners, -1, axis=1) - corners
     turn = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
     length = np.linalg.norm(edge, axis=-1)
@@ -126,11 +130,13 @@ def _regular(corners: Array) -> Bool[Array, " t"]:
 
 
 INSIDE, ALONG = 0.2, np.linspace(0.3, 0.7, 5)
-"""how far from a side, and where along it, the picture is looked at, shares of the triangle's height and side"""
+"""distance from a side, and positions along it, at which the image is sampled, shares of the triangle's height and
+side"""
 
 
 def triangle_contrast(grey: Array, corners: Array) -> Array:
-    """What separates the inside of triangles (T, 3, 2) px from what lies beyond each side, (T, 3) grey levels; positive: the inside is brighter."""
+    """Difference between the inside of triangles (T, 3, 2) px and the outside across each side, (T, 3) grey levels;
+    positive: the inside is brighter."""
     if not len(corners):
         return np.zeros((0, 3))
     start, end, tip = corners, np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)
@@ -140,7 +146,10 @@ def triangle_contrast(grey: Array, corners: Array) -> Array:
 
 
 def label(field: Field, found: list[tuple[Triangle, int]]) -> list[tuple[dict[Label, int], int]]:
-    """Lattices by flood fill over cells of alternate colours, the surest cell first: {(u, v): corner} and the colour of the triangle at (0, 0)."""
+    """Lattices by flood fill over cells of alternating colours, the cell of highest response first.
+
+    Returns {(u, v): corner} and the colour of the triangle at (0, 0) for each.
+    """
     score = [float(field.response[list(t)].min()) for t, _ in found]
     at_edge: dict[tuple[int, int], int] = {
         (t[k], t[(k + 1) % 3]): n for n, (t, _) in enumerate(found) for k in range(3)
@@ -175,7 +184,7 @@ def label(field: Field, found: list[tuple[Triangle, int]]) -> list[tuple[dict[La
 
 
 def _spots(where: dict[int, Label], triangle: Triangle) -> tuple[Label, Label, Label] | None:
-    """Labels of a triangle's corners from two that are known: a sixth of a turn takes one side to the next but one."""
+    """Labels of a triangle's corners from two known ones: a rotation by 60° takes one side to the next but one."""
     for k in range(3):
         a, b = triangle[k], triangle[(k + 1) % 3]
         if a in where and b in where:

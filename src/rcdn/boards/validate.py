@@ -1,4 +1,4 @@
-"""Drop-only validation: a corner that doesn't fit goes; none is ever renamed."""
+"""Drop-only validation: a corner that does not fit is removed; no label is ever changed."""
 
 from __future__ import annotations
 
@@ -26,20 +26,22 @@ RESIDUAL_LOOSE = 0.18
 
 
 LEAST_QUALITY = 0.3
-"""least worth of a corner on the grid's rim: T-junctions along a board's outer edge have 0.1–0.26, true corners 0.45 and more"""
+"""least quality of a corner on the grid's rim: T-junctions along a board's outer edge have 0.1–0.26, true corners at
+least 0.45"""
 LEAST_SHARE = 0.45
-"""a contrast under this share of the neighbours' counts as this much: shadows do that to true corners, too"""
+"""lower bound of the contrast ratio to the neighbours: shadows lower the contrast of true corners, too"""
 
 
 def prune(grid: Grid, field: Field) -> list[Grid]:
-    """Drop misfits, worst first, then rim corners that are hardly X-corners, then what is in no whole cell, until nothing changes. In place.
+    """Remove misfits, worst first, then rim corners that are hardly X-corners, then corners in no complete cell, until
+    nothing changes.
 
-    A misfit lies off its neighbours' prediction, or they predict nothing. A corner inside the grid is vouched for by its neighbours; one beyond
-    which nothing follows within three squares must be an X-corner by its own looks: response × fit against their median, times its contrast
-    against that of its neighbours.
+    In place. A misfit lies too far from its neighbours' prediction, or they predict nothing. A corner inside the grid
+    is confirmed by its neighbours; one with no further corner within three squares beyond it must be an X-corner by its
+    own evidence: response × fit relative to their median, times its contrast relative to its neighbours'.
 
-    Of parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest first: whether they belong
-    to the same board is for `merge` to say.
+    Of the parts that no edge joins, `grid` keeps the largest; the others are returned as grids of their own, largest
+    first: `merge` decides whether they belong to the same board.
     """
     labels, corners = grid.labels, grid.corners
     part = np.empty(len(labels), np.int64)
@@ -58,7 +60,8 @@ def prune(grid: Grid, field: Field) -> list[Grid]:
 
 
 def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Shaped[Array, " k"]:
-    """Distances (K,) of labelled corners from where their neighbours predict them ÷ what is allowed; 2 where they can't."""
+    """Distances (K,) of labelled corners from their neighbours' predictions ÷ the allowed distance; 2 without a
+    prediction."""
     labels = grid.labels
     rows = {spot: row for row, spot in enumerate(grid.at)}
     which, out = np.array([rows[spot] for spot in spots], np.int64), np.empty(len(spots))
@@ -67,18 +70,20 @@ def predicted_excess(grid: Grid, spots: Sequence[Label]) -> Shaped[Array, " k"]:
 
 
 SMALL = ((5.6, 1.0), (7.0, 0.9))
-"""(pitch px, share of its box that a board of smaller squares must fill)"""
+"""(pitch px, least share of its bounding box that a board of smaller squares must fill)"""
 SMALL_LEAST = 20
-"""corners of a board of such squares"""
+"""fewest corners of a board of such squares"""
 LARGE, LARGE_FILL = 1000, 0.9
-"""a board of so many corners must fill this share of its box, however small its squares: no keyboard has as many"""
+"""for a board of so many corners this share of its box is enough, however small its squares: no keyboard has as many"""
 
 
 def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
-    """Is it a board? At least `least` corners and four whole cells. `scale`: px of the grid for one of the picture.
+    """Whether the grid is a board: at least `least` corners and four complete cells. `scale`: px of the grid per px of
+    the original image.
 
-    Where squares are under 7 px of the picture, keyboards and grilles look just like boards: there it takes 20 corners that fill nearly
-    all of their box, under 5.6 px all of it, unless they are a thousand.
+    Where squares are under 7 px of the original image, keyboards and grilles look just like boards: there at least 20
+    corners are needed, which fill nearly all of their bounding box, and all of it under 5.6 px, unless there are a
+    thousand.
     """
     if len(grid) < least or cell_count(grid) < 4:
         return False
@@ -91,23 +96,24 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
 
 
 FAINT = 0.65
-"""least median response of a board, share of the picture's usual one: folds and slats near a real board have under 0.5"""
+"""least median response of a board, share of the image's usual one: folds and slats near a real board have under 0.5"""
 FEW, FEW_FAINT = 16, 0.6
-"""a board of fewer corners needs this median response whatever is usual: staggered tiles have saddles with 0.55"""
+"""a board of fewer corners needs this median response in any case: staggered tiles have saddles with 0.55"""
 
 
 def plain(grid: Grid, response: Real[Array, " n"], usual: float) -> bool:
-    """Are the board's corners plainly corners, by their `response` (N,), where `usual` is the median of all sure ones?"""
+    """Whether the board's corners have clear responses; `response` (N,), `usual`: median of all sure corners."""
     own = median(response[grid.corners])
     return own >= FAINT * usual and (len(grid) >= FEW or own >= FEW_FAINT)
 
 
 SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8
-"""sharpness of its edges under which a board must have so many corners and fill so much of its box"""
+"""edge sharpness below which a board must have so many corners and fill such a share of its bounding box"""
 
 
 def distinct(grid: Grid, grey: Array) -> bool:
-    """Has the board sharp edges, or enough corners to be told from folds and tartans, which wave like a blurred board?"""
+    """Whether the board has sharp edges, or enough corners to exclude folds and tartans, whose profiles resemble a
+    blurred board's."""
     labels, xy = grid.labels, grid.xy[grid.corners]
     following = ahead(labels)[:, :2]
     row, way = np.nonzero(following >= 0)
@@ -117,15 +123,15 @@ def distinct(grid: Grid, grey: Array) -> bool:
 
 
 def is_full(grid: Grid) -> bool:
-    """Has every label of the bounding grid its corner?"""
+    """Whether every label of the bounding rectangle has a corner."""
     return len(grid) == int(np.prod(np.ptp(grid.labels, axis=0) + 1))
 
 
 def cell_count(grid: Grid) -> int:
-    """Whole cells of a grid."""
+    """Number of complete cells of a grid."""
     return int((ahead(grid.labels) >= 0).all(axis=1).sum())
 
 
 def ahead(labels: Int[Array, "m 2"]) -> Int[Array, "m 3"]:
-    """Rows (M, 3) of the next of `labels` (M, 2) along u, along v, and along both; −1 for none."""
+    """Rows (M, 3) of the next of `labels` (M, 2) along u, along v, and diagonally; −1 for none."""
     return windows(labels, labels, 1)[:, (5, 7, 8)]

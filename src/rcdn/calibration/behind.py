@@ -1,4 +1,4 @@
-"""Boards with codes that a camera sees from behind: a print that shines through, or a plate with the same print, mirrored, on its back."""
+"""Coded boards seen from behind: a print that shines through, or a plate with the same print, mirrored, on its back."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from rcdn.types import Board
 
 
 def from_behind(boards: Sequence[Board]) -> list[Board]:
-    """Boards of the picture itself, from those that were found in its mirror image (x → width − 1 − x).
+    """Boards of the image itself, from boards detected in its mirror image (x → width − 1 − x).
 
-    Only boards whose codes were read in it: their labels then run the other way round in the picture, which is how a front that lies on
-    the far side of the plate looks. `T_cam_board` of such a board has z towards the camera. The plate is taken to be thin.
+    Only boards whose codes were read there: in the image itself their labels then have the opposite orientation, as a
+    front seen through the plate has. `T_cam_board` of such a board has z towards the camera. The plate is assumed to be
+    thin.
     """
     return [_turned_back(board) for board in boards if board.target is not None]
 

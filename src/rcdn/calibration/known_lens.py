@@ -1,4 +1,5 @@
-"""A camera whose lens is known: poses of its boards, what their residuals say of the lens, and the board's shape; the lens itself is held."""
+"""Calibration with a known lens, which is held constant: poses of the boards, checks of the lens by their residuals,
+and the board's shape."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from rcdn.errors import CalibrationError
 from rcdn.types import Board, Calibration, Camera, ModelScore
 
 FEWEST_POSES = 1
-"""views: a camera whose lens is known needs no more"""
+"""fewest views: a camera with a known lens needs no more"""
 CHECKS: tuple[Check, ...] = (
     view_checks.picture_size,
     view_checks.spacing,
@@ -34,16 +35,17 @@ CHECKS: tuple[Check, ...] = (
     fit_checks.uneven,
     fit_checks.rms,
 )
-"""of a verdict on a camera whose lens was given: not what its views would have to show to tell one"""
+"""checks of a camera with a given lens: without those on whether its views determine a lens"""
 
 
 def with_known_lens(
     boards: Sequence[Board], geometries: Geometries, names: Sequence[str], camera: Camera
 ) -> Calibration:
-    """The calibration that holds `camera` as it is: poses, residuals, and the shape of the board if it predicts pictures held out better.
+    """The calibration with `camera` held constant: poses, residuals, and the board's shape if it predicts held-out
+    images better.
 
-    One view is enough. The lens has no deviations, its covariance is zero. Raises CalibrationError if the pictures have another size than
-    the camera, or no board can be placed.
+    One view is enough. The lens has no standard deviations; its covariance is zero. Raises CalibrationError if the
+    images have another size than the camera, or no board has a pose.
     """
     _check_size(boards, camera)
     whole = geometries.main
@@ -63,14 +65,14 @@ def with_known_lens(
 
 
 def _fitted(task: Usable, start: State, noise: float, spacing: float) -> robust.Fit:
-    """Poses, and the board's shape if the state has one."""
+    """Fit of the poses, and of the board's shape if the state has one."""
     cluster = alike(task.corners, start.cameras[0].image_size, pictures_of(task))
     free = default_free(start, shape=True, lens=False)
     return robust.fit(start, noise, task.corners, task.sigma, free, cluster, spacing)
 
 
 def _held_out(task: Usable, fit: robust.Fit, on: robust.Fit) -> float:
-    """Error in pictures held out, px, on the corners that the fit `on` uses."""
+    """Error in held-out images, px, on the corners that the fit `on` uses."""
     common = choose.Task(task.corners, on.weight, task.picture)
     return choose.rms(choose.held_out(fit.state, common, default_free(fit.state, shape=True, lens=False)), on.weight)
 
@@ -85,7 +87,7 @@ def _check_size(boards: Sequence[Board], camera: Camera) -> None:
 
 
 def judged_known(calibration: Calibration) -> Calibration:
-    """`calibration` with the verdict on a camera whose lens was given: whether it explains its pictures."""
+    """`calibration` with the verdict on a camera with a given lens: whether it explains its images."""
     facts = measure(calibration)
     found = verdict_of([reason for check in CHECKS for reason in check(calibration, facts)])
     return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))

@@ -1,4 +1,5 @@
-"""Many cameras that see parts of the same boards: lenses, places and boards solved together, with a covariance of every place."""
+"""Calibration of many cameras that see parts of the same boards: lenses, camera poses and boards jointly, with the
+covariance of all camera poses."""
 
 from __future__ import annotations
 
@@ -42,20 +43,24 @@ def calibrate_rig(
     cameras: Mapping[str, Camera] | None = None,
     correct_time: bool = False,
 ) -> RigCalibration:
-    """Cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board need be seen by all.
+    """Calibrate cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board must
+    be seen by all.
 
-    `views`: by the camera's name its boards; partial ones, and those that no other camera saw, help its lens. `moments`: by camera, for each
-    board when it was seen: boards of one moment (and one target) are one board (default: the k-th boards of all cameras belong together).
-    `names` of the boards' pictures. `model`: of all cameras, or by name. `cameras`: by name those whose lens is known: it is held as it is, and
-    one picture of a board is enough of them. `correct_time`: cameras that are clearly out of step, as boards that move tell, are brought into step;
-    moments that end in numbers count frames by them. The rest as in `calibrate`; the first camera of the largest
-    connected part gives the rig's frame.
+    `views`: the boards of each camera by its name; partial ones, and those that no other camera saw, help its lens.
+    `moments`: for each camera, the moment of each of its boards: boards of one moment (and one target) are the same
+    board (default: the k-th boards of all cameras belong together). `names` of the boards' images. `model`: of all
+    cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
+    enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
+    moments that end in numbers count frames by them. All else as in `calibrate`; the first camera of the largest
+    connected component defines the rig's frame.
 
-    Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs that agree on how they
-    stand are the edges of a graph; its best spanning tree, rotations and then translations averaged over all edges, starts one least squares
-    over lenses, places and boards, whose poses are eliminated; over the board's shape, too, if that predicts moments held out better than a
-    perfect board. Views that disagree are left out and named. Covariances are by the scatter of whole moments. Boards with codes may be seen
-    from behind (`from_behind`). Raises CalibrationError if a camera can't be calibrated, or no two are connected; ConfigError for a wrong argument.
+    Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
+    that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
+    translations averaged over all edges, is the initial guess of one least-squares fit of lenses, camera poses and
+    boards, whose poses are eliminated; of the board's shape, too, if that predicts held-out moments better than a
+    perfect board. Views that disagree are left out and named. Covariances are estimated from the residuals of whole
+    moments. Boards with codes may be seen from behind (`from_behind`). Raises CalibrationError if a camera cannot be
+    calibrated, or no two are connected; ConfigError for a wrong argument.
     """
     order = list(views)
     if len(order) < 2:
@@ -108,7 +113,7 @@ def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
 
 
 def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[str, Camera]:
-    """The cameras whose lens is known. Raises ConfigError for a name that no views have."""
+    """The cameras whose lens is known. Raises ConfigError for a name without views."""
     if unknown := [name for name in cameras or {} if name not in order]:
         raise ConfigError(
             f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: give the same names"
@@ -128,7 +133,7 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
 def _alone(
     name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, lens: str | Camera
 ) -> Calibration:
-    """The calibration of one camera alone, of a lens model, or of a lens that is known."""
+    """The calibration of one camera alone, with a lens model or with a known lens."""
     try:
         check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
         if isinstance(lens, Camera):
@@ -144,7 +149,8 @@ def _of_one_make(
     as_model: Callable[[int, str], Calibration],
     sights: Sequence[Mapping[Key, int]],
 ) -> list[Calibration]:
-    """The calibrations, those of the cameras `unnamed` with one lens model where they are of one make (`twins.one_model`, two at a time)."""
+    """The calibrations, with one lens model for those of the cameras `unnamed` that are of one make (`twins.one_model`,
+    pairwise)."""
     found = list(alone)
     for _ in unnamed:
         before = [c.models[0].model for c in found]
@@ -158,7 +164,7 @@ def _of_one_make(
 
 
 def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], side: int, lens: str) -> Calibration:
-    """The first or the second of two cameras with a lens model."""
+    """The calibration of the first or the second of two cameras with a lens model."""
     return as_model(both[side], lens)
 
 
@@ -173,7 +179,8 @@ def _why(order: Sequence[str], sights: Sequence[Mapping[Key, int]]) -> str:
 
 
 def _sights(calibration: Calibration, when: Sequence[str]) -> dict[Key, int]:
-    """The view of each board whose labels are settled and that wasn't left out; of several plain ones of a moment the largest."""
+    """The view of each board with settled labels that was not left out; of several plain boards of one moment, the
+    largest."""
     numbers: dict[str, int] = {}
     out: dict[Key, int] = {}
     for k, view in enumerate(calibration.views):
@@ -186,7 +193,7 @@ def _sights(calibration: Calibration, when: Sequence[str]) -> dict[Key, int]:
 
 
 def _number(target: object, numbers: dict[str, int]) -> int:
-    """A number that is the same for one target in all cameras."""
+    """A number that identifies a target in all cameras."""
     import zlib
 
     return 0 if target is None else 1 + zlib.crc32(repr(target).encode())
@@ -237,7 +244,7 @@ def _result(
 
 
 def _at_their_moments(task: RigTask, step: InStep, cameras: Sequence[Calibration]) -> list[Calibration]:
-    """`cameras` with the corners of those that were brought into step where they would have been seen in step."""
+    """`cameras` with the corners of the corrected cameras at their positions without the time shift."""
     out = list(cameras)
     for c in {c for c, _ in step.taken}:
         views = list(out[c].views)
@@ -260,7 +267,8 @@ def _shared(camera: int, edges: Sequence[Edge]) -> set[Key]:
 
 
 def _to_camera(rig: Rig, local: int, lenses: Array, size: int) -> Array:
-    """(P + 6, size): a camera's own parameters and the mean motion of the boards in its axes, of all that was solved for."""
+    """(P + 6, size): Jacobian of a camera's own parameters and the mean motion of the boards in its axes by all
+    parameters of the fit."""
     mine = np.arange(lenses[local], lenses[local + 1])
     J = np.zeros((len(mine) + 6, size))
     J[np.arange(len(mine)), mine] = 1

@@ -1,4 +1,5 @@
-"""Where a second camera stands, from the poses of boards that both saw: the place that most pairs agree on."""
+"""Pose of a second camera relative to the first, from the poses of boards that both saw: the hypothesis with the most
+support among the pairs."""
 
 from __future__ import annotations
 
@@ -15,9 +16,9 @@ from rcdn.types.arrays import Real
 
 FEWEST_PAIRS = 3
 AGREE = (np.radians(5.0), 0.1)
-"""rad, and share of the boards' distance, within which two pairs tell the same place of the cameras"""
+"""largest differences, rad and share of the boards' distance, at which two pairs agree on the relative pose"""
 MOST_SHIFT = 3
-"""pictures by which one camera's order may be late, as far as is tried"""
+"""largest shift in the order of one camera's images that is tried"""
 
 
 def place(
@@ -26,10 +27,12 @@ def place(
     pairs: list[tuple[int, int]],
     given: Sequence[tuple[int, int]] | None = None,
 ) -> tuple[Array, dict[int, int], list[tuple[int, int]]]:
-    """T_right_left (4, 4) that most pairs agree on, the half or quarter turns of right boards that it needs, and the pairs that disagree.
+    """T_right_left (4, 4) with the most support among the pairs, the turns of right boards that it needs, and the pairs
+    that disagree.
 
-    `given`: all pairs in the order of the pictures, those that tell nothing too (default: `pairs`): where most disagree, the error says
-    whether they would agree if the right pictures were shifted against the left ones. Raises CalibrationError if no place has half of the pairs.
+    `given`: all pairs in the order of the images, including those without information (default: `pairs`): where most
+    disagree, the error says whether they would agree if the right images were shifted against the left ones. Raises
+    CalibrationError if no hypothesis has the support of half of the pairs.
     """
     best, most = most_agreed(first, second, pairs)
     if 2 * most < len(pairs) or most < FEWEST_PAIRS:
@@ -46,7 +49,8 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class _Hypothesis:
-    """What one pair tells of the right camera's place: `places` (turn of the right board, T_right_left) and the board's distance `reach`, m."""
+    """The hypotheses of one pair on the relative pose: `places` (turn of the right board, T_right_left), and the
+    board's distance `reach`, m."""
 
     places: list[tuple[int, Array]]
     reach: float
@@ -60,12 +64,13 @@ def hypothesis(first: Calibration, second: Calibration, pair: tuple[int, int]) -
 
 
 def nearest(T: Array, told: _Hypothesis) -> tuple[float, int]:
-    """How far a pair's place is from T, 1 where it still agrees, and the turn that brings it there."""
+    """The smallest distance of a pair's hypotheses from T, 1 at the limit of agreement, and the turn of the one that
+    attains it."""
     return min((_gap(T, U, told.reach), q) for q, U in told.places)
 
 
 def most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
-    """The place of one of the pairs with which most pairs agree, and how many."""
+    """The hypothesis, among those of all pairs, with the most support, and the number of pairs that support it."""
     told = [hypothesis(first, second, pair) for pair in pairs]
     best, most = told[0].places[0][1], -1
     for each in told:
@@ -107,7 +112,8 @@ def _disagree(
 def _shift(
     first: Calibration, second: Calibration, given: Sequence[tuple[int, int]], most: int
 ) -> tuple[int, int, tuple[int, int]] | None:
-    """By how many places the right pictures are late, how many pairs agree then, and the first of those pairs; None if no shift explains it."""
+    """The shift of the right images, the number of pairs that agree with it, and the first of those pairs; None if no
+    shift explains it."""
     best = None
     for by in sorted((k for k in range(-MOST_SHIFT, MOST_SHIFT + 1) if k), key=abs):
         late, early = given[max(0, -by) :], given[max(0, by) :]
@@ -121,19 +127,20 @@ def _shift(
 
 
 def tells(*views: BoardView) -> bool:
-    """Whether views of one board can tell where cameras stand: it is settled which corner is which, and they weren't left out."""
+    """Whether views of one board determine the relative pose of cameras: their labels are settled, and they were not
+    left out."""
     return all(v.settled and not v.reason and v.target == views[0].target for v in views)
 
 
 def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[int, int]]) -> int:
-    """How many pairs would agree if the right pictures were mirrored."""
+    """Number of pairs that would agree if the right images were mirrored."""
     flip = np.diag([-1.0, 1, 1, 1])
     cols = (first.size or (1, 1))[0] - 1
     undo = np.diag([-1.0, 1, 1, 1])
     undo[0, 3] = cols * second.spacing
     found = []
     for a, b in pairs:
-        T = flip @ matrix(second.views[b]) @ undo  # x of camera and of board run the other way
+        T = flip @ matrix(second.views[b]) @ undo  # reverses the x axes of camera and board
         T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])
         found.append(T @ np.linalg.inv(matrix(first.views[a])))
     reach = [float(np.linalg.norm(matrix(first.views[a])[:3, 3])) for a, _ in pairs]
@@ -145,7 +152,7 @@ def matrix(view: BoardView) -> Array:
 
 
 def _turns(calibration: Calibration) -> tuple[int, ...]:
-    """Quarter turns that leave a whole board's colours as they are."""
+    """Numbers of quarter turns that preserve a complete board's colours."""
     return {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}[calibration.orientation or "unique"]
 
 
@@ -154,12 +161,12 @@ def _pose(view: BoardView, turn: int, calibration: Calibration) -> Real[Array, "
     size = present(calibration.size, "Calibration.size")
     corners = np.array([[0.0, 0], [1, 0], [0, 1]])
     back = turn_labels(corners, size if turn % 2 == 0 else size[::-1], -turn % 4)
-    undo = np.eye(4)  # takes turned labels' coordinates to those of the view
+    undo = np.eye(4)  # from coordinates of the turned labels to those of the view
     undo[:2, 0], undo[:2, 1], undo[:2, 3] = back[1] - back[0], back[2] - back[0], back[0] * calibration.spacing
     return np.asarray(matrix(view) @ undo)
 
 
 def _gap(T: Array, U: Array, reach: float) -> float:
-    """How far two places are apart, in units of what counts as agreeing."""
+    """Distance of two relative poses, in units of the limit of agreement."""
     turn = Rotation.from_matrix(T[:3, :3] @ U[:3, :3].T).magnitude()
     return float(max(turn / AGREE[0], np.linalg.norm(T[:3, 3] - U[:3, 3]) / (AGREE[1] * reach)))

@@ -1,4 +1,4 @@
-"""What a rig's solution shows: pairs of cameras, parts that no board connects, cameras out of step, and whether to use it."""
+"""Facts on a rig's solution: pairs of cameras, components that no board connects, time shifts, and the verdict."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rcdn.types import (
 def pairs_of(
     rig: Rig, order: Sequence[str], cameras: Sequence[Calibration], sights: Sequence[Mapping[Key, int]]
 ) -> tuple[RigPair, ...]:
-    """Every two cameras that saw boards together."""
+    """All pairs of cameras that saw boards together."""
     out = []
     for a in range(len(order)):
         for b in range(a + 1, len(order)):
@@ -43,7 +43,8 @@ def pairs_of(
 
 
 def _epipolar(rig: Rig, a: str, b: str, views: Sequence[BoardView]) -> float:
-    """RMS distance px of the used corners that both cameras saw from each other's epipolar planes; `views`: of a and b in turn."""
+    """RMS distance px of the used corners that both cameras saw from their epipolar planes; `views`: of a and b
+    alternately."""
     if not {a, b} <= set(rig.names) or not views:
         return float("nan")
     first, second = views[::2], views[1::2]
@@ -56,7 +57,8 @@ def _epipolar(rig: Rig, a: str, b: str, views: Sequence[BoardView]) -> float:
 
 
 def least_known(found: RigCalibration) -> tuple[str, str] | None:
-    """The camera, but the first, whose centre is known least, and the one that it shared most boards with ("": none); None if there's no choice."""
+    """The camera, except the first, with the most uncertain centre, and the one it shared the most boards with ("":
+    none); None without a choice."""
     rig = found.rig
     if rig.covariance is None or len(rig) < 3:
         return None
@@ -77,9 +79,9 @@ def links_of(
     parts: Sequence[Sequence[int]],
     when: Mapping[str, Sequence[str]],
 ) -> tuple[MissingLink, ...]:
-    """For each part but the largest, the two cameras and pictures that come nearest to joining it to the others.
+    """For each component but the largest, the two cameras and images that come nearest to joining it to the others.
 
-    Pictures of one moment that show the most corners to both cameras, else those of most corners.
+    These are images of one moment in which both cameras see the most corners, or else the images with the most corners.
     """
     links = []
     for part in parts[1:]:
@@ -152,14 +154,14 @@ def _lateness(shifts: Mapping[str, TimeShift]) -> str:
 
 
 def _flips(found: RigCalibration) -> list[str]:
-    """What to try for cameras outside the largest part that seem to see boards from behind."""
+    """Advice for cameras outside the largest component that appear to see boards from behind."""
     apart = [name for part in found.components[1:] for name in part]
     names = [name for name in apart if _from_behind(found.cameras[name])]
     return [f"If the pictures of {', '.join(names)} are mirrored (selfie mode), flip them."] if names else []
 
 
 def _from_behind(camera: Calibration) -> bool:
-    """Whether most of the boards with codes show their backs: their z is towards the camera."""
+    """Whether most of the boards with codes show their backs: their z axis points towards the camera."""
     sides = [float(v.pose.R[:, 2] @ v.pose.t) > 0 for v in camera.views if v.target is not None and v.pose is not None]
     return bool(sides) and 2 * sum(sides) < len(sides)
 
@@ -174,7 +176,7 @@ def _join(link: MissingLink) -> str:
 
 
 LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
-"""what a lens that is wrong fails"""
+"""checks that a wrong lens fails"""
 
 
 def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:

@@ -1,4 +1,5 @@
-"""The one least squares over a rig: lenses, places, boards, and the shape of the board that most of them are, if it has one."""
+"""The joint least squares over a rig: lenses, camera poses, board poses, and the shape of the most frequent board, if
+it has one."""
 
 from __future__ import annotations
 
@@ -14,13 +15,13 @@ from rcdn.calibration.uncertainty import UNBIASED
 from rcdn.types import Array
 
 COMPARED = 60
-"""moments, evenly chosen, on which a perfect board and one of a shape are compared, at most"""
+"""largest number of moments, evenly chosen, on which a perfect board and one with a shape are compared"""
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """All `corners`, whose `basis` holds the functions of a board's shape, with `sigma` (N,) px; `cluster` (F,): each frame's moment; `known`: by
-    camera whether its lens is held."""
+    """All `corners`, whose `basis` holds the functions of a board's shape, with `sigma` (N,) px; `cluster` (F,): moment
+    of each frame; `known`: for each camera, whether its lens is held constant."""
 
     corners: Corners3
     sigma: Array
@@ -29,8 +30,9 @@ class Joint:
 
 
 def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.Fit:
-    """The solution from `start`, whose board is perfect; of a board with a shape that all cameras see alike, if it is to be tried (`shaped`) and
-    predicts the boards of moments held out better. `spacing`: side of a square, m."""
+    """The solution from the initial guess `start`, whose board is perfect; or that with a board shape common to all
+    cameras, if it is to be tried (`shaped`) and predicts the boards of held-out moments better. `spacing`: side of a
+    square, m."""
     free = _free(start, joint)
     state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
     flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
@@ -43,7 +45,8 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
 
 
 def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
-    """The solution for other corners of the same problem, from the one `before`, with the same unknowns."""
+    """The solution for changed corners of the same problem, started from the solution `before`, with the same
+    unknowns."""
     return robust.fit(
         replace(before.state, prior=None),
         before.noise,
@@ -57,7 +60,7 @@ def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
 
 
 def _free(state: State, joint: Joint) -> Array:
-    """Which of the shared parameters are unknown: all but the lenses that are known."""
+    """Which of the shared parameters are unknown: all but the known lenses."""
     free = default_free(state, shape=True, rig=True)
     held = np.repeat(np.asarray(joint.known, bool), state.counts[: len(joint.known)])
     free[: len(held)] &= ~held
@@ -65,7 +68,7 @@ def _free(state: State, joint: Joint) -> Array:
 
 
 def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
-    """Whether the boards of moments held out lie nearer to where a board of a shape has them than to a perfect one's corners."""
+    """Whether the boards of held-out moments are predicted better with a board shape than with a perfect board."""
     moment = joint.cluster[joint.corners.frame]
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])

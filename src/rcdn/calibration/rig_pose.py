@@ -30,13 +30,14 @@ APART = "it sees the board elsewhere than the other cameras"
 def estimate_rig_pose(
     boards: Mapping[str, Board], rig: Rig, spacing: float = 1.0, *, shape: BoardShape | None = None
 ) -> RigPoseEstimate:
-    """`T_rig_board` of one board from what the cameras of a rig saw of it at one moment.
+    """`T_rig_board` of one board from its detections by the cameras of a rig at one moment.
 
-    `boards`: by the camera's name; cameras that didn't see it aren't in it. `spacing`, `shape` and the labels as in `estimate_pose`: those of
-    the camera that shows the most corners count, the others' half or quarter turns follow it. Codes join parts; of a plain board, parts of
-    another size than that camera's are left out, as are cameras that see the board elsewhere. The covariance is that by the corners (as in
-    `estimate_pose`) and by the cameras' places, where the rig knows how sure they are; lenses are taken for right.
-    Raises CalibrationError if no camera has a pose, ConfigError for a camera that isn't in the rig.
+    `boards`: by the camera's name; without the cameras that did not see it. `spacing`, `shape` and the labels as in
+    `estimate_pose`: the labels are those of the camera that shows the most corners, and the others are turned by half
+    or quarter turns to match it. Codes relate parts of a board to each other; of a plain board, parts of another size
+    than that camera's are left out, as are cameras that see the board elsewhere. The covariance includes that of the
+    corners (as in `estimate_pose`) and of the cameras' poses, if the rig has their covariance; lenses are assumed
+    exact. Raises CalibrationError if no camera has a pose, ConfigError for a camera that is not in the rig.
     """
     check_spacing(spacing)
     if not boards:
@@ -60,7 +61,8 @@ def estimate_rig_pose(
 
 @dataclass(frozen=True, eq=False)
 class _Sight:
-    """What one camera tells: `places` for each turn of its labels, T_rig_board (4, 4), both that a plane allows; `reach`, m, to the board."""
+    """The observation of one camera: `places`, T_rig_board (4, 4) for each turn of its labels, both solutions of a
+    plane; `reach`: distance to the board, m."""
 
     places: dict[int, list[Array]]
     reach: float
@@ -68,7 +70,7 @@ class _Sight:
 
 @dataclass(frozen=True, eq=False)
 class _Agreed:
-    """A start `T` (4, 4), and the turn of the labels of each camera that agrees with it."""
+    """An initial guess `T` (4, 4), and the turn of the labels of each camera that agrees with it."""
 
     T: Array
     turns: dict[str, int]
@@ -77,7 +79,7 @@ class _Agreed:
 def _sights(
     boards: Mapping[str, Board], rig: Rig, spacing: float, shape: BoardShape | None
 ) -> tuple[dict[str, _Sight], dict[str, str]]:
-    """What the cameras tell, and why others tell nothing."""
+    """The observations of the cameras, and the reasons why others have none."""
     largest = max(boards.values(), key=len)
     found, reasons = {}, {}
     for name, board in boards.items():
@@ -98,7 +100,7 @@ def _sights(
 
 
 def _same(board: Board, largest: Board) -> bool:
-    """Whether a label means one corner in both boards, but for turns."""
+    """Whether a label denotes the same corner in both boards, up to turns."""
     if board.target is None or largest.target is None:
         return board.target is None and largest.target is None and sorted(board.size) == sorted(largest.size)
     return identity(board.target) == identity(largest.target)
@@ -109,14 +111,14 @@ def _turned(board: Board, turn: int) -> Board:
 
 
 def _places(board: Board, rig: Rig, k: int, spacing: float, shape: BoardShape | None) -> list[Array]:
-    """T_rig_board (4, 4) as one camera alone sees it: both poses that a plane allows."""
+    """T_rig_board (4, 4) from one camera alone: both pose solutions of a plane."""
     found = estimate_pose(board, rig.cameras[k], spacing, shape=shape)
     back = np.linalg.inv(rig.poses[k].T_cam_board)
     return [back @ found.T_cam_board] + ([] if found.other is None else [back @ found.other.T_cam_board])
 
 
 def _agreeing(sights: Mapping[str, _Sight], first: str, T: Array) -> _Agreed:
-    """The cameras that see the board at T, each with its labels turned to those of the camera `first`."""
+    """The cameras that see the board at T, with the turns that match their labels to those of the camera `first`."""
     turns = {first: 0}
     for name, sight in sights.items():
         if name != first:
@@ -127,7 +129,7 @@ def _agreeing(sights: Mapping[str, _Sight], first: str, T: Array) -> _Agreed:
 
 
 def _gap(T: Array, U: Array, reach: float) -> float:
-    """How far two places of a board are apart, 1 where they still agree."""
+    """Distance of two poses of a board, 1 at the limit of agreement."""
     turn = Rotation.from_matrix(T[:3, :3] @ U[:3, :3].T).magnitude()
     return float(max(turn / (2 * AGREE[0]), np.linalg.norm(T[:3, 3] - U[:3, 3]) / (AGREE[1] * reach)))
 
@@ -140,13 +142,13 @@ def _estimated(
     best: _Agreed,
     reasons: Mapping[str, str],
 ) -> RigPoseEstimate:
-    """The least squares over all cameras that agree."""
+    """The least-squares estimate from all cameras that agree."""
     names = [n for n in rig.names if n in best.turns]
     parts = [pose_corners(_turned(boards[n], best.turns[n]), spacing, shape) for n in names]
     camera = np.repeat(np.arange(len(names)), [len(sigma) for _, sigma in parts])
     corners, sigma = _together([c for c, _ in parts], camera), np.concatenate([s for _, s in parts])
     at = [rig.index(n) for n in names]
-    places = np.stack([rig.poses[k].T_cam_board for k in at])  # held: the frame of the poses is the rig's
+    places = np.stack([rig.poses[k].T_cam_board for k in at])  # constant: the poses refer to the rig's frame
     start = State(tuple(rig.cameras[k] for k in at), best.T[None], places, KNOWN)
     nothing = default_free(start, lens=False)
     state, _ = robust.initial_fit(start, corners, sigma, nothing, turn=False)
@@ -168,7 +170,8 @@ def _estimated(
 
 
 def _offsets(gaps: Array, camera: Array) -> Real[Array, " n"]:
-    """(N,) px of one axis by which each corner's camera as a whole sees the board elsewhere, by the median: its place isn't known better."""
+    """(N,) px per axis: the median offset at which each corner's camera sees the board, a bound on the accuracy of that
+    camera's pose."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     typical = np.array([np.median(far[camera == c]) for c in range(int(camera.max()) + 1)])
     return np.asarray(np.minimum(typical, BEHIND)[camera] / np.sqrt(robust.MEDIAN))
@@ -180,10 +183,11 @@ def _together(parts: list[Corners3], camera: Array) -> Corners3:
 
 
 def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tuple[Array, Array]:
-    """The small motion (6,) of the pose to where cameras have it that weigh by how well their places are known, and its covariance (6, 6).
+    """The small motion (6,) of the pose to the mean of the cameras' own poses, weighted by their covariances, and its
+    covariance (6, 6).
 
-    Generalised least squares of one pose a camera, linearised at the joint solution. What camera k sees errs by its corners, and by the
-    motion of its place δₖ, which its own pose follows: −Ad(Tₖ)⁻¹ δₖ.
+    Generalised least squares with one pose per camera, linearised at the joint solution. The pose from camera k has the
+    errors of its corners, and the error δₖ of the camera's own pose, which enters as −Ad(Tₖ)⁻¹ δₖ.
     """
     state, many = fit.state, len(at)
     apart, errors = np.zeros(6 * many), np.zeros((6 * many, 6 * many))
@@ -200,7 +204,8 @@ def _weighed(rig: Rig, at: list[int], fit: robust.Fit, corners: Corners3) -> tup
 
 
 def _own(state: State, corners: Corners3, weight: Array) -> tuple[Array, Array]:
-    """The small motion (6,) of the pose to where one camera by itself has it, whose corners have a `weight`, and its covariance (6, 6)."""
+    """The small motion (6,) from the pose to the one estimated from one camera alone, its corners weighted by `weight`,
+    and its covariance (6, 6)."""
     nothing = np.zeros(len(state.values))
     here = Normal.of(state, corners, weight, nothing.astype(bool))
     arrow = here.arrow()

@@ -1,4 +1,5 @@
-"""Where the cameras of a rig stand, roughly: which boards they share, the tree of the pairs that agree best, and rotations averaged."""
+"""Initial poses of the cameras of a rig: shared boards, the spanning tree of the pairs with the most support, and
+rotation averaging."""
 
 from __future__ import annotations
 
@@ -18,14 +19,15 @@ from rcdn.types.arrays import Real
 Key = tuple[str, int]
 """(moment, number of the board's target)"""
 Sights = Sequence[Mapping[Key, int]]
-"""for each camera the index of its view of each board that it saw whole"""
+"""for each camera, the index of its view of each board that it saw completely"""
 ROUNDS = 10
-"""of averaging"""
+"""number of iterations of averaging"""
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """Cameras `a` < `b` with the `keys` of the boards that both saw, the place of `b` that most agree on, T_b_a (4, 4), and their `votes`."""
+    """Cameras `a` < `b` with the `keys` of the boards that both saw, the relative pose with the most support, T_b_a (4,
+    4), and its `votes`."""
 
     a: int
     b: int
@@ -35,7 +37,7 @@ class Edge:
 
 
 def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
-    """An edge for each two cameras whose shared boards agree on how they stand.
+    """An edge for each pair of cameras whose shared boards agree on their relative pose.
 
     Half of the boards must agree; where colours leave turns of a board open, at least two.
     """
@@ -53,7 +55,7 @@ def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
 
 
 def components_of(count: int, edges: Sequence[Edge]) -> list[list[int]]:
-    """Cameras that edges connect, the largest part first."""
+    """Connected components of the cameras, the largest first."""
     ends = np.array([(e.a, e.b) for e in edges]).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
     _, label = connected_components(graph, directed=False)
@@ -62,7 +64,7 @@ def components_of(count: int, edges: Sequence[Edge]) -> list[list[int]]:
 
 
 def tree(part: Sequence[int], edges: Sequence[Edge]) -> dict[int, Array]:
-    """T_camera_first (4, 4) of each camera of `part` along the tree of most votes (Prim)."""
+    """T_camera_first (4, 4) of each camera of `part` along the maximum spanning tree by votes (Prim)."""
     places = {part[0]: np.eye(4)}
     while len(places) < len(part):
         ready = [e for e in edges if (e.a in places) != (e.b in places)]
@@ -75,7 +77,8 @@ def tree(part: Sequence[int], edges: Sequence[Edge]) -> dict[int, Array]:
 
 
 def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array]:
-    """`places` after all edges had their say: rotations by least absolute turns (reweighted), then translations for these rotations.
+    """`places` averaged over all edges: rotations by least absolute angles (reweighted), then translations for these
+    rotations.
 
     Chatterjee and Govindu, Efficient and robust large-scale rotation averaging, 2013.
     """
@@ -91,7 +94,7 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
         R = {c: R[c] @ rotation(steps[k]) for k, c in enumerate(order)}
     centres = {c: -places[c][:3, :3].T @ places[c][:3, 3] for c in order}
     for _ in range(ROUNDS):
-        # centre of b − centre of a, in the rig's axes, as the edge tells it
+        # centre of b − centre of a, in the rig's axes, as measured by the edge
         told = np.array([-R[e.b].T @ e.T[:3, 3] for e in mine])
         off = told - np.array([centres[e.b] - centres[e.a] for e in mine])
         weight = np.sqrt(np.array([e.votes for e in mine]) / np.maximum(np.linalg.norm(off, axis=1), 1e-3))
@@ -107,7 +110,8 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
 def _differences(
     order: list[int], edges: Sequence[Edge], weight: Array, told: Real[Array, "e 3"]
 ) -> Real[Array, "c 3"]:
-    """(C, 3) values, 0 of the first camera, whose differences over the edges are as `told` (E, 3), by weighted least squares."""
+    """(C, 3) values, 0 for the first camera, whose differences over the edges fit the measured `told` (E, 3) by
+    weighted least squares."""
     at = {c: k for k, c in enumerate(order)}
     A = np.zeros((len(edges), len(order)))
     for row, e in enumerate(edges):
@@ -119,8 +123,8 @@ def _differences(
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """How the views of each board fit together: `turns` (camera, view) quarters, `odd` views that disagree with the others, and T_rig_board
-    (4, 4) by key, `boards`."""
+    """Consistency of the views of each board: `turns` (camera, view) in quarters, `odd` views that disagree with the
+    others, and `boards`, T_rig_board (4, 4) by key."""
 
     turns: dict[tuple[int, int], int]
     odd: list[tuple[int, int]]
@@ -128,7 +132,8 @@ class Turned:
 
 
 def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights) -> Turned:
-    """Each board as most cameras see it, labels turned to those of its first camera that agrees with most others."""
+    """Each board at the pose that most cameras agree on, with labels turned to those of the camera with which most
+    others agree."""
     out = Turned({}, [], {})
     keys = dict.fromkeys(k for c in places for k in sights[c])
     for key in keys:
@@ -147,7 +152,7 @@ def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: 
             out.turns[b, sights[b][key]] = turn
             if gap > 1:
                 out.odd.append((b, sights[b][key]))
-        if votes == 0 and others:  # two views that disagree, nobody knows which is wrong
+        if votes == 0 and others:  # two views that disagree: which of them is wrong is unknown
             out.odd.append((a, sights[a][key]))
     return out
 
@@ -155,6 +160,7 @@ def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: 
 def _told(
     places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights, key: Key, a: int, b: int
 ) -> tuple[float, int]:
-    """How far camera b's view of a board is from where camera a's has it, and the turn of b's labels."""
+    """Distance of camera b's view of a board from camera a's, 1 at the limit of agreement, and the turn of b's
+    labels."""
     T = places[b] @ np.linalg.inv(places[a])
     return nearest(T, hypothesis(cameras[a], cameras[b], (sights[a][key], sights[b][key])))

@@ -1,4 +1,4 @@
-"""The joint problem of a rig: the corners of all views that take part, by camera and board."""
+"""The joint problem of a rig: the corners of all participating views, by camera and board."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rcdn.types import Array, Calibration
 
 @dataclass(frozen=True, eq=False)
 class RigTask:
-    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each with its `keys` entry (None:
-    only one camera's partial view); `rows` (camera, view) → rows of the corners, their labels `ij`; `cluster` (F,): moments; `known`: by camera
-    whether its lens is held."""
+    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each
+    with its entry of `keys` (None: the partial view of a single camera); `rows`: (camera, view) → rows of the corners,
+    with labels `ij`; `cluster` (F,): moments; `known`: for each camera, whether its lens is held constant."""
 
     cameras: list[int]
     keys: list[Key | None]
@@ -45,7 +45,7 @@ class RigTask:
         when: Sequence[Sequence[str]],
         held: list[bool],
     ) -> RigTask:
-        """All views of the cameras `main` but the odd ones."""
+        """All views of the cameras `main` except the odd ones."""
         shaped = max(main, key=lambda c: (alone[c].shape is not None, len(alone[c].used_views)))
         odd, frame_of = set(fits.odd), {key: f for f, key in enumerate(fits.boards)}
         owner = {(c, k): key for c in main for key, k in sights[c].items()}
@@ -85,7 +85,7 @@ class RigTask:
         return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped, held)
 
     def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
-        """Boards and cameras where the graph has them."""
+        """Initial guess: boards and cameras at the poses of the graph."""
         poses = [
             self.turned.boards[key] if key is not None else np.linalg.inv(places[c]) @ matrix(alone[c].views[k])
             for key, c, k in self.poses
@@ -98,5 +98,5 @@ class RigTask:
 
     @property
     def joint(self) -> Joint:
-        """What the least squares are about."""
+        """Input of the least-squares fit."""
         return Joint(self.corners, self.sigma, self.cluster, self.known)

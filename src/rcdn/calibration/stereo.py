@@ -1,4 +1,4 @@
-"""Two cameras that look at the same boards: where they stand to each other, and pictures turned into one plane."""
+"""Calibration of two cameras that see the same boards: their relative pose, and rectification of their images."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ def calibrate_stereo(
     model: str = "auto",
     size: Size | None = None,
 ) -> StereoCalibration:
-    """Both cameras and the place of the right one, from boards that both saw at the same moment.
+    """Calibrate both cameras and the pose of the right one relative to the left, from boards that both saw at the same
+    moment.
 
-    `left`, `right`: the cameras' boards, partial ones and boards that only one camera saw too (they help its lens). `pairs`: (index in
-    `left`, index in `right`) of the same board at the same moment; default: equal indices. Only whole boards (labels settled) tell where
-    the cameras stand; of a symmetric one the turn that agrees with the other pairs is taken. `names` of the pictures; the rest as in
-    `calibrate`.
+    `left`, `right`: the cameras' boards, including partial ones and boards that only one camera saw (they help its
+    lens). `pairs`: (index in `left`, index in `right`) of the same board at the same moment; default: equal indices.
+    Only complete boards (settled labels) determine the relative pose; for a symmetric board, the turn that agrees with
+    the other pairs is taken. `names` of the images; all else as in `calibrate`.
 
-    Starts from each camera's own calibration, then solves lenses, poses and place together. Raises CalibrationError if the pairs don't agree on
-    the cameras' place, and says so if mirrored pictures would explain it.
+    Starts from each camera's own calibration, then estimates lenses, board poses and relative pose jointly. Raises
+    CalibrationError if the pairs do not agree on the relative pose; it says so if mirrored images would explain it.
     """
     check_boards(left, "left")
     check_boards(right, "right")
@@ -84,7 +85,8 @@ def calibrate_stereo(
 
 
 def _common(left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None) -> Geometries | None:
-    """The targets that both cameras saw, so that a corner has one label in both; None if no board's codes were read."""
+    """The targets that both cameras saw, so that a corner has the same label in both; None if no board's codes were
+    read."""
     both = [*left, *right]
     return Geometries.of(both, spacing, size) if any(b.target is not None for b in both) else None
 
@@ -97,7 +99,8 @@ def _alone(
     model: str,
     size: Size | None,
 ) -> Calibration:
-    """The calibration of the left (0) or the right (1) camera alone, of boards of a spacing, or of known geometries; errors say whose it is."""
+    """The calibration of the left (0) or the right (1) camera alone, from boards of a spacing or of known geometries;
+    errors name the camera."""
     try:
         if not isinstance(of, Geometries):
             return calibrate(boards, of, names=names, model=model, size=size)
@@ -129,9 +132,9 @@ def _pairs(
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their `corners` and labels `ij`
-    (N, 2); `rows` (camera, view) → rows of the corners; the `shape` of the board, that of the left camera's calibration; `turned`: quarter
-    turns of right views."""
+    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their
+    `corners` and labels `ij` (N, 2); `rows`: (camera, view) → rows of the corners; `shape` of the board, that of the
+    left camera's calibration."""
 
     seen: list[tuple[int, int]]
     ij: Array
@@ -210,7 +213,7 @@ def _result(
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
-    """What to say of pairs that were left out."""
+    """Advice that names the pairs that were left out."""
     if not names:
         return ()
     some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
@@ -220,7 +223,8 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
 
 
 def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
-    """(6, size) mean motion of the boards in the right camera, of that in the left one and of the right camera's own."""
+    """(6, size): Jacobian of the boards' mean motion in the right camera by the motions in the left one and of the
+    right camera itself."""
     M = np.zeros((6, size))
     M[:, a + b : a + b + 6] = np.eye(6)
     R, t = T[:3, :3], T[:3, 3]
@@ -257,15 +261,16 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
 
 
 def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:
-    """With views in the order of the frames, so that pairs come first and stand beside each other."""
+    """The calibration with views in the order of the frames, so that pairs come first, in the same order for both
+    cameras."""
     order = [pair[camera] for pair in task.seen if pair[camera] >= 0]
     rest = [k for k in range(len(calibration.views)) if k not in set(order)]
     return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
 
 
 def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
-    """Root mean square distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if
-    none was seen by both."""
+    """RMS distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if no
+    corner was seen by both."""
     squares = []
     for f in pairs:
         a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
@@ -280,7 +285,7 @@ def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, righ
 
 
 def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Rotations, projections and Q that bring both pictures into one plane (Bouguet's way, OpenCV's stereoRectify)."""
+    """Rotations, projections and Q that rectify both images to one plane (Bouguet's method, OpenCV's stereoRectify)."""
     nothing = np.zeros(5)
     R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
         left.K,

@@ -1,8 +1,10 @@
-"""Cameras that are out of step: how late each one is, by boards that move, and corners brought to the moments that their pictures are named for.
+"""Time shifts between cameras: estimated from moving boards, and corrected by moving corners to the nominal moments of
+their images.
 
-A camera that is τ late sees a board not where it is at a moment but where it is then, along its path. Each camera's own view of a board, against
-those of the other cameras at that moment, is therefore off by (τ − their mean) × the board's velocity: linear in all τ at once. For the correction
-the path between moments is a parabola through three of them.
+A camera that is late by τ sees a board at its position τ after the nominal moment, along its path. Each camera's own
+view of a board therefore differs from the mean of all cameras at that moment by (τ − mean τ) × the board's velocity,
+which is linear in all τ at once. For the correction, the path between moments is interpolated by a parabola through
+three of them.
 """
 
 from __future__ import annotations
@@ -23,21 +25,26 @@ from rcdn.geometry import cross_matrix
 from rcdn.types import Array, TimeShift
 
 STAMPS = 1000
-"""usual difference of the moments' numbers beyond which they are time stamps, not frames: the unit is then that difference"""
+"""median difference of the moments' numbers above which they are time stamps, not frames: the unit is then that
+difference"""
 FEWEST_MOVES = 6
-"""moments at which a board moved that tell a time shift"""
+"""fewest moments with a moving board for the estimate of a time shift"""
 STILL = 1e-3
-"""share of the board's distance that it must move from one moment to the next to count as moving"""
+"""least displacement of a board between moments to count as moving, share of its distance"""
 NEAR = 2.0
-"""× the usual time between moments: what lies farther apart tells no velocity"""
+"""× the median time between moments: neighbours farther apart give no velocity"""
 FAR = 1e3
-"""px, sigma of corners that are not to count"""
+"""px, sigma that removes corners from the fit"""
 ROUNDS, SETTLED = 5, 0.005
-"""of correcting and solving again, at most; the change, in moments, that ends them"""
+"""largest number of rounds of correction and fit; largest change, in moments, at which they end"""
 
 
 def times_of(moments: Iterable[str]) -> dict[str, float]:
-    """The time of each moment: its number if all end in different ones (1: one frame; of time stamps their usual difference), else its rank."""
+    """The time of each moment.
+
+    That is its trailing number if all end in different ones (unit: one frame, or, for time stamps, their median
+    difference), else its rank.
+    """
     names = list(dict.fromkeys(moments))
     found = [re.search(r"(\d+)\D*$", name) for name in names]
     numbers = [int(match[1]) for match in found if match is not None]
@@ -50,8 +57,9 @@ def times_of(moments: Iterable[str]) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where boards are over time: `frame`s of the joint problem in the order of their `time` (F,), each target's one after another, poses
-    `T` (F, 4, 4) and the `middle` (F, 3) of each board on it; `near` (F,) bool: both neighbours are of its target and close in time."""
+    """Path of the boards over time: `frame`s of the joint problem in the order of their `time` (F,), each target's
+    contiguous; poses `T` (F, 4, 4) and the `middle` (F, 3) of each board on it; `near` (F,) bool: whether both
+    neighbours are of the same target and close in time."""
 
     frame: Array
     time: Array
@@ -61,7 +69,7 @@ class Path:
 
     @classmethod
     def of(cls, task: RigTask, state: State, time: Mapping[str, float]) -> Path:
-        """The path of all boards that the cameras of `task` share."""
+        """The path of all boards shared by the cameras of `task`."""
         shared = [(key[1], time[key[0]], f) for f, key in enumerate(task.keys) if key is not None]
         target, when, frame = (
             (np.array(column) for column in zip(*sorted(shared), strict=True)) if shared else (np.zeros(0),) * 3
@@ -83,19 +91,19 @@ class Path:
 
     @property
     def places(self) -> Array:
-        """(F, 3) m: the boards' middles."""
+        """(F, 3) m: centres of the boards."""
         return (self.T[:, :3, :3] @ self.middle[:, :, None])[..., 0] + self.T[:, :3, 3]
 
     @property
     def velocity(self) -> Array:
-        """(F, 3) m a moment of the boards' middles; NaN where no neighbours are near."""
+        """(F, 3) m per moment: velocities of the boards' centres; NaN without close neighbours."""
         out, places = np.full((len(self.frame), 3), np.nan), self.places
         k = np.flatnonzero(self.near)
         out[k] = (places[k + 1] - places[k - 1]) / (self.time[k + 1] - self.time[k - 1])[:, None]
         return out
 
     def later(self, by: float) -> Array:
-        """(F, 4, 4): the poses `by` moments after each one's own; NaN where the path isn't known there."""
+        """(F, 4, 4): the poses `by` moments after each one's own; NaN where the path is unknown there."""
         out, places = np.full((len(self.frame), 4, 4), np.nan), self.places
         middle = np.flatnonzero(self.near)
         for k in range(len(self.frame)):
@@ -115,18 +123,20 @@ class Path:
 
 
 def _parabola(t: Array, at: float) -> Array:
-    """(3,) shares of the values at the times `t` (3,) in that of the parabola through them `at` a time (Lagrange)."""
+    """(3,) weights of the values at the times `t` (3,) in the value `at` a time of the parabola through them
+    (Lagrange)."""
     return np.array([np.prod([(at - t[j]) / (t[i] - t[j]) for j in range(3) if j != i]) for i in range(3)])
 
 
 def shifts_of(
     task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, first: int | None = None
 ) -> dict[int, TimeShift]:
-    """How late each camera is, by its number in `task`, against the camera `first` (None: the one that most others are in step with); that one is 0.
+    """Time shift of each camera, by its number in `task`, relative to the camera `first`, whose shift is 0.
 
-    `corners`: those of the task, or brought to their moments. A camera's place was solved for as if it were in step, and took up a part of its
-    lateness: a small motion of each one is unknown, too. Least absolute misses (reweighted); deviations by the scatter of moments. Cameras that
-    saw fewer than FEWEST_MOVES moving boards together with others aren't in it.
+    `first`: None for the camera that agrees best with the others. `corners`: those of the task, or corrected ones. A
+    camera's pose was estimated as if it had no shift, and absorbed a part of it: a small motion of each camera is
+    therefore unknown, too. Least absolute residuals (reweighted); standard deviations from the residuals of whole
+    moments. Cameras that saw fewer than FEWEST_MOVES moving boards together with others are left out.
     """
     v, speed = path.velocity, np.linalg.norm(path.velocity, axis=1)
     moving = speed > STILL * np.linalg.norm(path.places, axis=1)
@@ -165,7 +175,8 @@ def shifts_of(
 
 
 def _least_absolute(A: Array, d: Array, cluster: Array) -> tuple[Array, Array]:
-    """x (n,) of least Σ |d − A x| for `A` (R, 3, n), `d` (R, 3), the shortest one, and its covariance by the scatter of clusters (R,)."""
+    """x (n,) that minimises Σ |d − A x| for `A` (R, 3, n), `d` (R, 3), of least norm, and its covariance by clusters
+    (R,)."""
     weight, x = np.ones(len(d)), np.zeros(A.shape[2])
     for _ in range(20):
         H = np.einsum("r,rik,ril->kl", weight, A, A)
@@ -180,14 +191,14 @@ def _least_absolute(A: Array, d: Array, cluster: Array) -> tuple[Array, Array]:
 
 
 def _own_places(task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, local: int) -> dict[int, Array]:
-    """By frame (3,) m in the rig's frame: where one camera alone sees the middle of each board."""
+    """By frame, (3,) m in the rig's frame: the centre of each board as seen by one camera alone."""
     rows = np.flatnonzero(corners.camera == local)
     frames = np.unique(corners.frame[rows])
     mine = replace(
         corners.take(rows), frame=np.searchsorted(frames, corners.frame[rows]), camera=np.zeros(len(rows), int)
     )
     used = fit.used[rows].astype(float)
-    used[np.bincount(mine.frame, used, len(frames))[mine.frame] == 0] = 1.0  # views left out may be late ones
+    used[np.bincount(mine.frame, used, len(frames))[mine.frame] == 0] = 1.0  # views may be left out because of a shift
     start = State.mono(fit.state.cameras[local], fit.state.rig[local] @ fit.state.poses[frames], fit.state.shape)
     found = solve(start, mine, used, default_free(start, lens=False), iterations=12).state.poses
     back, middle = np.linalg.inv(fit.state.rig[local]), dict(zip(path.frame.tolist(), path.middle, strict=True))
@@ -200,8 +211,9 @@ def _own_places(task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, l
 
 @dataclass(frozen=True, eq=False)
 class InStep:
-    """The solution after correction: `fit`, the `corners` brought to their moments, `shifts` by the camera's number, the `late` ones that were
-    corrected, `taken` (camera, view): T_cam_board (4, 4) when the picture was really taken, and `lost`: views (camera, view) that couldn't be."""
+    """The solution after correction: `fit`, the corrected `corners`, `shifts` by the camera's number, the `late`
+    cameras that were corrected, `taken`: (camera, view) → T_cam_board (4, 4) when the image was really taken, and
+    `lost`: views (camera, view) that could not be corrected."""
 
     fit: robust.Fit
     corners: Corners3
@@ -212,10 +224,10 @@ class InStep:
 
 
 def in_step(task: RigTask, fit: robust.Fit, time: Mapping[str, float], correct: bool, spacing: float) -> InStep:
-    """How late cameras are, and, if it is to be `correct`ed, the solution with the corners of those that clearly are, brought to their moments.
+    """Time shifts of the cameras and, if `correct`, the solution with the corners of clearly shifted ones corrected.
 
-    Rounds of shifts, corners along the boards' paths, and least squares; kept only if the corners are explained better. Views of a late camera
-    where the board's path isn't known when they were taken are left out.
+    Iterates time shifts, corners along the boards' paths, and least squares; the result is kept only if it explains the
+    corners better. Views of a late camera are left out if the board's path at their true time is unknown.
     """
     shifts = shifts_of(task, fit, Path.of(task, fit.state, time), task.corners)
     late = tuple(c for c, s in shifts.items() if s.clear)
@@ -239,7 +251,8 @@ def in_step(task: RigTask, fit: robust.Fit, time: Mapping[str, float], correct: 
 def _brought(
     task: RigTask, before: robust.Fit, time: Mapping[str, float], late: Mapping[int, float], spacing: float
 ) -> InStep:
-    """The solution with the corners of the `late` cameras (number → moments) where they would have been seen in step, by the paths of `before`."""
+    """The solution with the corners of the `late` cameras (number → moments) corrected for their shift along the paths
+    of `before`."""
     corners, _, lost = _corrected(task, before.state, Path.of(task, before.state, time), late)
     sigma = np.where(lost, FAR, task.sigma)
     fit = refitted(replace(task.joint, corners=corners, sigma=sigma), before, spacing)
@@ -250,15 +263,15 @@ def _brought(
 
 
 def _spread(fit: robust.Fit) -> float:
-    """Median length of all residuals, those of views left out, too."""
+    """Median length of all residuals, including those of views left out."""
     return float(np.median(np.nan_to_num(np.linalg.norm(fit.residuals, axis=1), nan=np.inf)))
 
 
 def _corrected(
     task: RigTask, state: State, path: Path, late: Mapping[int, float]
 ) -> tuple[Corners3, dict[tuple[int, int], Array], Array]:
-    """Corners as if the `late` cameras (number → moments) weren't, T_cam_board of their views when they were taken, and (N,) which of the corners
-    are of boards whose path isn't known then."""
+    """Corners with the shift of the `late` cameras (number → moments) removed, T_cam_board of their views at their true
+    time, and (N,) which corners are of boards with unknown path there."""
     xy, lost, taken = task.corners.xy.copy(), np.zeros(len(task.corners), bool), {}
     for local, by in late.items():
         poses, then = state.poses.copy(), path.later(by)
@@ -268,7 +281,7 @@ def _corrected(
         some = task.corners.take(rows)
         moved = residuals(state, some) - residuals(
             replace(state, poses=poses), some
-        )  # how far corners moved in the picture
+        )  # displacement of the corners in the image
         xy[rows] -= np.where(np.isfinite(moved).all(axis=1, keepdims=True), moved, 0.0)
         lost[rows] = np.isin(some.frame, path.frame[~known])
         for (c, k), mine in task.rows.items():
