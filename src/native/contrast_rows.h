@@ -13,7 +13,8 @@ INLINE void OF(levels)(const Contrast *c, index_t y, index_t from, index_t to, N
         out[x - from] = LEVEL(at + mirrored(x - BEFORE, width));
 }
 
-INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const NUMBER *restrict in, const NUMBER *restrict out, index_t count) {
+INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const NUMBER *restrict in,
+                          const NUMBER *restrict out, index_t count) {
     for (index_t x = 0; x < count; x++) {
         const NUMBER change = in[x] - out[x];
         sum[x] += change;
@@ -23,8 +24,10 @@ INLINE void OF(exchanged)(NUMBER *restrict sum, NUMBER *restrict square, const N
 
 /* Update the sums of a block of columns to row `y`. */
 INLINE void OF(slide)(Contrast *c, index_t block, index_t y) {
-    const index_t from = block * COLUMNS - HALF, to = from + COLUMNS < c->width + HALF ? from + COLUMNS : c->width + HALF, count = to - from;
-    NUMBER *sum = (NUMBER *)c->sum + block * COLUMNS, *square = (NUMBER *)c->square + block * COLUMNS, *in = c->in, *out = c->out;
+    const index_t from = block * COLUMNS - HALF,
+                  to = from + COLUMNS < c->width + HALF ? from + COLUMNS : c->width + HALF, count = to - from;
+    NUMBER *sum = (NUMBER *)c->sum + block * COLUMNS, *square = (NUMBER *)c->square + block * COLUMNS, *in = c->in,
+           *out = c->out;
     index_t next = c->summed[block] + 1;
     if (!next || y - next >= SIDE) {
         memset(sum, 0, (size_t)count * sizeof *sum);
@@ -56,7 +59,8 @@ INLINE void OF(along)(const NUMBER *restrict row, index_t count, NUMBER *restric
         out[x] = room[x] + room[x + 8] + room[x + 16] + row[x + 24];
 }
 
-INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict square, const NUMBER *restrict grey, index_t count, float *restrict out) {
+INLINE void OF(quotients)(const NUMBER *restrict sum, const NUMBER *restrict square, const NUMBER *restrict grey,
+                          index_t count, float *restrict out) {
     const float share = 1.0f / (SIDE * SIDE);
     for (index_t x = 0; x < count; x++) {
         const NUMBER spread = SIDE * SIDE * square[x] - sum[x] * sum[x]; /* in float, off by .03 grey levels if flat */

@@ -6,11 +6,14 @@ FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2),
     const index_t height = p.height, width = p.width;
     const index_t right = width > 1, down = height > 1 ? width : 0;
     for (index_t k = 0; k < n; k++) {
-        const double x = limited(xy[2 * k], 0, (double)(width - 1)), y = limited(xy[2 * k + 1], 0, (double)(height - 1));
-        const index_t i = (index_t)limited(x, 0, (double)(width - 1 - right)), j = (index_t)limited(y, 0, (double)(height - 1 - (down > 0)));
+        const double x = limited(xy[2 * k], 0, (double)(width - 1)),
+                     y = limited(xy[2 * k + 1], 0, (double)(height - 1));
+        const index_t i = (index_t)limited(x, 0, (double)(width - 1 - right)),
+                      j = (index_t)limited(y, 0, (double)(height - 1 - (down > 0)));
         const double fx = x - (double)i, fy = y - (double)j;
         const index_t at = j * width + i;
-        const double a = pixel(&p, at), b = pixel(&p, at + right), c = pixel(&p, at + down), d = pixel(&p, at + down + right);
+        const double a = pixel(&p, at), b = pixel(&p, at + right), c = pixel(&p, at + down),
+                     d = pixel(&p, at + down + right);
         const double top = a + fx * (b - a), low = c + fx * (d - c);
         out[k] = top + fy * (low - top);
     }
@@ -18,7 +21,8 @@ FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2),
 }
 
 /* Contrast `out` (n, 3) of links `start` → `end` (n, 2). */
-FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 3)) {
+FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2),
+            (OUT, double, out, n, 3)) {
     Places w;
     for (index_t k = 0; k < n; k++)
         sides_differ(&p, start + 2 * k, end + 2 * k, &w, out + 3 * k);
@@ -27,7 +31,8 @@ FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, 
 
 /* Steps (n, 2) of the grey level across links `start` → `end` (n, 2), within 0.1 and 0.3 of their length on either
  * side. */
-FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2), (OUT, double, out, n, 2)) {
+FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2),
+            (OUT, double, out, n, 2)) {
     static const double away[2] = {0.1, 0.3};
     Places w;
     float value[4 * ALONG];
@@ -36,7 +41,8 @@ FAST_KERNEL(rcdn_edge_steps, (PICTURE, p), (SIZE, n, start, 0), (IN, double, sta
         const Spot s = spot_at(&p, from[0], from[1]);
         for (index_t r = 0, k = 0; r < 2; r++)
             for (index_t a = 0; a < ALONG; a++, k += 2) {
-                const double t = 0.25 + 0.5 / (ALONG - 1) * (double)a, x = from[0] - s.x + t * dx, y = from[1] - s.y + t * dy;
+                const double t = 0.25 + 0.5 / (ALONG - 1) * (double)a, x = from[0] - s.x + t * dx,
+                             y = from[1] - s.y + t * dy;
                 w.x[k] = (float)(x - away[r] * dy), w.y[k] = (float)(y + away[r] * dx);
                 w.x[k + 1] = (float)(x + away[r] * dy), w.y[k + 1] = (float)(y - away[r] * dx);
             }
@@ -70,11 +76,11 @@ INLINE float logarithm(float x) {
     return series + (float)exponent * 0.69314718f;
 }
 
-#define ORDER(A, B)                                                                                                                        \
-    do {                                                                                                                                   \
-        const float low_ = A < B ? A : B;                                                                                                  \
-        B = A < B ? B : A;                                                                                                                 \
-        A = low_;                                                                                                                          \
+#define ORDER(A, B)                       \
+    do {                                  \
+        const float low_ = A < B ? A : B; \
+        B = A < B ? B : A;                \
+        A = low_;                         \
     } while (0)
 
 /* Medians `out` (WIDE,) over 8 rows of `value`: the two halves are sorted, then the largest of the lower four and the
@@ -109,12 +115,13 @@ INLINE void medians(float value[ROWS][WIDE], float *out) {
 
 /* Smoothed derivatives `out` (ROWS, WIDE) of the logarithm of profiles on one side of a spot: `along` is the step
  * towards the rows, `across` that along them. */
-INLINE void slopes(const Spot *s, const double *xy, const double *along, const double *across, const float *rows, const float *t, float dark,
-                   const float *taps, Places *w, float out[ROWS][WIDE]) {
+INLINE void slopes(const Spot *s, const double *xy, const double *along, const double *across, const float *rows,
+                   const float *t, float dark, const float *taps, Places *w, float out[ROWS][WIDE]) {
     float value[ROWS * STEPS], padded[ROWS][PADDED];
     const float ax = (float)across[0], ay = (float)across[1];
     for (int r = 0; r < ROWS; r++) {
-        const float x = (float)(xy[0] - s->x + (double)rows[r] * along[0]), y = (float)(xy[1] - s->y + (double)rows[r] * along[1]);
+        const float x = (float)(xy[0] - s->x + (double)rows[r] * along[0]),
+                    y = (float)(xy[1] - s->y + (double)rows[r] * along[1]);
         for (int k = 0; k < STEPS; k++)
             w->x[r * STEPS + k] = x + t[k] * ax, w->y[r * STEPS + k] = y + t[k] * ay;
     }
@@ -135,8 +142,9 @@ INLINE void slopes(const Spot *s, const double *xy, const double *along, const d
 }
 
 /* Offset along `across`, and strength, of the edge through `xy` in the direction `along` with colours `colour`. */
-INLINE void edge_offset(const Picture *p, const double *xy, const double *across, const double *along, double colour, const float *rows,
-                        const float *t, float dark, const float *taps, Places *w, double *offset, double *strength) {
+INLINE void edge_offset(const Picture *p, const double *xy, const double *across, const double *along, double colour,
+                        const float *rows, const float *t, float dark, const float *taps, Places *w, double *offset,
+                        double *strength) {
     float slope[ROWS][WIDE], half[2][WIDE], both[STEPS];
     const Spot s = spot_at(p, xy[0], xy[1]);
     const double back[2] = {-along[0], -along[1]};
@@ -161,9 +169,9 @@ INLINE void edge_offset(const Picture *p, const double *xy, const double *across
 /* `offset`, `strength` (n, 2) at spots `xy`, `du`, `dv` (n, 2), `colour` (n,): see boards/edges.py, `crossings`. `rows`
  * (ROWS,) and `t` (STEPS,): squares along and across an edge; `dark`: grey levels; `taps` (TAPS,) of the smoothed
  * derivative: weights of the samples after one, less those before it. */
-FAST_KERNEL(rcdn_crossings, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, double, du, n, 2), (IN, double, dv, n, 2),
-            (IN, double, colour, n), (IN, float, rows, ROWS), (IN, float, t, STEPS), (REAL, dark), (IN, float, taps, TAPS),
-            (OUT, double, offset, n, 2), (OUT, double, strength, n, 2)) {
+FAST_KERNEL(rcdn_crossings, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, double, du, n, 2),
+            (IN, double, dv, n, 2), (IN, double, colour, n), (IN, float, rows, ROWS), (IN, float, t, STEPS),
+            (REAL, dark), (IN, float, taps, TAPS), (OUT, double, offset, n, 2), (OUT, double, strength, n, 2)) {
     Places w;
     for (index_t k = 0; k < n; k++) {
         const double *at = xy + 2 * k, *u = du + 2 * k, *v = dv + 2 * k;

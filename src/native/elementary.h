@@ -43,7 +43,8 @@ INLINE double natural_log(double x) {
     int64_t bits;
     memcpy(&bits, &grown, sizeof bits);
     /* k such that m is within √½..√2 */
-    const int64_t above = bits - 0x3fe6a09e667f3bcd, k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52);
+    const int64_t above = bits - 0x3fe6a09e667f3bcd,
+                  k = (above - (above & (((int64_t)1 << 52) - 1))) / ((int64_t)1 << 52);
     bits -= k * ((int64_t)1 << 52);
     double m, sum = 0;
     memcpy(&m, &bits, sizeof m);
@@ -57,10 +58,11 @@ INLINE double natural_log(double x) {
  * 3.75, over 0..6 (Shepherd and Laframboise, 1981). */
 INLINE double error_function(double x) {
     static const double series[] = {
-        1.2041486607769258,     0.06254486451634342,     -0.09011170320100993,    0.03830804303776603,    -0.010667072297549509,
-        0.0021626241391861367,  -0.0003206727593973206,  3.225748803923452e-05,   -1.5419939712642087e-06, -9.807199682060284e-08,
-        2.0344095804603294e-08, -4.1571376333869653e-10, -1.6701600725103775e-10, 9.998587841771379e-12,  1.4363992020186967e-12,
-        -1.248436087293526e-13, -1.4996986016102383e-14, 1.33360214961859e-15,    1.895208150114328e-16};
+        1.2041486607769258,      0.06254486451634342,    -0.09011170320100993,   0.03830804303776603,
+        -0.010667072297549509,   0.0021626241391861367,  -0.0003206727593973206, 3.225748803923452e-05,
+        -1.5419939712642087e-06, -9.807199682060284e-08, 2.0344095804603294e-08, -4.1571376333869653e-10,
+        -1.6701600725103775e-10, 9.998587841771379e-12,  1.4363992020186967e-12, -1.248436087293526e-13,
+        -1.4996986016102383e-14, 1.33360214961859e-15,   1.895208150114328e-16};
     const double t = fabs(x);
     if (!(t < 6))
         return t >= 6 ? copysign(1, x) : x;
@@ -96,7 +98,8 @@ INLINE void cosine_sine(double x, double *cosine, double *sine) {
 /* The angle of (x, y), −π..π; 0 for (0, 0). */
 INLINE double angle_of(double y, double x) {
     const double a = fabs(x), b = fabs(y), most = a > b ? a : b, least = a > b ? b : a;
-    const double ratio = most > 0 ? least / most : most, steep = ratio > 0.41421356237309503, t = steep ? (ratio - 1) / (ratio + 1) : ratio, q = t * t;
+    const double ratio = most > 0 ? least / most : most, steep = ratio > 0.41421356237309503,
+                 t = steep ? (ratio - 1) / (ratio + 1) : ratio, q = t * t;
     double sum = 0;
     for (int n = 43; n > 0; n -= 2)
         sum = 1.0 / n - q * sum;

@@ -36,7 +36,8 @@ typedef struct {
 #define SMALLEST 1.0
 #define LARGEST 8.0
 
-static const double STEP[COUNT] = {0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.4, 0.4, 0.3, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+static const double STEP[COUNT] = {0.1, 0.1,      0.1,      0.1,      0.1,      0.1,      0.4,     0.4,
+                                   0.3, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
 
 INLINE double clip(double x, double low, double high) {
     return x < low ? low : x > high ? high : x;
@@ -77,7 +78,8 @@ INLINE void invert(double m[ROWS][ROWS]) {
 }
 
 /* One pass over the pixels at `state`: the rows, if `slopes` is set, and the sums over them. */
-INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed, int slopes) {
+INLINE Sums look(Room *room, const double *state, double noise, int robust, const float *next, int others, int printed,
+                 int slopes) {
     const double by_noise = OUTLIER_NOISE * sqrt(noise), by_contrast = OUTLIER_CONTRAST * fabs(state[CONTRAST]);
     const float limit = robust ? (float)(by_noise > by_contrast ? by_noise : by_contrast) : INFINITY;
     const Window *w = &room->window;
@@ -86,7 +88,8 @@ INLINE Sums look(Room *room, const double *state, double noise, int robust, cons
                       : model_rows(w, state, limit, next, others, 1, 0, &room->shade, room->rows);
     if (!slopes)
         return model_rows(w, state, limit, next, others, 0, 0, NULL, room->rows);
-    return others ? model_rows(w, state, limit, next, 1, 0, 1, NULL, room->rows) : model_rows(w, state, limit, next, 0, 0, 1, NULL, room->rows);
+    return others ? model_rows(w, state, limit, next, 1, 0, 1, NULL, room->rows)
+                  : model_rows(w, state, limit, next, 0, 0, 1, NULL, room->rows);
 }
 
 /* The inverse normal matrix `m` of the rows under a prior, and the Gauss–Newton step of the parameters. */
@@ -173,7 +176,8 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
     double sum[2] = {0, 0}, even[2] = {0, 0}, pull = 0;
     for (index_t b = 0; b < size; b++)
         for (int k = 0; k < 2; k++) {
-            const double share = room->block[0][b][k] + room->block[1][b][k], by = room->block[0][b][2 + k] + room->block[1][b][2 + k];
+            const double share = room->block[0][b][k] + room->block[1][b][k],
+                         by = room->block[0][b][2 + k] + room->block[1][b][2 + k];
             sum[k] += share;
             even[k] += share * share;
             pull += by * by;
@@ -187,14 +191,14 @@ INLINE void block_scores(Room *room, double m[ROWS][ROWS], float side, double *s
 /* Settings of the fit: `noise`, variance of the residuals of the board; number of `steps`; `robust`: outlier pixels
  * lose their weight; `board`: next corners have edges, too; `tell`: whether `own`, `unit` and, unless `share` is 0,
  * `scores` are computed. */
-ARGUMENT_GROUP(Settings, (REAL, noise), (INT, steps, 0, 100), (INT, robust, 0, 1), (INT, board, 0, 1), (INT, tell, 0, 1), (REAL, share),
-               (WHERE, fabs(share) <= DBL_MAX))
+ARGUMENT_GROUP(Settings, (REAL, noise), (INT, steps, 0, 100), (INT, robust, 0, 1), (INT, board, 0, 1),
+               (INT, tell, 0, 1), (REAL, share), (WHERE, fabs(share) <= DBL_MAX))
 
 /* Results of the fit: `variance` (n) of the residuals with weights; `kept` (n), mean weight; inverse normal matrices:
  * diagonals `own` (n, COUNT), and `unit` (n, 2, 2) of the shift; `scores` (n, 2) of blocks with sides of `share` of a
  * square's. */
-ARGUMENT_GROUP(Found, (SIZE, n, variance, 0), (OUT, double, variance, n), (OUT, double, kept, n), (OUT, double, own, n, COUNT),
-               (OUT, double, unit, n, 2, 2), (OUT, double, scores, n, 2))
+ARGUMENT_GROUP(Found, (SIZE, n, variance, 0), (OUT, double, variance, n), (OUT, double, kept, n),
+               (OUT, double, own, n, COUNT), (OUT, double, unit, n, 2, 2), (OUT, double, scores, n, 2))
 
 /* The print around corner k at its current state. */
 INLINE void print_around(const Print *print, index_t k, const double *state, const Window *w, Shade *shade) {
@@ -224,8 +228,8 @@ INLINE void advance(Room *room, double *state, const double *step, int printed) 
 /* Fit n corners. `frames` (n, FRAME) define their pixels, the maps their board coordinates. `state` (n, COUNT) is
  * updated, under a prior of mean `mean` (n, COUNT) and inverse variances `tie` (n, COUNT). */
 FAST_KERNEL(rcdn_fit, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
-            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
-            (WHERE, are_frames(frames, n)), (OUT, double, state, n, COUNT), (IN, double, mean, n, COUNT), (IN, double, tie, n, COUNT),
+            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME), (WHERE, are_frames(frames, n)),
+            (OUT, double, state, n, COUNT), (IN, double, mean, n, COUNT), (IN, double, tie, n, COUNT),
             (GROUP, Settings, settings), (GROUP, Found, found), (WHERE, found.n == n)) {
     const double noise = settings.noise, share = settings.share;
     const index_t steps = settings.steps, robust = settings.robust, board = settings.board, tell = settings.tell;

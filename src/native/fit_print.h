@@ -19,8 +19,10 @@ enum { EDGES = 12, CELLS = EDGES + 1, PARTS = 4, SIDES = 4 };
  * CELLS, CELLS) its values before, between and behind them, 0 outside. Corner k has up to PARTS of the shapes, `which`
  * (n, PARTS), -1 for none, with their centres `at` (n, PARTS, 2) squares from the corner; their contribution is × the
  * corner's `sign` (n), in contrasts. `next` (n, SIDES): squares to the next edges towards -u, +u, -v, +v. */
-ARGUMENT_GROUP(Print, (SIZE, shapes, edge, 0), (IN, double, edge, shapes, 2, EDGES), (IN, double, value, shapes, CELLS, CELLS), (SIZE, n, sign, 0),
-               (WITHIN, int32_t, which, -1, shapes - 1, n, PARTS), (IN, double, at, n, PARTS, 2), (IN, double, sign, n), (IN, double, next, n, SIDES))
+ARGUMENT_GROUP(Print, (SIZE, shapes, edge, 0), (IN, double, edge, shapes, 2, EDGES),
+               (IN, double, value, shapes, CELLS, CELLS), (SIZE, n, sign, 0),
+               (WITHIN, int32_t, which, -1, shapes - 1, n, PARTS), (IN, double, at, n, PARTS, 2), (IN, double, sign, n),
+               (IN, double, next, n, SIDES))
 
 /* The print at the pixels of a window, in contrasts, and its derivatives by u, v and the logs of the blurs along u and
  * v. */
@@ -85,7 +87,8 @@ INLINE float mixed_difference(const Part *part, int a0, int a1, int b0, int b1) 
 
 /* Along one axis, for LANES pixels `at` with `scale`: 1 + erf of an edge, and its derivatives by the position and by
  * the log of the blur. */
-INLINE void step_at(const float *restrict at, const float *restrict scale, float edge, const int slopes, float step[restrict 3][LANES]) {
+INLINE void step_at(const float *restrict at, const float *restrict scale, float edge, const int slopes,
+                    float step[restrict 3][LANES]) {
     for (index_t lane = 0; lane < LANES; lane++) {
         const float z = (at[lane] - edge) * scale[lane];
         step[0][lane] = 1 + erf_near(z);
@@ -98,7 +101,8 @@ INLINE void step_at(const float *restrict at, const float *restrict scale, float
 }
 
 /* Add the print of a part to `out`: its value, and with `slopes` its derivatives by u, v and the logs of both blurs. */
-INLINE void add_part(const Part *restrict part, const Batch *restrict batch, const int slopes, float out[restrict 5][LANES]) {
+INLINE void add_part(const Part *restrict part, const Batch *restrict batch, const int slopes,
+                     float out[restrict 5][LANES]) {
     const Span u = span_of(part->u, part->count_u, batch->feel_u), v = span_of(part->v, part->count_v, batch->feel_v);
     if (!u.last || !v.last || u.first == part->count_u || v.first == part->count_v)
         return;
@@ -148,8 +152,8 @@ INLINE void feelers(const float *at, const float *scale, float feel[2]) {
 
 /* The print around corner k at the pixels of its window, in contrasts, to `out`. `p` (6): shift, turns and curvatures
  * of the edges; `sharp_u`, `sharp_v`: 1 / their blurs; `slopes`: whether derivatives are computed, too. */
-INLINE void print_pixels(const Print *print, index_t k, const float *p, float sharp_u, float sharp_v, const int slopes, const Window *w,
-                         Shade *restrict out) {
+INLINE void print_pixels(const Print *print, index_t k, const float *p, float sharp_u, float sharp_v, const int slopes,
+                         const Window *w, Shade *restrict out) {
     Part parts[PARTS];
     const int count = parts_of(print, k, parts);
     const float sign = 0.25f * (float)print->sign[k];

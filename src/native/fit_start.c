@@ -25,7 +25,8 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
     step[1] = -slope[1] * area;
     step[2] = -slope[2] * area;
     step[3] = slope[0] * area;
-    if (!isfinite(step[0]) || !isfinite(step[1]) || !isfinite(step[2]) || !isfinite(step[3]) || !isfinite(xy[0] + xy[1]))
+    if (!isfinite(step[0]) || !isfinite(step[1]) || !isfinite(step[2]) || !isfinite(step[3]) ||
+        !isfinite(xy[0] + xy[1]))
         return 0;
     double inner = 1, outer = 1;
     for (int k = 0; k < 2; k++) {
@@ -51,8 +52,8 @@ INLINE int frame_of(const Map *map, const double *xy, const uint8_t *rim, double
 
 /* `frames` (n, FRAME) of corners at `xy` (n, 2) with `rim` (n, 2), as in `frame_of`. Returns 1 if a map is singular at
  * a corner. */
-KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, xy, n, 2), (IN, uint8_t, rim, n, 2), (REAL, blur),
-       (OUT, double, frames, n, FRAME)) {
+KERNEL(rcdn_fit_frames, (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, xy, n, 2), (IN, uint8_t, rim, n, 2),
+       (REAL, blur), (OUT, double, frames, n, FRAME)) {
     for (index_t k = 0; k < n; k++) {
         const Map map = map_of(&maps, k);
         if (!frame_of(&map, xy + 2 * k, rim + 2 * k, blur, frames + FRAME * k))
@@ -102,8 +103,8 @@ INLINE void fill_window(const Picture *picture, const double *frames, const Maps
 
 /* `levels` (`many`, n, 3) of `line` for each of `blurs` (many) and each of n corners with the print around them. */
 FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (GROUP, Print, print),
-            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME),
-            (WHERE, are_frames(frames, n)), (SIZE, many, blurs, 0), (IN, double, blurs, many), (OUT, double, levels, many, n, 3)) {
+            (WHERE, print.n == 0 || print.n == n), (IN, double, frames, n, FRAME), (WHERE, are_frames(frames, n)),
+            (SIZE, many, blurs, 0), (IN, double, blurs, many), (OUT, double, levels, many, n, 3)) {
     Window *w = malloc(sizeof(Window) + sizeof(Shade) + PIXELS * sizeof(float));
     if (!w)
         return NO_MEMORY;
@@ -123,8 +124,9 @@ FAST_KERNEL(rcdn_fit_levels, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, m
 
 /* The pixels of n corners, for inspection: `count` (n), and `out` (8, n, room): x, y from the centre, grey levels, u,
  * v, their gradients' lengths, mask. Pixels beyond `room` are left out. */
-KERNEL(rcdn_fit_windows, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners), (IN, double, frames, n, FRAME),
-       (WHERE, are_frames(frames, n)), (SIZE, room, out, 2), (OUT, int64_t, count, n), (OUT, float, out, 8, n, room)) {
+KERNEL(rcdn_fit_windows, (PICTURE, picture), (GROUP, Maps, maps), (LET, n, maps.corners),
+       (IN, double, frames, n, FRAME), (WHERE, are_frames(frames, n)), (SIZE, room, out, 2), (OUT, int64_t, count, n),
+       (OUT, float, out, 8, n, room)) {
     Window *w = malloc(sizeof(Window));
     if (!w)
         return NO_MEMORY;

@@ -22,7 +22,8 @@ enum { SLOPE = 0, REACH = 4, BAND = 6, CENTRE = 8, BOX = 10, THIN = 12, MIDDLE =
 /* `count` pixels, padded with zeros and `mask` 0 to a multiple of LANES. `x`, `y`: px from the centre; `u`, `v`:
  * squares; `gu`, `gv`: lengths of their gradients, squares per px; `iu`, `iv`: 1 / (√2 gu), 1 / (√2 gv). */
 typedef struct {
-    float x[PIXELS], y[PIXELS], value[PIXELS], mask[PIXELS], u[PIXELS], v[PIXELS], gu[PIXELS], gv[PIXELS], iu[PIXELS], iv[PIXELS];
+    float x[PIXELS], y[PIXELS], value[PIXELS], mask[PIXELS], u[PIXELS], v[PIXELS], gu[PIXELS], gv[PIXELS], iu[PIXELS],
+        iv[PIXELS];
     index_t count, padded;
 } Window;
 
@@ -50,7 +51,8 @@ typedef struct {
 
 /* The x in the run `within` with |x / p + q| <= r. */
 INLINE Run strip(double p, double q, double r, Run within) {
-    const double one = (-r - q) * p, two = (r - q) * p, low = ceil(one < two ? one : two), high = floor(one < two ? two : one);
+    const double one = (-r - q) * p, two = (r - q) * p, low = ceil(one < two ? one : two),
+                 high = floor(one < two ? two : one);
     const double first = (double)within.first, last = (double)within.last;
     const Run out = {(index_t)(low > first ? low < last + 1 ? low : last + 1 : first),
                      (index_t)(high < last ? high > first - 1 ? high : first - 1 : last)};
@@ -60,7 +62,8 @@ INLINE Run strip(double p, double q, double r, Run within) {
 /* Append every `thin`-th pixel of a run of the row y, with a phase that changes from row to row. */
 INLINE void window_run(const Picture *p, Run run, index_t y, const double *f, Window *w) {
     const index_t thin = (index_t)f[THIN], at = ((index_t)f[CENTRE + 1] + y) * p->width + (index_t)f[CENTRE];
-    const index_t phase = thin > 1 ? (run.first + (thin + 1) / 2 * y) % thin : 0, first = run.first + (phase > 0 ? thin - phase : -phase);
+    const index_t phase = thin > 1 ? (run.first + (thin + 1) / 2 * y) % thin : 0,
+                  first = run.first + (phase > 0 ? thin - phase : -phase);
     const index_t many = first > run.last ? 0 : thin > 1 ? (run.last - first) / thin + 1 : run.last - first + 1;
     float *x = w->x + w->count, *value = w->value + w->count;
     for (index_t i = 0; i < many; i++) {
@@ -82,7 +85,8 @@ INLINE void window_run(const Picture *p, Run run, index_t y, const double *f, Wi
 /* The pixels of a window: those of the image within reach of the corner and near one of its edges, which form a cross
  * of two bands. */
 INLINE void window_pixels(const Picture *p, const double *f, Window *w) {
-    const index_t cx = (index_t)f[CENTRE], cy = (index_t)f[CENTRE + 1], half_x = (index_t)f[BOX], half_y = (index_t)f[BOX + 1];
+    const index_t cx = (index_t)f[CENTRE], cy = (index_t)f[CENTRE + 1], half_x = (index_t)f[BOX],
+                  half_y = (index_t)f[BOX + 1];
     const index_t top = cy > half_y ? -half_y : -cy, low = cy + half_y < p->height ? half_y : p->height - 1 - cy;
     const Run row = {cx > half_x ? -half_x : -cx, cx + half_x < p->width ? half_x : p->width - 1 - cx};
     const double by_u = 1 / (fabs(f[0]) > 1e-9 ? f[0] : 1e-9), by_v = 1 / (fabs(f[2]) > 1e-9 ? f[2] : 1e-9);
@@ -127,7 +131,8 @@ INLINE void window_coordinates(const Map *m, const double *f, Window *w) {
         const float ss = s_x - s * depth_x, st = s_y - s * depth_y, ts = t_x - t * depth_x, tt = t_y - t * depth_y;
         const float u_s = c[2] + 2 * c[6] * s + c[8] * t, u_t = c[4] + c[8] * s + 2 * c[10] * t;
         const float v_s = c[3] + 2 * c[7] * s + c[9] * t, v_t = c[5] + c[9] * s + 2 * c[11] * t;
-        const float ux = u_s * ss + u_t * ts, uy = u_s * st + u_t * tt, vx = v_s * ss + v_t * ts, vy = v_s * st + v_t * tt;
+        const float ux = u_s * ss + u_t * ts, uy = u_s * st + u_t * tt, vx = v_s * ss + v_t * ts,
+                    vy = v_s * st + v_t * tt;
         w->u[i] = c[0] + 0.5f * (s * (c[2] + u_s) + t * (c[4] + u_t));
         w->v[i] = c[1] + 0.5f * (s * (c[3] + v_s) + t * (c[5] + v_t));
         w->gu[i] = sqrtf(ux * ux + uy * uy) * fabsf(depth);

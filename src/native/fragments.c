@@ -5,9 +5,10 @@
  * of sine above `skew` and whose distances have a ratio below `ratio`; in the order of the second, then of the first.
  * `three` (room, 3): the corner, the first and the second; `fourth` (room, 2): the fourth corner of the parallelogram;
  * `side` (room): the shorter distance. Returns their number, at most `room`. */
-KERNEL(rcdn_three_of_quads, (SIZE, n, xy, 0), (SIZE, most, near, 1), (SIZE, room, side, 0), (IN, double, xy, n, 2), (WITHIN, int64_t, near, 0, n - 1, n, most),
-       (WHERE, room >= n * most * most), (IN, double, length, n, most), (REAL, skew), (REAL, ratio), (OUT, int64_t, three, room, 3),
-       (OUT, double, fourth, room, 2), (OUT, double, side, room)) {
+KERNEL(rcdn_three_of_quads, (SIZE, n, xy, 0), (SIZE, most, near, 1), (SIZE, room, side, 0), (IN, double, xy, n, 2),
+       (WITHIN, int64_t, near, 0, n - 1, n, most), (WHERE, room >= n * most * most), (IN, double, length, n, most),
+       (REAL, skew), (REAL, ratio), (OUT, int64_t, three, room, 3), (OUT, double, fourth, room, 2),
+       (OUT, double, side, room)) {
     index_t found = 0;
     for (index_t k = 0; k < n; k++) {
         const double *at = xy + 2 * k, *distance = length + k * most;

@@ -27,8 +27,9 @@ INLINE vec load(const float *p) {
 /* Squares of a board, row by row, in `turns` images of it. For each square: the log-likelihood ratios of white to black
  * of its bits, `own`, log2; the evidence of its frame, with all bits `black`; logarithms of the probabilities that it
  * does not show its marker (`covered`) and that it does (`free`); its `role`. */
-ARGUMENT_GROUP(Turned, (SIZE, turns, own, 0), (SIZE, count, own, 1), (SIZE, many, own, 2), (IN, float, own, turns, count, many),
-               (IN, float, black, turns, count), (IN, float, covered, turns, count), (IN, float, free, turns, count),
+ARGUMENT_GROUP(Turned, (SIZE, turns, own, 0), (SIZE, count, own, 1), (SIZE, many, own, 2),
+               (IN, float, own, turns, count, many), (IN, float, black, turns, count),
+               (IN, float, covered, turns, count), (IN, float, free, turns, count),
                (WITHIN, int32_t, role, 0, ROLES, turns, count))
 
 /* The squares `first` .. `first + length` of a row, and its evidence for n markers: `sum` (n + 2 length), indexed by
@@ -77,7 +78,8 @@ INLINE void add_square(Row *row, const float *restrict gain, index_t n, index_t 
 }
 
 /* The rows of an image, their number, and their sums of the evidence for n markers; `room` is the buffer for these. */
-INLINE index_t sums_of_rows(const Turned *turned, index_t t, const float *bits, index_t blocks, index_t n, float *gain, float *room, Row *rows) {
+INLINE index_t sums_of_rows(const Turned *turned, index_t t, const float *bits, index_t blocks, index_t n, float *gain,
+                            float *room, Row *rows) {
     const int32_t *role = turned->role + t * turned->count;
     index_t count = 0;
     for (index_t first = 0, length; first < turned->count; first += length) {
@@ -114,7 +116,8 @@ INLINE double most_apart(const Row *rows, index_t count, index_t n) {
 
 /* Add every second row from `first` on, of a board with so many columns, to `sum` (size), indexed by the marker of the
  * first square of row `first`, from -`before` on. */
-INLINE void add_rows(const Row *rows, index_t count, index_t first, index_t columns, index_t n, index_t before, index_t size, float *restrict sum) {
+INLINE void add_rows(const Row *rows, index_t count, index_t first, index_t columns, index_t n, index_t before,
+                     index_t size, float *restrict sum) {
     for (index_t r = first; r < count; r += 2) {
         const index_t from = before - rows[r].length - r / 2 * columns, to = from + n + 2 * rows[r].length;
         const float *restrict row = rows[r].sum;
@@ -145,7 +148,8 @@ INLINE float most_together(const float *even, const float *odd, index_t size, fl
 
 /* Upper bound of the evidence of all rows together for a board with so many columns. `right`: the first square of the
  * second row lies to the right of the first row's. */
-INLINE float most_of_board(const Row *rows, index_t count, index_t columns, int right, index_t n, index_t margin, float *even, float *odd, float most) {
+INLINE float most_of_board(const Row *rows, index_t count, index_t columns, int right, index_t n, index_t margin,
+                           float *even, float *odd, float most) {
     const index_t size = n + 2 * margin;
     memset(even, 0, (size_t)size * sizeof(float));
     memset(odd, 0, (size_t)size * sizeof(float));
@@ -195,9 +199,9 @@ INLINE Extent extent_of(const Turned *turned, const int32_t *width) {
  * `width` (turns) squares per row, and whose n markers are in every second square, numbered row by row. `bits` (blocks,
  * many, BLOCK) of the markers, 0 or 1. If the bound from the separate rows is below `least`, that bound is returned
  * instead. */
-FAST_KERNEL(rcdn_most_evidence, (GROUP, Turned, turned), (SIZE, blocks, bits, 0), (IN, float, bits, blocks, turned.many, BLOCK),
-            (WHERE, turned.count > 0), (INT, n, 0, blocks * BLOCK), (WITHIN, int32_t, width, 1, WIDEST, turned.turns),
-            (REAL, least), (OUT, double, most, turned.turns)) {
+FAST_KERNEL(rcdn_most_evidence, (GROUP, Turned, turned), (SIZE, blocks, bits, 0),
+            (IN, float, bits, blocks, turned.many, BLOCK), (WHERE, turned.count > 0), (INT, n, 0, blocks *BLOCK),
+            (WITHIN, int32_t, width, 1, WIDEST, turned.turns), (REAL, least), (OUT, double, most, turned.turns)) {
     const Extent extent = extent_of(&turned, width);
     const index_t margin = extent.margin, size = n + 2 * margin, sums = extent.rows * n + 2 * turned.count;
     Row *rows = malloc((size_t)extent.rows * sizeof(Row) + (size_t)(blocks * BLOCK + 2 * size + sums) * sizeof(float));

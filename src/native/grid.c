@@ -2,8 +2,9 @@
 #include "grid.h"
 
 /* Rows of a grid's corners around `spots` (count, 2): windows (2 reach + 1)², row by row, -1 for none. */
-KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
-       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (INT, reach, 0, 100), (OUT, int64_t, out, count, (2 * reach + 1) * (2 * reach + 1))) {
+KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2),
+       (INT, reach, 0, 100), (OUT, int64_t, out, count, (2 * reach + 1) * (2 * reach + 1))) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -17,7 +18,8 @@ KERNEL(rcdn_grid_around, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN,
 
 /* Predictions at `spots` (count, 2): `out` (count, 6) as from `predicted`, the number of corners used, `support`
  * (count), and their shorter steps, `pitch` (count); NaN where `support` is 0. */
-INLINE void predict(const Table *t, const double *xy, const int64_t *spots, index_t count, double *out, int64_t *support, double *pitch) {
+INLINE void predict(const Table *t, const double *xy, const int64_t *spots, index_t count, double *out,
+                    int64_t *support, double *pitch) {
     for (index_t k = 0; k < count; k++, spots += 2, out += 6) {
         support[k] = predicted(t, xy, spots[0], spots[1], out);
         for (int i = 0; !support[k] && i < 6; i++)
@@ -27,9 +29,10 @@ INLINE void predict(const Table *t, const double *xy, const int64_t *spots, inde
 }
 
 /* `predict` from corners with `labels`, `xy` (n, 2). */
-KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
-            (IN, double, xy, n, 2), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
-            (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
+KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2),
+       (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 6),
+       (OUT, int64_t, support, count), (OUT, double, pitch, count)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -40,8 +43,9 @@ KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN
 
 /* The empty labels beside a grid's corners, in order, (at most 4 n, 2), with steps of at least `least`, and the results
  * of `predict` for them. Returns their number. */
-KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (REAL, least),
-            (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
+KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+       (IN, double, xy, n, 2), (REAL, least), (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6),
+       (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -61,8 +65,9 @@ KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHE
 }
 
 /* `excess_of` the corners with indices `which` (count). */
-KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
-            (IN, double, xy, n, 2), (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
+KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2),
+       (WITHIN, int64_t, which, 0, n - 1, count), (REAL, tight), (REAL, loose), (OUT, double, out, count)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -73,7 +78,8 @@ KERNEL(rcdn_grid_excess, (SIZE, n, labels, 0), (SIZE, count, which, 0), (WITHIN,
 }
 
 /* `usual_near` at `spots` (count, 2) of the two `values` (n, 2) of each corner. */
-KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, values, n, 2),
+KERNEL(rcdn_grid_usual, (SIZE, n, labels, 0), (SIZE, count, spots, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, values, n, 2),
        (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (OUT, double, out, count, 2)) {
     Table t;
     if (!open_table(&t, labels, n))

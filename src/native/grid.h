@@ -152,7 +152,8 @@ INLINE void substitute(double r[TERMS][TERMS + SIDES], const index_t *order, ind
 
 /* The solution of least norm of an underdetermined system: rows of r are orthonormalised, r = L Z, L w = right-hand
  * side, x = Z' w. */
-INLINE void smallest(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t rank, double x[SIDES][TERMS]) {
+INLINE void smallest(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t rank,
+                     double x[SIDES][TERMS]) {
     double z[TERMS][TERMS] = {{0}}, w[SIDES];
     for (index_t k = 0; k < rank; k++) {
         for (index_t j = k; j < terms; j++)
@@ -201,7 +202,8 @@ INLINE index_t predicted(const Table *t, const double *xy, int64_t u, int64_t v,
     const index_t across = bits(columns), down = bits(rows);
     if (n < 3 || across < 2 || down < 2)
         return 0;
-    const index_t uv = n >= 4 ? 3 : 0, uu = n >= 6 && across >= 3 ? uv + 1 : 0, vv = n >= 7 && down >= 3 ? (uu ? uu : uv) + 1 : 0;
+    const index_t uv = n >= 4 ? 3 : 0, uu = n >= 6 && across >= 3 ? uv + 1 : 0,
+                  vv = n >= 7 && down >= 3 ? (uu ? uu : uv) + 1 : 0;
     const index_t terms = vv ? vv + 1 : uu ? uu + 1 : uv ? uv + 1 : 3;
     Columns a;
     for (index_t i = 0; i < n; i++) {
@@ -242,12 +244,14 @@ INLINE double pitch_of(const double *guess) {
 
 /* Distance of a labelled corner from its neighbours' prediction, as a share of the allowed distance: `tight` of the
  * shorter step between neighbours, `loose` elsewhere; 2 without a prediction. */
-INLINE double excess_of(const Table *t, const double *xy, const int64_t *label, const double *own, double tight, double loose) {
+INLINE double excess_of(const Table *t, const double *xy, const int64_t *label, const double *own, double tight,
+                        double loose) {
     double g[6];
     const int64_t u = label[0], v = label[1];
     if (!predicted(t, xy, u, v, g))
         return 2;
-    const int between = (corner_at(t, u - 1, v) >= 0 && corner_at(t, u + 1, v) >= 0) || (corner_at(t, u, v - 1) >= 0 && corner_at(t, u, v + 1) >= 0);
+    const int between = (corner_at(t, u - 1, v) >= 0 && corner_at(t, u + 1, v) >= 0) ||
+                        (corner_at(t, u, v - 1) >= 0 && corner_at(t, u, v + 1) >= 0);
     const double dx = own[0] - g[0], dy = own[1] - g[1];
     return sqrt(dx * dx + dy * dy) / ((between ? tight : loose) * fmax(pitch_of(g), 1e-9));
 }

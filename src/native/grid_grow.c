@@ -19,9 +19,10 @@ INLINE int side_colour(const double *axes, int64_t polarity, double dx, double d
 /* Votes for the colouring of a grid of corners with indices `members` (n) into `xy`: side colour of the u axis times
  * (-1)^(u + v), for corners with an axis within `far` of their step along u. `axes` and colours are known for the first
  * `known` corners. `votes` (1). */
-KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
-       (WITHIN, int64_t, members, 0, total - 1, n), (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known),
-       (REAL, far), (OUT, int64_t, votes, 1)) {
+KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known, axes, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (WITHIN, int64_t, members, 0, total - 1, n),
+       (IN, double, xy, total, 2), (IN, double, axes, known, 2), (IN, int64_t, polarity, known), (REAL, far),
+       (OUT, int64_t, votes, 1)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
@@ -33,7 +34,8 @@ KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known,
             continue;
         const double *to = xy + 2 * members[ahead >= 0 ? ahead : k], *from = xy + 2 * members[ahead >= 0 ? k : behind];
         double turn;
-        const int colour = side_colour(axes + 2 * members[k], polarity[members[k]], to[0] - from[0], to[1] - from[1], &turn);
+        const int colour =
+            side_colour(axes + 2 * members[k], polarity[members[k]], to[0] - from[0], to[1] - from[1], &turn);
         if (turn < far)
             *votes += (labels[2 * k] + labels[2 * k + 1]) & 1 ? -colour : colour;
     }
@@ -43,26 +45,28 @@ KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known,
 
 /* A growing grid: its labels (n, 2) and the indices of its corners (n); the open spots (count, 2), their predictions
  * (count, 6) and shorter steps (count). */
-ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, int64_t, members, n),
-               (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2), (IN, double, maps, count, 6), (IN, double, pitch, count))
+ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+               (IN, int64_t, members, n), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2),
+               (IN, double, maps, count, 6), (IN, double, pitch, count))
 
 /* The corners of an image as in `boards.graph.Field`; which of them are `free`. */
-ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2), (IN, int64_t, polarity, count),
-               (IN, double, contrast, count), (IN, double, response, count), (IN, double, fit, count), (IN, uint8_t, strong, count),
-               (IN, uint8_t, refined, count), (IN, uint8_t, free, count))
+ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2),
+               (IN, int64_t, polarity, count), (IN, double, contrast, count), (IN, double, response, count),
+               (IN, double, fit, count), (IN, uint8_t, strong, count), (IN, uint8_t, refined, count),
+               (IN, uint8_t, free, count))
 
 /* Conditions on new corners: response x fit at least `level`, at most `near` squares from the prediction, `near_weak`
  * if they are not strong, and none of the offers (u, v, corner) that were `refused` before. `sign`: the grid's
  * colouring; `far`: largest angle of the axes, radians. */
-ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far), (SIZE, refusals, refused, 0),
-               (IN, int64_t, refused, refusals, 3))
+ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far),
+               (SIZE, refusals, refused, 0), (IN, int64_t, refused, refusals, 3))
 
 /* Corners offered to a grid. `offers` (total, 3): u, v and index of the corner; `gap`, squares; `fits`: 1 if axes and
  * colours fit the board's, 2 for a strong corner; `beside` (total, 4): indices of the edges to its neighbours, -1 for
  * none; for edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), their number. */
-ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room), (OUT, uint8_t, fits, room),
-               (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2), (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room),
-               (OUT, int64_t, edges, 1))
+ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room),
+               (OUT, uint8_t, fits, room), (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2),
+               (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room), (OUT, int64_t, edges, 1))
 
 /* Whether a corner may be added, by its own properties. */
 INLINE int usable(const Corners *all, index_t c, double level) {
@@ -78,7 +82,8 @@ typedef struct {
 } Refused;
 
 static int32_t *slot_of(const Refused *r, int64_t u, int64_t v, int64_t corner) {
-    uint64_t hash = ((uint64_t)u * 0x9E3779B97F4A7C15u) ^ ((uint64_t)v * 0xC2B2AE3D27D4EB4Fu) ^ ((uint64_t)corner * 0x165667B19E3779F9u);
+    uint64_t hash = ((uint64_t)u * 0x9E3779B97F4A7C15u) ^ ((uint64_t)v * 0xC2B2AE3D27D4EB4Fu) ^
+                    ((uint64_t)corner * 0x165667B19E3779F9u);
     hash ^= hash >> 29;
     for (;; hash++) {
         int32_t *slot = r->slot + (hash & (uint64_t)(r->slots - 1));
@@ -161,7 +166,8 @@ static int fits_steps(const Corners *all, index_t corner, const double *map, int
 
 /* The edges from a corner to the labelled neighbours of its spot: their starts and ends, and the neighbours' contrast,
  * negative where the side at rising angle is the dark one. Returns the total number of edges so far. */
-static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, index_t corner, const int64_t *spot, int colour, index_t edges, double *start, double *end, double *level, int64_t *beside) {
+static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, index_t corner, const int64_t *spot,
+                        int colour, index_t edges, double *start, double *end, double *level, int64_t *beside) {
     const int64_t ways[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
     for (int way = 0; way < 4; way++) {
         const int32_t row = corner_at(t, spot[0] + ways[way][0], spot[1] + ways[way][1]);
@@ -193,18 +199,23 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
     index_t total = 0, edges = 0;
     Refused known = {0};
     Places places = {0};
-    const int able = !(count > 0 && low[0] <= high[0]) || (open_refused(&known, rules.refused, rules.refusals) && open_places(&places, &rim, near, low, high));
+    const int able = !(count > 0 && low[0] <= high[0]) || (open_refused(&known, rules.refused, rules.refusals) &&
+                                                           open_places(&places, &rim, near, low, high));
     for (index_t c = 0; places.order && able && c < all.count; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
         if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c, rules.level))
             continue;
-        const index_t column = cell_at(x, places.left, places.size, places.columns), row = cell_at(y, places.top, places.size, places.rows);
-        const index_t right = column + 1 < places.columns ? column + 1 : column, down = row + 1 < places.rows ? row + 1 : row;
+        const index_t column = cell_at(x, places.left, places.size, places.columns),
+                      row = cell_at(y, places.top, places.size, places.rows);
+        const index_t right = column + 1 < places.columns ? column + 1 : column,
+                      down = row + 1 < places.rows ? row + 1 : row;
         for (index_t line = row > 0 ? row - 1 : 0; line <= down; line++) {
-            const int32_t *from = places.first + line * places.columns + (column > 0 ? column - 1 : 0), *to = places.first + line * places.columns + right + 1;
+            const int32_t *from = places.first + line * places.columns + (column > 0 ? column - 1 : 0),
+                          *to = places.first + line * places.columns + right + 1;
             for (index_t i = *from; i < *to; i++) {
                 const index_t k = places.order[i];
-                const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k], square = dx * dx + dy * dy;
+                const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k],
+                             square = dx * dx + dy * dy;
                 if (!(square <= reach * reach))
                     continue;
                 const double distance = sqrt(square) / pitch[k];
@@ -217,8 +228,10 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
                     out.offers[3 * total + 1] = spot[1];
                     out.offers[3 * total + 2] = c;
                     out.gap[total] = distance;
-                    out.fits[total] = fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
-                    edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level, out.beside + 4 * total);
+                    out.fits[total] =
+                        fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
+                    edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level,
+                                     out.beside + 4 * total);
                 }
                 total++;
             }
@@ -235,14 +248,16 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
 /* Which offers have visible edges (count), from the contrast of each third of an edge, (edges, 3), and the results of
  * `rcdn_grid_offers`: one edge is enough where `fits` is 2, if no other contradicts it; otherwise all must be visible,
  * and at least two where it is 0. */
-KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3), (IN, double, level, edges),
-       (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count), (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
+KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3),
+       (IN, double, level, edges), (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count),
+       (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
     for (index_t k = 0; k < count; k++, beside += 4) {
         int known = 0, one = 0, plain = 1, all = 1;
         for (int way = 0; way < 4; way++) {
             if (beside[way] < 0)
                 continue;
-            const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]], b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
+            const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]],
+                         b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
             const double weakest = fmin(fmin(a, b), c);
             known++;
             one |= weakest > least;

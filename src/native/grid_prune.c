@@ -73,7 +73,8 @@ static void judge(Grid *g, int32_t k) {
 INLINE void look_at(Grid *g, index_t k, const Limits *limits) {
     if (g->there[k] && g->stale[k]) {
         g->stale[k] = 0;
-        g->excess[k] = excess_of(&g->table, g->xy, g->labels + 2 * k, g->xy + 2 * k, limits->residual, limits->residual_loose);
+        g->excess[k] =
+            excess_of(&g->table, g->xy, g->labels + 2 * k, g->xy + 2 * k, limits->residual, limits->residual_loose);
     }
     judge(g, (int32_t)k);
 }
@@ -134,7 +135,8 @@ INLINE void drop_poor_rim(Grid *g, const Limits *limits) {
         for (index_t k = 0; k < g->n; k++) {
             const int64_t *label = g->labels + 2 * k;
             /* skip corners that pass even with the least share */
-            if (!g->there[k] || !(g->quality[k] / median * limits->least_share < limits->least_quality) || !outermost(&g->table, label))
+            if (!g->there[k] || !(g->quality[k] / median * limits->least_share < limits->least_quality) ||
+                !outermost(&g->table, label))
                 continue;
             double usual, share = 1;
             usual_near(&g->table, label[0], label[1], g->contrast, 1, &usual);
@@ -237,8 +239,9 @@ static int with_room(Grid *g) {
 /* Prune a grid of corners `labels`, `xy` (n, 2) of `quality` and `contrast` (n): misfits are removed, worst first, then
  * rim corners that are hardly X-corners, then corners in no complete cell, until nothing changes. `part` (n): as from
  * `split`. Returns the number of components. */
-KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2), (IN, double, quality, n),
-            (IN, double, contrast, n), (REAL, residual), (REAL, residual_loose), (REAL, least_quality), (REAL, least_share), (OUT, int64_t, part, n)) {
+KERNEL(rcdn_grid_prune, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
+       (IN, double, xy, n, 2), (IN, double, quality, n), (IN, double, contrast, n), (REAL, residual),
+       (REAL, residual_loose), (REAL, least_quality), (REAL, least_share), (OUT, int64_t, part, n)) {
     Grid g = {.labels = labels, .xy = xy, .quality = quality, .contrast = contrast, .n = n, .left = n};
     const Limits limits = {residual, residual_loose, least_quality, least_share};
     if (!with_room(&g) || !open_table(&g.table, labels, n)) {

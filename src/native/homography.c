@@ -94,7 +94,8 @@ INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
 }
 
 /* H (3, 3) that maps `from` (count, 2) to `to` (count, 2). Returns 0 if these are not finite. */
-FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2), (OUT, double, out, 3, 3)) {
+FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2),
+            (OUT, double, out, 3, 3)) {
     double mean[2], other[2], scale, size, a[UNKNOWNS][ROWS + UNKNOWNS], upper[UNKNOWNS][UNKNOWNS], h[UNKNOWNS] = {0};
     if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
         return 0;
@@ -105,7 +106,8 @@ FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2
             const double *p = from + 2 * (first + k), *q = to + 2 * (first + k);
             const double x = (p[0] - mean[0]) * scale, y = (p[1] - mean[1]) * scale;
             const double u = (q[0] - other[0]) * size, v = (q[1] - other[1]) * size;
-            const double rows[2][UNKNOWNS] = {{x, y, 1, 0, 0, 0, -u * x, -u * y, -u}, {0, 0, 0, x, y, 1, -v * x, -v * y, -v}};
+            const double rows[2][UNKNOWNS] = {{x, y, 1, 0, 0, 0, -u * x, -u * y, -u},
+                                              {0, 0, 0, x, y, 1, -v * x, -v * y, -v}};
             for (index_t c = 0; c < UNKNOWNS; c++) {
                 a[c][UNKNOWNS + 2 * k] = rows[0][c];
                 a[c][UNKNOWNS + 2 * k + 1] = rows[1][c];

@@ -30,8 +30,8 @@
 
 #include "rcdn.h"
 
-#define NO_MEMORY ((index_t)-1)
-#define REFUSED ((index_t)-2)
+#define NO_MEMORY ((index_t) - 1)
+#define REFUSED ((index_t) - 2)
 
 /* Integers that may be pixels lie within ± this; no axis of an array is longer, so that a product of a few of them
  * cannot overflow. */
@@ -117,13 +117,14 @@ static inline int has_shape(const Value *value, const index_t *shape) {
     return 1;
 }
 
-static inline index_t refused_number(Refusal *refusal, const Value *value, const char *wanted, int why, index_t low, index_t high, index_t given) {
+static inline index_t refused_number(Refusal *refusal, const Value *value, const char *wanted, int why, index_t low,
+                                     index_t high, index_t given) {
     *refusal = (Refusal){.value = value, .wanted = wanted, .why = why, .numbers = {low, high}, .given = given};
     return REFUSED;
 }
 
 /* The index of the first of `count` numbers outside low..high, or `count`. */
-#define OUTLIER_OF(type)                                                                           \
+#define OUTLIER_OF(type)                                                                            \
     static inline index_t outlier_##type(const type *x, index_t count, index_t low, index_t high) { \
         for (index_t k = 0; k < count; k++)                                                         \
             if (x[k] < low || x[k] > high)                                                          \
@@ -155,7 +156,9 @@ OUTLIER_OF(int32_t)
 #define EACH_18(M, a, ...) M(a) EACH_17(M, __VA_ARGS__)
 #define EACH_19(M, a, ...) M(a) EACH_18(M, __VA_ARGS__)
 #define EACH_20(M, a, ...) M(a) EACH_19(M, __VA_ARGS__)
-#define COUNT_OF(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, _19, _20, count, ...) count
+#define COUNT_OF(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, _19, _20, count, \
+                 ...)                                                                                              \
+    count
 #define LENGTH(...) COUNT_OF(__VA_ARGS__, 20, 19, 18, 17, 16, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0)
 #define JOINED(a, b) JOINED_NOW(a, b)
 #define JOINED_NOW(a, b) a##b
@@ -239,105 +242,108 @@ OUTLIER_OF(int32_t)
 #define TAKE(argument) TAKE_OF argument
 #define TAKE_OF(tag, ...) TAKE_##tag(__VA_ARGS__)
 #define TAKE_PICTURE(name) const Picture name = given_[at_##name].picture;
-#define TAKE_IN(type, name, ...)                                                              \
-    const index_t name##_shape_[] = {__VA_ARGS__};                                            \
-    const type *const name = given_[at_##name].data;                                          \
-    if (!has_shape(given_ + at_##name, name##_shape_))                                        \
+#define TAKE_IN(type, name, ...)                       \
+    const index_t name##_shape_[] = {__VA_ARGS__};     \
+    const type *const name = given_[at_##name].data;   \
+    if (!has_shape(given_ + at_##name, name##_shape_)) \
         return refused_shape(refusal, given_ + at_##name, #__VA_ARGS__, name##_shape_);
-#define TAKE_OUT(type, name, ...)                                                             \
-    const index_t name##_shape_[] = {__VA_ARGS__};                                            \
-    type *const name = given_[at_##name].data;                                                \
-    if (!has_shape(given_ + at_##name, name##_shape_))                                        \
+#define TAKE_OUT(type, name, ...)                      \
+    const index_t name##_shape_[] = {__VA_ARGS__};     \
+    type *const name = given_[at_##name].data;         \
+    if (!has_shape(given_ + at_##name, name##_shape_)) \
         return refused_shape(refusal, given_ + at_##name, #__VA_ARGS__, name##_shape_);
-#define TAKE_WITHIN(type, name, low, high, ...)                                               \
-    TAKE_IN(type, name, __VA_ARGS__)                                                          \
-    const index_t name##_outlier_ = outlier_##type(name, given_[at_##name].size, low, high);  \
-    if (name##_outlier_ < given_[at_##name].size)                                             \
-        return refused_number(refusal, given_ + at_##name, #low ".." #high, RANGE_REFUSED, low, high, (index_t)name[name##_outlier_]);
-#define TAKE_ROOM(type, name, least)                                                          \
-    type *const name = given_[at_##name].data;                                                \
-    if (given_[at_##name].size < (least))                                                     \
+#define TAKE_WITHIN(type, name, low, high, ...)                                                       \
+    TAKE_IN(type, name, __VA_ARGS__)                                                                  \
+    const index_t name##_outlier_ = outlier_##type(name, given_[at_##name].size, low, high);          \
+    if (name##_outlier_ < given_[at_##name].size)                                                     \
+        return refused_number(refusal, given_ + at_##name, #low ".." #high, RANGE_REFUSED, low, high, \
+                              (index_t)name[name##_outlier_]);
+#define TAKE_ROOM(type, name, least)           \
+    type *const name = given_[at_##name].data; \
+    if (given_[at_##name].size < (least))      \
         return refused_number(refusal, given_ + at_##name, #least, SIZE_REFUSED, least, 0, given_[at_##name].size);
-#define TAKE_INT(name, low, high)                                                             \
-    const index_t name = given_[at_##name].whole;                                             \
-    if (name < (low) || name > (high))                                                        \
+#define TAKE_INT(name, low, high)                 \
+    const index_t name = given_[at_##name].whole; \
+    if (name < (low) || name > (high))            \
         return refused_number(refusal, given_ + at_##name, #low ".." #high, RANGE_REFUSED, low, high, name);
 #define TAKE_REAL(name) const double name = given_[at_##name].real;
-#define TAKE_GROUP(type, name)                                                                \
-    type name;                                                                                \
-    if (type##_taken(given_[at_##name].group, refusal, &name))                                \
+#define TAKE_GROUP(type, name)                                 \
+    type name;                                                 \
+    if (type##_taken(given_[at_##name].group, refusal, &name)) \
         return REFUSED;
 #define TAKE_SIZE(name, array, axis) const index_t name = given_[at_##array].shape[axis];
 #define TAKE_LET(name, value) const index_t name = (value);
-#define TAKE_WHERE(condition)                                                                 \
-    if (!(condition))                                                                         \
+#define TAKE_WHERE(condition) \
+    if (!(condition))         \
         return refused_number(refusal, NULL, #condition, CONDITION_REFUSED, 0, 0, 0);
 
 /* ---- declarations */
 
-#define KERNEL(function, ...)                                                                 \
-    DECLARED(function, __VA_ARGS__)                                                           \
+#define KERNEL(function, ...)       \
+    DECLARED(function, __VA_ARGS__) \
     static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
 
 /* Compiled for every level. Functions that it calls must be INLINE, or they are compiled for the baseline only. */
 #ifdef X86_LEVELS
-#define FAST_KERNEL(function, ...)                                                            \
-    INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));            \
-    LEVEL_OF(FOR_AVX512, function, _avx512, __VA_ARGS__)                                      \
-    LEVEL_OF(FOR_AVX2, function, _avx2, __VA_ARGS__)                                          \
-    LEVEL_OF(, function, _baseline, __VA_ARGS__)                                              \
-    DECLARED(function, __VA_ARGS__)                                                           \
-    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) {                  \
-        if (level_taken() >= AVX512_LEVEL)                                                    \
-            return function##_avx512(refusal EACH(PASS, __VA_ARGS__));                        \
-        if (level_taken() >= AVX2_LEVEL)                                                      \
-            return function##_avx2(refusal EACH(PASS, __VA_ARGS__));                          \
-        return function##_baseline(refusal EACH(PASS, __VA_ARGS__));                          \
-    }                                                                                         \
+#define FAST_KERNEL(function, ...)                                                 \
+    INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)); \
+    LEVEL_OF(FOR_AVX512, function, _avx512, __VA_ARGS__)                           \
+    LEVEL_OF(FOR_AVX2, function, _avx2, __VA_ARGS__)                               \
+    LEVEL_OF(, function, _baseline, __VA_ARGS__)                                   \
+    DECLARED(function, __VA_ARGS__)                                                \
+    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) {       \
+        if (level_taken() >= AVX512_LEVEL)                                         \
+            return function##_avx512(refusal EACH(PASS, __VA_ARGS__));             \
+        if (level_taken() >= AVX2_LEVEL)                                           \
+            return function##_avx2(refusal EACH(PASS, __VA_ARGS__));               \
+        return function##_baseline(refusal EACH(PASS, __VA_ARGS__));               \
+    }                                                                              \
     INLINE index_t function##_body(Refusal *refusal EACH(PARAMETER, __VA_ARGS__))
-#define LEVEL_OF(attribute, function, level, ...)                                             \
-    attribute static __attribute__((noinline)) index_t function##level(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) { \
-        return function##_body(refusal EACH(PASS, __VA_ARGS__));                              \
+#define LEVEL_OF(attribute, function, level, ...)                                                          \
+    attribute static                                                                                       \
+        __attribute__((noinline)) index_t function##level(Refusal *refusal EACH(PARAMETER, __VA_ARGS__)) { \
+        return function##_body(refusal EACH(PASS, __VA_ARGS__));                                           \
     }
 #else
 #define FAST_KERNEL(function, ...) KERNEL(function, __VA_ARGS__)
 #endif
 
 /* The part of a kernel that is visible to Python. */
-#define DECLARED(function, ...)                                                               \
-    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));                   \
-    static const Spec function##_specs[] = {EACH(SPEC, __VA_ARGS__)};                         \
-    static index_t function##_checked(const Value *given_, Refusal *refusal) {                \
-        enum { EACH(PLACE, __VA_ARGS__) };                                                    \
-        EACH(TAKE, __VA_ARGS__)                                                               \
-        return function(refusal EACH(PASS, __VA_ARGS__));                                     \
-    }                                                                                         \
-    AT_LOADING function##_registered(void) {                                                  \
-        static Kernel kernel = {#function, #__VA_ARGS__, function##_specs,                    \
-                                sizeof function##_specs / sizeof(Spec), function##_checked, NULL}; \
-        register_kernel(&kernel);                                                             \
+#define DECLARED(function, ...)                                                             \
+    static index_t function(Refusal *refusal EACH(PARAMETER, __VA_ARGS__));                 \
+    static const Spec function##_specs[] = {EACH(SPEC, __VA_ARGS__)};                       \
+    static index_t function##_checked(const Value *given_, Refusal *refusal) {              \
+        enum { EACH(PLACE, __VA_ARGS__) };                                                  \
+        EACH(TAKE, __VA_ARGS__)                                                             \
+        return function(refusal EACH(PASS, __VA_ARGS__));                                   \
+    }                                                                                       \
+    AT_LOADING function##_registered(void) {                                                \
+        static Kernel kernel = {#function,          #__VA_ARGS__,                           \
+                                function##_specs,   sizeof function##_specs / sizeof(Spec), \
+                                function##_checked, NULL};                                  \
+        register_kernel(&kernel);                                                           \
     }
 
 /* A struct whose members Python passes in a tuple. */
-#define ARGUMENT_GROUP(type, ...)                                                             \
-    typedef struct {                                                                          \
-        EACH(MEMBER, __VA_ARGS__)                                                             \
-    } type;                                                                                   \
-    static const Spec type##_specs[] = {EACH(SPEC, __VA_ARGS__)};                             \
+#define ARGUMENT_GROUP(type, ...)                                                                \
+    typedef struct {                                                                             \
+        EACH(MEMBER, __VA_ARGS__)                                                                \
+    } type;                                                                                      \
+    static const Spec type##_specs[] = {EACH(SPEC, __VA_ARGS__)};                                \
     static const Group type##_group = {#type, type##_specs, sizeof type##_specs / sizeof(Spec)}; \
-    static inline index_t type##_taken(const Value *given_, Refusal *refusal, type *out_) {   \
-        enum { EACH(PLACE, __VA_ARGS__) };                                                    \
-        EACH(TAKE, __VA_ARGS__)                                                               \
-        *out_ = (type){EACH(FILL, __VA_ARGS__)};                                              \
-        return 0;                                                                             \
+    static inline index_t type##_taken(const Value *given_, Refusal *refusal, type *out_) {      \
+        enum { EACH(PLACE, __VA_ARGS__) };                                                       \
+        EACH(TAKE, __VA_ARGS__)                                                                  \
+        *out_ = (type){EACH(FILL, __VA_ARGS__)};                                                 \
+        return 0;                                                                                \
     }
 
 /* Integer constants of a file, by name, for `rcdn.native.constants(unit)`. */
-#define CONSTANTS(unit, ...)                                                                  \
-    AT_LOADING unit##_constants_registered(void) {                                            \
-        static const index_t values[] = {__VA_ARGS__};                                        \
+#define CONSTANTS(unit, ...)                                                                   \
+    AT_LOADING unit##_constants_registered(void) {                                             \
+        static const index_t values[] = {__VA_ARGS__};                                         \
         static Constants constants = {#unit, #__VA_ARGS__, values, LENGTH(__VA_ARGS__), NULL}; \
-        register_constants(&constants);                                                       \
+        register_constants(&constants);                                                        \
     }
 
 #endif

@@ -21,8 +21,9 @@ static int all_inside(const int64_t *ij, index_t count, index_t rows, index_t co
 
 /* near (count, (2 reach + 1)²): indices of the corners within `reach` squares of each, -1 for none. ij (count, 2):
  * labels from 0 on; grid (rows, columns): buffer for all of them and a margin of `reach` on every side. */
-FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0), (SIZE, columns, grid, 1), (WITHIN, int64_t, ij, 0, FURTHEST, count, 2),
-            (INT, reach, 0, FURTHEST_NEAR), (OUT, int32_t, grid, rows, columns), (OUT, int32_t, near, count, (2 * reach + 1) * (2 * reach + 1)),
+FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0), (SIZE, columns, grid, 1),
+            (WITHIN, int64_t, ij, 0, FURTHEST, count, 2), (INT, reach, 0, FURTHEST_NEAR),
+            (OUT, int32_t, grid, rows, columns), (OUT, int32_t, near, count, (2 * reach + 1) * (2 * reach + 1)),
             (WHERE, all_inside(ij, count, rows - 2 * reach, columns - 2 * reach))) {
     for (index_t k = 0; k < rows * columns; k++)
         grid[k] = -1;
@@ -31,7 +32,8 @@ FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0)
     const index_t side = 2 * reach + 1;
     for (index_t k = 0; k < count; k++)
         for (index_t i = 0; i < side; i++)
-            memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1], side * sizeof(int32_t));
+            memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1],
+                   side * sizeof(int32_t));
     return 0;
 }
 
@@ -59,9 +61,10 @@ INLINE void solve(double normal[TERMS][TERMS], double *pull) {
 
 /* Upper triangle of the normal matrix, and right-hand sides pull (TERMS, 2), of weighted quadratics in s and t for i
  * and j. */
-INLINE void moments(const double *weight, const double *s, const double *t, const double *i, const double *j, double normal[TERMS][TERMS],
-                    double *pull) {
-    double w = 0, ws = 0, wt = 0, ss = 0, st = 0, tt = 0, sss = 0, sst = 0, stt = 0, ttt = 0, s4 = 0, s3t = 0, sstt = 0, st3 = 0, t4 = 0;
+INLINE void moments(const double *weight, const double *s, const double *t, const double *i, const double *j,
+                    double normal[TERMS][TERMS], double *pull) {
+    double w = 0, ws = 0, wt = 0, ss = 0, st = 0, tt = 0, sss = 0, sst = 0, stt = 0, ttt = 0, s4 = 0, s3t = 0, sstt = 0,
+           st3 = 0, t4 = 0;
     double i0 = 0, is = 0, it = 0, iss = 0, ist = 0, itt = 0, j0 = 0, js = 0, jt = 0, jss = 0, jst = 0, jtt = 0;
     for (index_t n = 0; n < NEAR; n++) {
         const double a = weight[n], as = a * s[n], at = a * t[n], ass = as * s[n], ast = as * t[n], att = at * t[n];
@@ -73,7 +76,7 @@ INLINE void moments(const double *weight, const double *s, const double *t, cons
         j0 += a * j[n], js += as * j[n], jt += at * j[n], jss += ass * j[n], jst += ast * j[n], jtt += att * j[n];
     }
     const double all[TERMS][TERMS] = {
-        {w, ws, wt, ss, st, tt}, {ws, ss, st, sss, sst, stt}, {wt, st, tt, sst, stt, ttt},
+        {w, ws, wt, ss, st, tt},       {ws, ss, st, sss, sst, stt},    {wt, st, tt, sst, stt, ttt},
         {ss, sss, sst, s4, s3t, sstt}, {st, sst, stt, s3t, sstt, st3}, {tt, stt, ttt, sstt, st3, t4},
     };
     const double right[2 * TERMS] = {i0, j0, is, js, it, jt, iss, jss, ist, jst, itt, jtt};
@@ -91,9 +94,9 @@ INLINE int is_far(index_t n, index_t side) {
  * on the board, `plane` (count, 2), around each corner, by least squares over `near` (count, side²), up to `reach`
  * squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): weight of a prior
  * at 0. */
-FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (IN, double, xy, count, 2), (IN, double, flat, 3, 3),
-            (INT, reach, 0, FURTHEST_NEAR),
-            (LET, side, 2 * reach + 1), (WITHIN, int32_t, near, -1, count - 1, count, side * side), (REAL, own), (REAL, far),
+FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (IN, double, xy, count, 2),
+            (IN, double, flat, 3, 3), (INT, reach, 0, FURTHEST_NEAR), (LET, side, 2 * reach + 1),
+            (WITHIN, int32_t, near, -1, count - 1, count, side *side), (REAL, own), (REAL, far),
             (IN, double, stiff, TERMS), (OUT, double, origin, count, 2), (OUT, double, terms, count, TERMS, 2)) {
     for (index_t k = 0; k < count; k++)
         rectify(flat, xy[2 * k], xy[2 * k + 1], origin + 2 * k);
@@ -120,7 +123,8 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (
 /* Gradients (count, 4) along u and v, per square, of planes fitted to the neighbours' levels (count, 2) at their
  * positions `plane` (count, 2), for the two kinds of levels one after the other; the second kind changes its sign from
  * one corner to the next. near (count, 9): as from rcdn_lattice_neighbours. */
-FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, count, 2), (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
+FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, count, 2),
+            (WITHIN, int32_t, near, -1, count - 1, count, 9), (IN, double, levels, count, 2),
             (OUT, double, out, count, 4)) {
     for (index_t k = 0; k < count; k++) {
         double n = 1e-6, i1 = 0, j1 = 0, ii = 1e-6, ij = 0, jj = 1e-6, sums[3][2] = {{0}};
@@ -128,7 +132,8 @@ FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, c
             const index_t at = near[9 * k + place];
             if (at < 0)
                 continue;
-            const double i = plane[2 * at] - plane[2 * k], j = plane[2 * at + 1] - plane[2 * k + 1], sign = place % 2 ? -1 : 1;
+            const double i = plane[2 * at] - plane[2 * k], j = plane[2 * at + 1] - plane[2 * k + 1],
+                         sign = place % 2 ? -1 : 1;
             const double value[2] = {levels[2 * at], sign * levels[2 * at + 1]};
             n += 1, i1 += i, j1 += j, ii += i * i, ij += i * j, jj += j * j;
             for (index_t a = 0; a < 2; a++) {
@@ -150,8 +155,9 @@ FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, c
 
 /* Board coordinates uv (count, each, 2) of pixels xy (count, each, 2) and their Jacobians (count, each, 2, 2), by the
  * maps `which` (count,). */
-FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
-            (IN, double, xy, count, each, 2), (OUT, double, uv, count, each, 2), (OUT, double, slopes, count, each, 2, 2)) {
+FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP, Maps, maps),
+            (WITHIN, int64_t, which, 0, maps.corners - 1, count), (IN, double, xy, count, each, 2),
+            (OUT, double, uv, count, each, 2), (OUT, double, slopes, count, each, 2, 2)) {
     for (index_t k = 0; k < count; k++) {
         const Map m = map_of(&maps, which[k]);
         for (index_t n = k * each; n < (k + 1) * each; n++)
@@ -162,8 +168,9 @@ FAST_KERNEL(rcdn_lattice_map, (SIZE, count, xy, 0), (SIZE, each, xy, 1), (GROUP,
 
 /* Move pixels xy (count, 2) to where the maps `which` (count,) give uv (count, 2), by Newton steps. Returns 0 if a map
  * is singular there. */
-FAST_KERNEL(rcdn_lattice_pixels, (SIZE, count, uv, 0), (GROUP, Maps, maps), (WITHIN, int64_t, which, 0, maps.corners - 1, count),
-            (IN, double, uv, count, 2), (INT, repeats, 0, 100), (OUT, double, xy, count, 2)) {
+FAST_KERNEL(rcdn_lattice_pixels, (SIZE, count, uv, 0), (GROUP, Maps, maps),
+            (WITHIN, int64_t, which, 0, maps.corners - 1, count), (IN, double, uv, count, 2), (INT, repeats, 0, 100),
+            (OUT, double, xy, count, 2)) {
     for (index_t k = 0; k < count; k++) {
         const Map m = map_of(&maps, which[k]);
         for (index_t n = 0; n < repeats; n++) {

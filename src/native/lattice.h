@@ -8,7 +8,8 @@
 enum { TERMS = 6 };
 
 /* The maps of all corners of a board. */
-ARGUMENT_GROUP(Maps, (SIZE, corners, origin, 0), (IN, double, flat, 3, 3), (IN, double, origin, corners, 2), (IN, double, terms, corners, TERMS, 2))
+ARGUMENT_GROUP(Maps, (SIZE, corners, origin, 0), (IN, double, flat, 3, 3), (IN, double, origin, corners, 2),
+               (IN, double, terms, corners, TERMS, 2))
 
 /* `flat` (3, 3): pixels to rectified squares; `origin` (2): the rectified corner; `terms` (6, 2): coefficients of 1, s,
  * t, s², st, t². */
@@ -32,7 +33,8 @@ INLINE void map_pixel(const Map *m, double x, double y, double uv[2], double slo
         const double by_s = c[2] + 2 * c[6] * s + c[8] * t, by_t = c[4] + c[8] * s + 2 * c[10] * t;
         uv[k] = c[0] + 0.5 * (s * (c[2] + by_s) + t * (c[4] + by_t));
         for (int axis = 0; axis < 2; axis++)
-            slopes[2 * k + axis] = depth * (by_s * (H[axis] - a * H[6 + axis]) + by_t * (H[3 + axis] - b * H[6 + axis]));
+            slopes[2 * k + axis] =
+                depth * (by_s * (H[axis] - a * H[6 + axis]) + by_t * (H[3 + axis] - b * H[6 + axis]));
     }
 }
 

@@ -23,10 +23,11 @@ static unsigned kept(void) {
 static int processor_level(void) {
     enum { SSE_AND_AVX = 0x6, AND_AVX512 = 0xe6 };
     unsigned a, b, c, d, more, extended;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || !has(c, bit_OSXSAVE | bit_AVX | bit_FMA | bit_F16C | bit_MOVBE) || !has(kept(), SSE_AND_AVX))
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !has(c, bit_OSXSAVE | bit_AVX | bit_FMA | bit_F16C | bit_MOVBE) ||
+        !has(kept(), SSE_AND_AVX))
         return BASELINE;
-    if (!__get_cpuid(0x80000001, &a, &b, &extended, &d) || !has(extended, bit_LZCNT) || !__get_cpuid_count(7, 0, &a, &b, &more, &d) ||
-        !has(b, bit_AVX2 | bit_BMI | bit_BMI2))
+    if (!__get_cpuid(0x80000001, &a, &b, &extended, &d) || !has(extended, bit_LZCNT) ||
+        !__get_cpuid_count(7, 0, &a, &b, &more, &d) || !has(b, bit_AVX2 | bit_BMI | bit_BMI2))
         return BASELINE;
     if (!has(b, bit_AVX512F | bit_AVX512BW | bit_AVX512CD | bit_AVX512DQ | bit_AVX512VL) || !has(kept(), AND_AVX512))
         return AVX2_LEVEL;

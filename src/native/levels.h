@@ -14,7 +14,8 @@ const char *find_level(void);
 
 /* x86-64, compiled by gcc or clang; on Windows only by clang, since gcc does not align the stack there as AVX requires.
  * ONE_LEVEL: for tests. */
-#if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__)) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
+#if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__)) && !defined(ONE_LEVEL) && \
+    (defined(__clang__) || !defined(_WIN32))
 #define X86_LEVELS 1
 #define V3 "avx2,bmi,bmi2,f16c,fma,lzcnt,movbe"
 #define V4 V3 ",avx512f,avx512bw,avx512cd,avx512dq,avx512vl"

@@ -2,8 +2,8 @@
 #include "sampling.h"
 
 /* Rows `out`, ascending, of the points `xy` (n, 2) that are `open` (n,) and in the box; returns their number. */
-KERNEL(rcdn_inside, (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, uint8_t, open, n), (REAL, left), (REAL, top), (REAL, right), (REAL, bottom),
-       (OUT, int64_t, out, n)) {
+KERNEL(rcdn_inside, (SIZE, n, xy, 0), (IN, double, xy, n, 2), (IN, uint8_t, open, n), (REAL, left), (REAL, top),
+       (REAL, right), (REAL, bottom), (OUT, int64_t, out, n)) {
     index_t count = 0;
     for (index_t k = 0; k < n; k++) {
         const double x = xy[2 * k], y = xy[2 * k + 1];
@@ -35,9 +35,10 @@ INLINE void keep_mutual(int64_t *out, int64_t *chosen, index_t n, index_t slots)
 
 /* The shortest of the `count` links i → j of each slot to `out` (n, slots), −1 for none, where both ends choose each
  * other. `shortest`, `chosen` (n, slots) are buffers. */
-KERNEL(rcdn_mutual, (SIZE, count, length, 0), (SIZE, n, out, 0), (SIZE, slots, out, 1), (WITHIN, int64_t, i, 0, n - 1, count),
-       (WITHIN, int64_t, j, 0, n - 1, count), (IN, double, length, count), (WITHIN, int64_t, slot, 0, slots - 1, count),
-       (OUT, double, shortest, n, slots), (OUT, int64_t, chosen, n, slots), (OUT, int64_t, out, n, slots)) {
+KERNEL(rcdn_mutual, (SIZE, count, length, 0), (SIZE, n, out, 0), (SIZE, slots, out, 1),
+       (WITHIN, int64_t, i, 0, n - 1, count), (WITHIN, int64_t, j, 0, n - 1, count), (IN, double, length, count),
+       (WITHIN, int64_t, slot, 0, slots - 1, count), (OUT, double, shortest, n, slots),
+       (OUT, int64_t, chosen, n, slots), (OUT, int64_t, out, n, slots)) {
     for (index_t k = 0; k < n * slots; k++)
         out[k] = -1;
     for (index_t k = 0; k < count; k++) {
@@ -71,9 +72,10 @@ INLINE int leads_to(const int64_t *row, int64_t corner) {
  * ±1, contrast. `near`, `distance` (n, most): neighbours, the nearest first; n is no corner. Links shorter than `small`
  * px may deviate from the axes by `loose`, longer ones by `strict`, sines. `least`: least contrast of each third of a
  * link, share of the weaker corner's. `shortest`, `chosen` (n, 4) are buffers. */
-FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1), (IN, double, xy, n, 2), (IN, double, looks, n, 6),
-            (WITHIN, int64_t, near, 0, n, n, most), (IN, double, distance, n, most), (REAL, small), (REAL, strict), (REAL, loose), (REAL, least),
-            (OUT, double, shortest, n, 4), (OUT, int64_t, chosen, n, 4), (OUT, int64_t, out, n, 4)) {
+FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1), (IN, double, xy, n, 2),
+            (IN, double, looks, n, 6), (WITHIN, int64_t, near, 0, n, n, most), (IN, double, distance, n, most),
+            (REAL, small), (REAL, strict), (REAL, loose), (REAL, least), (OUT, double, shortest, n, 4),
+            (OUT, int64_t, chosen, n, 4), (OUT, int64_t, out, n, 4)) {
     const Looks *corner = (const Looks *)looks;
     Places w;
     for (index_t i = 0; i < n; i++) {
@@ -104,7 +106,8 @@ FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1),
             if (!seen) {
                 sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);
                 const double weaker = corner[i].contrast < corner[j].contrast ? corner[i].contrast : corner[j].contrast;
-                seen = colour * shown[0] > least * weaker && colour * shown[1] > least * weaker && colour * shown[2] > least * weaker;
+                seen = colour * shown[0] > least * weaker && colour * shown[1] > least * weaker &&
+                       colour * shown[2] > least * weaker;
             }
             if (seen) {
                 shortest[slot] = length;

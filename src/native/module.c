@@ -79,7 +79,8 @@ static int take_array(Call *call, const Spec *spec, PyObject *given, Value *valu
     if (spec->what == PICTURE_GIVEN ? !is_of(a, 'u', 1) && !is_of(a, 'f', 4) : !is_of(a, spec->kind, spec->itemsize))
         return refuse_type(call, spec);
     if (a->dimensions != spec->axes) {
-        PyErr_Format(PyExc_ValueError, "%s: %s must have %d dimensions, not %d", call->name, spec->name, spec->axes, a->dimensions);
+        PyErr_Format(PyExc_ValueError, "%s: %s must have %d dimensions, not %d", call->name, spec->name, spec->axes,
+                     a->dimensions);
         return 0;
     }
     value->data = a->data;
@@ -95,7 +96,8 @@ static int take_array(Call *call, const Spec *spec, PyObject *given, Value *valu
     if (spec->what == PICTURE_GIVEN) {
         value->picture = (Picture){a->data, a->shape[0], a->shape[1], a->kind == 'f'};
         if (!value->size) {
-            PyErr_Format(PyExc_ValueError, "%s: %s has no pixels: %zd x %zd", call->name, spec->name, a->shape[0], a->shape[1]);
+            PyErr_Format(PyExc_ValueError, "%s: %s has no pixels: %zd x %zd", call->name, spec->name, a->shape[0],
+                         a->shape[1]);
             return 0;
         }
     }
@@ -112,7 +114,8 @@ static int take_group(Call *call, const Spec *spec, PyObject *given, Value *valu
         return 0;
     }
     if (PyTuple_Size(given) != count) {
-        PyErr_Format(PyExc_TypeError, "%s: %s must be a tuple of %d, not %zd", call->name, spec->name, count, PyTuple_Size(given));
+        PyErr_Format(PyExc_TypeError, "%s: %s must be a tuple of %d, not %zd", call->name, spec->name, count,
+                     PyTuple_Size(given));
         return 0;
     }
     for (int k = 0; k < count; k++)
@@ -126,7 +129,8 @@ static int named(const Call *call, const Spec *spec) {
         return 0;
     PyObject *type = PyErr_ExceptionMatches(PyExc_TypeError) ? PyExc_TypeError : PyExc_ValueError;
     PyErr_Clear();
-    PyErr_Format(type, "%s: %s must be %s", call->name, spec->name, spec->what == INT_GIVEN ? "a whole number that a machine knows" : "a number");
+    PyErr_Format(type, "%s: %s must be %s", call->name, spec->name,
+                 spec->what == INT_GIVEN ? "a whole number that a machine knows" : "a number");
     return 0;
 }
 
@@ -167,7 +171,9 @@ static int apart(const Call *call) {
             const Value *b = call->values + j;
             if (i == j || !b->size)
                 continue;
-            const char *begin = b->data, *end = begin + b->size * (b->spec->what == PICTURE_GIVEN ? (b->picture.real ? 4 : 1) : b->spec->itemsize);
+            const char *begin = b->data,
+                       *end = begin + b->size * (b->spec->what == PICTURE_GIVEN ? (b->picture.real ? 4 : 1)
+                                                                                : b->spec->itemsize);
             if (begin < to && from < end) {
                 PyErr_Format(PyExc_ValueError, "%s: %s and %s share memory", call->name, a->spec->name, b->spec->name);
                 return 0;
@@ -188,7 +194,8 @@ static void raise_shape(const Call *call, const Refusal *refusal) {
     const Spec *spec = refusal->value->spec;
     PyObject *wanted = tuple_of(refusal->numbers, spec->axes), *given = tuple_of(refusal->value->shape, spec->axes);
     if (wanted && given)
-        PyErr_Format(PyExc_ValueError, "%s: %s must be of shape (%s) = %R, not %R", call->name, spec->name, refusal->wanted, wanted, given);
+        PyErr_Format(PyExc_ValueError, "%s: %s must be of shape (%s) = %R, not %R", call->name, spec->name,
+                     refusal->wanted, wanted, given);
     Py_XDECREF(wanted);
     Py_XDECREF(given);
 }
@@ -198,9 +205,11 @@ static void raise_refusal(const Call *call, const Refusal *r) {
     if (r->why == SHAPE_REFUSED)
         raise_shape(call, r);
     else if (r->why == SIZE_REFUSED)
-        PyErr_Format(PyExc_ValueError, "%s: %s must hold at least %s = %zd, not %zd", call->name, name, r->wanted, r->numbers[0], r->given);
+        PyErr_Format(PyExc_ValueError, "%s: %s must hold at least %s = %zd, not %zd", call->name, name, r->wanted,
+                     r->numbers[0], r->given);
     else if (r->why == RANGE_REFUSED)
-        PyErr_Format(PyExc_ValueError, "%s: %s must be within %zd..%zd, not %zd", call->name, name, r->numbers[0], r->numbers[1], r->given);
+        PyErr_Format(PyExc_ValueError, "%s: %s must be within %zd..%zd, not %zd", call->name, name, r->numbers[0],
+                     r->numbers[1], r->given);
     else
         PyErr_Format(PyExc_ValueError, "%s: it must hold that %s", call->name, r->wanted);
 }
@@ -280,7 +289,8 @@ static PyObject *specs_of(const Spec *specs, int count) {
         const Spec *s = specs + k;
         const char *type = s->what == ARRAY_GIVEN ? type_name(s) : "";
         PyObject *group = s->group ? specs_of(s->group->specs, s->group->count) : PyTuple_New(0);
-        PyObject *spec = group ? Py_BuildValue("(sssiiN)", s->name, what[s->what], type, s->axes, s->written, group) : NULL;
+        PyObject *spec =
+            group ? Py_BuildValue("(sssiiN)", s->name, what[s->what], type, s->axes, s->written, group) : NULL;
         if (!spec) {
             Py_CLEAR(out);
             break;
@@ -295,7 +305,8 @@ static PyObject *integers_of(const Constants *constants) {
     const char *name = constants->names;
     for (int k = 0; out && k < constants->count; k++) {
         const size_t length = strcspn(name, ", ");
-        PyObject *key = PyUnicode_FromStringAndSize(name, (Py_ssize_t)length), *value = PyLong_FromSsize_t(constants->values[k]);
+        PyObject *key = PyUnicode_FromStringAndSize(name, (Py_ssize_t)length),
+                 *value = PyLong_FromSsize_t(constants->values[k]);
         if (!key || !value || PyDict_SetItem(out, key, value) < 0)
             Py_CLEAR(out);
         Py_XDECREF(key);
@@ -306,12 +317,14 @@ static PyObject *integers_of(const Constants *constants) {
 }
 
 static PyMethodDef methods[] = {{NULL, NULL, 0, NULL}};
-static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "rcdn._native", "Compiled kernels; see rcdn.native.", -1, methods, NULL, NULL, NULL, NULL};
+static struct PyModuleDef module = {
+    PyModuleDef_HEAD_INIT, "rcdn._native", "Compiled kernels; see rcdn.native.", -1, methods, NULL, NULL, NULL, NULL};
 
 /* `level`: the instruction set that kernels use. `kernels`: functions by name. `arguments`: for each, in order, (name,
  * what, type, axes, whether it is written to, (those of a group)). `constants`: by unit and name. */
 PyMODINIT_FUNC PyInit__native(void) {
-    PyObject *out = PyModule_Create(&module), *functions = PyDict_New(), *arguments = PyDict_New(), *constants = PyDict_New();
+    PyObject *out = PyModule_Create(&module), *functions = PyDict_New(), *arguments = PyDict_New(),
+             *constants = PyDict_New();
     array_struct = PyUnicode_InternFromString("__array_struct__");
     const char *level = find_level();
     if (!level)
@@ -321,8 +334,10 @@ PyMODINIT_FUNC PyInit__native(void) {
         failed = put(functions, k->name, function_of(k)) || put(arguments, k->name, specs_of(k->specs, k->count));
     for (const Constants *c = all_constants; c && !failed; c = c->next)
         failed = put(constants, c->unit, integers_of(c));
-    failed = failed || PyModule_AddStringConstant(out, "level", level) < 0 || PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
-             PyModule_AddObjectRef(out, "arguments", arguments) < 0 || PyModule_AddObjectRef(out, "constants", constants) < 0;
+    failed = failed || PyModule_AddStringConstant(out, "level", level) < 0 ||
+             PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
+             PyModule_AddObjectRef(out, "arguments", arguments) < 0 ||
+             PyModule_AddObjectRef(out, "constants", constants) < 0;
     Py_XDECREF(functions);
     Py_XDECREF(arguments);
     Py_XDECREF(constants);

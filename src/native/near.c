@@ -48,7 +48,8 @@ static int sorted_into_cells(Cells *c, const double *points, index_t n, index_t 
     c->points = points;
     c->left = low[0];
     c->top = low[1];
-    c->size = fmax(fmax(sqrt(width * height * PER_CELL / (double)(n > 0 ? n : 1)), fmax(width, height) / (4 * most)), 1e-3);
+    c->size =
+        fmax(fmax(sqrt(width * height * PER_CELL / (double)(n > 0 ? n : 1)), fmax(width, height) / (4 * most)), 1e-3);
     c->columns = (index_t)(width / c->size) + 1;
     c->rows = (index_t)(height / c->size) + 1;
     const index_t cells = c->columns * c->rows;
@@ -86,7 +87,8 @@ static void offer(double square, int64_t index, index_t count, double *distance,
     nearest[k] = index;
 }
 
-static void offer_row(const Cells *c, index_t row, index_t from, index_t to, const double *at, index_t count, double *distance, int64_t *nearest) {
+static void offer_row(const Cells *c, index_t row, index_t from, index_t to, const double *at, index_t count,
+                      double *distance, int64_t *nearest) {
     if (row < 0 || row >= c->rows)
         return;
     from = from < 0 ? 0 : from;
@@ -116,8 +118,9 @@ static double beyond(const Cells *c, const double *at, index_t column, index_t r
 }
 
 /* The `count` points nearest to each of `at` (m): distances, and indices; inf and n where there are fewer. */
-KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, distance, 1), (WHERE, count > 0), (IN, double, points, n, 2),
-       (IN, double, at, m, 2), (OUT, double, distance, m, count), (OUT, int64_t, nearest, m, count)) {
+KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, distance, 1), (WHERE, count > 0),
+       (IN, double, points, n, 2), (IN, double, at, m, 2), (OUT, double, distance, m, count),
+       (OUT, int64_t, nearest, m, count)) {
     Cells cells;
     if (!sorted_into_cells(&cells, points, n, m))
         return NO_MEMORY;
@@ -151,8 +154,8 @@ KERNEL(rcdn_nearest, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, count, dista
 }
 
 /* All points within reach[j] of at[j], ordered by j, then index; at most `room` are stored. Returns their number. */
-KERNEL(rcdn_within, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, room, row_out, 0), (IN, double, points, n, 2), (IN, double, at, m, 2),
-       (IN, double, reach, m), (OUT, int64_t, row_out, room), (OUT, int64_t, index_out, room)) {
+KERNEL(rcdn_within, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, room, row_out, 0), (IN, double, points, n, 2),
+       (IN, double, at, m, 2), (IN, double, reach, m), (OUT, int64_t, row_out, room), (OUT, int64_t, index_out, room)) {
     Cells cells;
     if (!sorted_into_cells(&cells, points, n, m))
         return NO_MEMORY;
@@ -164,7 +167,8 @@ KERNEL(rcdn_within, (SIZE, n, points, 0), (SIZE, m, at, 0), (SIZE, room, row_out
         const index_t top = along(at[1] - reach[j], cells.top, cells.size, cells.rows);
         const index_t low = along(at[1] + reach[j], cells.top, cells.size, cells.rows);
         for (index_t row = top; row <= low; row++)
-            for (index_t k = cells.first[row * cells.columns + left]; k < cells.first[row * cells.columns + right + 1]; k++) {
+            for (index_t k = cells.first[row * cells.columns + left]; k < cells.first[row * cells.columns + right + 1];
+                 k++) {
                 const index_t i = cells.order ? cells.order[k] : k;
                 const double dx = points[2 * i] - at[0], dy = points[2 * i + 1] - at[1];
                 if (!(dx * dx + dy * dy <= reach[j] * reach[j]))

@@ -57,9 +57,9 @@ typedef struct {
     const Bytes *bytes;
     RowKernel *strided, *conv;
     Seen seen;
-    Layer layer[CONVS + 2];  /* at half resolution; strided; the convolutions */
-    uint8_t *need;           /* buffer for a mask of the first layer's width */
-    index_t time;            /* steps of `advance` so far */
+    Layer layer[CONVS + 2]; /* at half resolution; strided; the convolutions */
+    uint8_t *need;          /* buffer for a mask of the first layer's width */
+    index_t time;           /* steps of `advance` so far */
 } Network;
 
 INLINE vec load(const float *p) {
@@ -85,7 +85,8 @@ INLINE vec within(vec v, float low, float high) {
 
 /* Store inputs of the next layer, clamped to 0..255. */
 INLINE void store_levels(uint8_t *p, vec v) {
-    const byte_vec out = __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
+    const byte_vec out =
+        __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
     memcpy(p, &out, sizeof out);
 }
 
@@ -94,7 +95,9 @@ INLINE vec sigmoid(vec x) {
     const vec t = within(x, -80, 80) * -1.44269504f;
     const whole_vec whole = __builtin_convertvector(t, whole_vec);
     const vec f = (t - __builtin_convertvector(whole, vec)) * 0.69314718f;
-    const vec part = 1 + f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+    const vec part =
+        1 +
+        f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
     return 1 / (1 + part * (vec)((whole + 127) << 23));
 }
 
@@ -128,7 +131,8 @@ INLINE void see(Network *n, index_t y) {
             for (index_t next; (next = next_run(need, end, first->width, &later)) < first->width && next - end < HALF;)
                 end = later;
             const index_t stop = 2 * end + 3 + 2 * SLACK;
-            normalise(&n->contrast, row, 2 * x, stop < n->seen.width ? stop : n->seen.width, seen_row(&n->seen, row) + 2 * x);
+            normalise(&n->contrast, row, 2 * x, stop < n->seen.width ? stop : n->seen.width,
+                      seen_row(&n->seen, row) + 2 * x);
         }
     }
 }
@@ -166,8 +170,10 @@ INLINE void first_row(Network *n, index_t y) {
 static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
-    const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided, n->reals->conv[k].scale, n->reals->conv[k].bias};
-    const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1), row_of(from, stride * y + 2)};
+    const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided, n->reals->conv[k].scale,
+                           n->reals->conv[k].bias};
+    const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1),
+                                    row_of(from, stride * y + 2)};
     (k ? n->conv : n->strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
@@ -192,7 +198,8 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
         store(out, sigmoid(((a + b) + (c + d)) * scale + bias));
         for (index_t j = 0; j < CELL && n->contrast.top + CELL * y + j < n->contrast.picture.height; j++)
             for (index_t i = 0; i < CELL && CELL * x + i < n->contrast.picture.width; i++)
-                response[(n->contrast.top + CELL * y + j) * n->contrast.picture.width + CELL * x + i] = out[CELL * j + i];
+                response[(n->contrast.top + CELL * y + j) * n->contrast.picture.width + CELL * x + i] =
+                    out[CELL * j + i];
     }
 }
 
@@ -240,8 +247,10 @@ INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width
 /* Number of bytes for all ring buffers, sums and masks of so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
-    const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW, floats = SEEN * (seen + SLACK) + 8 * SLACK;
-    const index_t doubles = 6 * (seen + 2 * HALF), masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
+    const index_t bytes = RING * (CONVS + 1) * (last + SLACK) * WIDE + RING * (first + SLACK) * NARROW,
+                  floats = SEEN * (seen + SLACK) + 8 * SLACK;
+    const index_t doubles = 6 * (seen + 2 * HALF),
+                  masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
     return (size_t)(8 * doubles + 4 * floats + bytes + masks) + 64 * 32;
 }
 
@@ -253,14 +262,16 @@ INLINE void *taken(char **room, index_t bytes) {
 
 /* The response in the marked cells of the rows `first` .. `first + rows` of `cells` (down, across). `response` (height,
  * width) is unchanged elsewhere. */
-FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL),
-            (IN, float, reals, REALS), (IN, int8_t, bytes, sizeof(Bytes)), (INT, level, 0, BEST), (IN, uint8_t, cells, down, across),
-            (INT, first, 0, down - 1), (INT, rows, 1, down - first), (OUT, float, response, p.height, p.width)) {
+FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
+            (LET, across, (p.width + CELL - 1) / CELL), (IN, float, reals, REALS), (IN, int8_t, bytes, sizeof(Bytes)),
+            (INT, level, 0, BEST), (IN, uint8_t, cells, down, across), (INT, first, 0, down - 1),
+            (INT, rows, 1, down - first), (OUT, float, response, p.height, p.width)) {
     char *memory = malloc(room_for(across, rows)), *room = memory;
     if (!memory)
         return NO_MEMORY;
     room += 64 - (uintptr_t)room % 64;
-    Network n = {.contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
+    Network n = {
+        .contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
     row_kernels((int)level, &n.strided, &n.conv);
     index_t h = rows, w = across;
     cells += first * across;
@@ -282,7 +293,8 @@ FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL
         w = k == 1 ? 2 * w + 1 : w + 2;
     }
     n.seen = (Seen){2 * h + 3, 2 * w + 3, 0, NULL};
-    const index_t wide = (n.seen.width + 2 * HALF) * (index_t)(p.real ? sizeof(double) : sizeof(float)), ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
+    const index_t wide = (n.seen.width + 2 * HALF) * (index_t)(p.real ? sizeof(double) : sizeof(float)),
+                  ring = SEEN * (n.seen.width + SLACK) + 4 * SLACK;
     n.seen.rows = taken(&room, ring * 4);
     memset(n.seen.rows, 0, (size_t)ring * 4);
     void **const row[] = {&n.contrast.sum, &n.contrast.square, &n.contrast.out, &n.contrast.in, &n.contrast.room};

@@ -3,7 +3,8 @@
 
 /* Sum and number of the responses (height, width) above `level`, in the marked `cells` (⌈height / 4⌉, ⌈width / 4⌉). */
 FAST_KERNEL(rcdn_above, (SIZE, height, response, 0), (SIZE, width, response, 1), (IN, float, response, height, width),
-            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, level), (OUT, double, sum, 1)) {
+            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, level),
+            (OUT, double, sum, 1)) {
     const index_t across = (width + CELL - 1) / CELL;
     const float least = (float)level;
     double total = 0;
@@ -46,8 +47,10 @@ INLINE int any_over(const float *row, index_t from, index_t to, float least) {
 
 /* Pixels of at least `threshold`, with `peaks` only those that no neighbour exceeds, in the marked cells: x, y row by
  * row, at most `room` of them. Returns their number. NaN never counts. */
-FAST_KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0), (IN, float, response, height, width),
-            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold), (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
+FAST_KERNEL(rcdn_candidates, (SIZE, height, response, 0), (SIZE, width, response, 1), (SIZE, room, xy, 0),
+            (IN, float, response, height, width),
+            (IN, uint8_t, cells, (height + CELL - 1) / CELL, (width + CELL - 1) / CELL), (REAL, threshold),
+            (INT, peaks, 0, 1), (OUT, int64_t, xy, room, 2)) {
     const index_t across = (width + CELL - 1) / CELL;
     const float least = (float)threshold;
     index_t count = 0;
@@ -82,8 +85,9 @@ static int all_inside(const int64_t *xy, index_t count, index_t height, index_t 
 
 /* Greedy suppression: `keep` marks which of `count` pixels xy, the strongest first, survive. A survivor suppresses all
  * pixels at offsets where the `stencil` (side, side), centred on it, is set. */
-KERNEL(rcdn_suppress, (SIZE, count, xy, 0), (SIZE, side, stencil, 0), (IN, int64_t, xy, count, 2), (INT, height, 0, FURTHEST), (INT, width, 0, FURTHEST),
-       (WHERE, all_inside(xy, count, height, width)), (IN, uint8_t, stencil, side, side), (OUT, uint8_t, keep, count)) {
+KERNEL(rcdn_suppress, (SIZE, count, xy, 0), (SIZE, side, stencil, 0), (IN, int64_t, xy, count, 2),
+       (INT, height, 0, FURTHEST), (INT, width, 0, FURTHEST), (WHERE, all_inside(xy, count, height, width)),
+       (IN, uint8_t, stencil, side, side), (OUT, uint8_t, keep, count)) {
     const index_t stride = width + side;
     uint8_t *gone = calloc((size_t)(height + side) * (size_t)stride, 1);
     if (!gone)

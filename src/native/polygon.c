@@ -15,13 +15,15 @@ INLINE double from_side(const double *a, const double *b, double x, double y, in
 
 /* Distances `depth` (m) of points `at` (m) from the boundary of a polygon of `n` corners, positive inside (where rays
  * cross it an odd number of times), negative outside. */
-KERNEL(rcdn_depth, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2), (OUT, double, depth, m)) {
+KERNEL(rcdn_depth, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2),
+       (OUT, double, depth, m)) {
     for (index_t j = 0; j < m; j++) {
         double least = INFINITY;
         int inside = 0;
         for (index_t i = 0; i < n; i++) {
             int crosses;
-            const double square = from_side(corners + 2 * i, corners + 2 * (i + 1 < n ? i + 1 : 0), at[2 * j], at[2 * j + 1], &crosses);
+            const double square =
+                from_side(corners + 2 * i, corners + 2 * (i + 1 < n ? i + 1 : 0), at[2 * j], at[2 * j + 1], &crosses);
             least = square < least ? square : least;
             inside ^= crosses;
         }
@@ -38,8 +40,8 @@ INLINE index_t band_of(double y, double top, double size, index_t count) {
 
 /* Which of the points `at` (m) lie inside a polygon of `n` corners and further than `limit` from its boundary, `out`
  * (m). Sides are sorted into horizontal bands by their vertical extent, enlarged by `limit`. */
-KERNEL(rcdn_deeper, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2), (REAL, limit),
-       (OUT, uint8_t, out, m)) {
+KERNEL(rcdn_deeper, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corners, n, 2), (IN, double, at, m, 2),
+       (REAL, limit), (OUT, uint8_t, out, m)) {
     double top = INFINITY, low = -INFINITY, usual = 0;
     for (index_t i = 0; i < n; i++) {
         top = fmin(top, corners[2 * i + 1]);
@@ -52,7 +54,8 @@ KERNEL(rcdn_deeper, (SIZE, n, corners, 0), (SIZE, m, at, 0), (IN, double, corner
     for (int pass = 0; first && pass < 2; pass++) { /* count, then sort */
         for (index_t i = 0; i < n; i++) {
             const double y = corners[2 * i + 1], z = corners[2 * (i + 1 < n ? i + 1 : 0) + 1];
-            const index_t from = band_of(fmin(y, z) - limit, top, size, bands), to = band_of(fmax(y, z) + limit, top, size, bands);
+            const index_t from = band_of(fmin(y, z) - limit, top, size, bands),
+                          to = band_of(fmax(y, z) + limit, top, size, bands);
             for (index_t k = from; k <= to; k++) {
                 if (pass)
                     side[first[k + 1]++] = i;

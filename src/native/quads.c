@@ -11,7 +11,8 @@ static int is_regular(const double *xy, const int64_t *quad) {
         length[k] = sqrt(x[k] * x[k] + y[k] * y[k]);
     }
     for (int k = 0; k < 4; k++) {
-        const double one = length[k % 2], other = length[k % 2 + 2], low = one < other ? one : other, high = one < other ? other : one;
+        const double one = length[k % 2], other = length[k % 2 + 2], low = one < other ? one : other,
+                     high = one < other ? other : one;
         const int after = (k + 1) % 4;
         if (!(x[k] * y[after] - y[k] * x[after] > 0) || !(high < 2.5 * (low > 1e-9 ? low : 1e-9)))
             return 0;
@@ -30,8 +31,8 @@ static int same_corners(const int64_t *one, const int64_t *other) {
 /* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the corner at
  * which they are first found; returns their number. `first` (n,) and `next` (room,) are buffers: lists of the cells
  * found so far by their lowest corner. At most 4 cells per link. */
-KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int64_t, neighbour, -1, n - 1, n, 4), (IN, double, xy, n, 2),
-       (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, quads, room, 4)) {
+KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int64_t, neighbour, -1, n - 1, n, 4),
+       (IN, double, xy, n, 2), (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, quads, room, 4)) {
     index_t count = 0;
     for (index_t a = 0; a < n; a++)
         first[a] = -1;
@@ -70,9 +71,9 @@ typedef struct {
 } Held;
 _Static_assert(sizeof(Label) == 3 * sizeof(int64_t) && sizeof(Held) == 4 * sizeof(int64_t), "they are rows of arrays");
 typedef struct {
-    Label *where;  /* (corners,) */
-    Held *held;    /* (slots,) */
-    int64_t *out;  /* (room, 3) u, v, corner */
+    Label *where; /* (corners,) */
+    Held *held;   /* (slots,) */
+    int64_t *out; /* (room, 3) u, v, corner */
     index_t slots, count;
     int64_t grid;
 } Grids;
@@ -94,7 +95,8 @@ static int labelled(Grids *g, const int64_t *quad, int64_t uv[4][2]) {
     for (int k = 0; k < 4; k++) {
         const Label *own = g->where + quad[k];
         const Held *h = place_of(g, uv[k][0], uv[k][1]);
-        if ((own->grid == g->grid && (own->u != uv[k][0] || own->v != uv[k][1])) || (h->grid == g->grid && h->corner != quad[k]))
+        if ((own->grid == g->grid && (own->u != uv[k][0] || own->v != uv[k][1])) ||
+            (h->grid == g->grid && h->corner != quad[k]))
             return 0;
     }
     for (int k = 0; k < 4; k++) {
@@ -162,10 +164,11 @@ static int share_edge(const int64_t *one, const int64_t *other) {
  * v, corner, grid by grid, and the start of each, `begin` (count + 1,). Returns their number. Buffers: `used`, `heap`
  * (count,); `first` (n + 2,), `at_corner` (4 count,): the cells at each corner; `where` (n, 3); `held` (slots, 4),
  * `slots` a power of two. */
-KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, held, 0), (WHERE, slots > 4 * count && (slots & (slots - 1)) == 0),
-       (WITHIN, int64_t, cells, 0, n - 1, count, 4), (OUT, uint8_t, used, count), (OUT, int64_t, heap, count), (OUT, int64_t, first, n + 2),
-       (OUT, int64_t, at_corner, 4 * count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4), (OUT, int64_t, begin, count + 1),
-       (OUT, int64_t, out, 4 * count, 3)) {
+KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, held, 0),
+       (WHERE, slots > 4 * count && (slots & (slots - 1)) == 0), (WITHIN, int64_t, cells, 0, n - 1, count, 4),
+       (OUT, uint8_t, used, count), (OUT, int64_t, heap, count), (OUT, int64_t, first, n + 2),
+       (OUT, int64_t, at_corner, 4 * count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4),
+       (OUT, int64_t, begin, count + 1), (OUT, int64_t, out, 4 * count, 3)) {
     static const int64_t square[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
     Grids g = {(Label *)where, (Held *)held, out, slots, 0, -1};
     memset(used, 0, (size_t)count);

@@ -8,17 +8,17 @@
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS };
 CONSTANTS(rings, DIRECTIONS, RINGS)
 
-#define MIN_FIT 0.2       /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
-#define START_BLUR 0.587786664902119 /* log of the initial guess of s = sqrt 2 * blur: 1.8 px */
+#define MIN_FIT 0.2 /* share of the rings' variance below which there are no axes; an ideal L-junction has 1/3 */
+#define START_BLUR 0.587786664902119  /* log of the initial guess of s = sqrt 2 * blur: 1.8 px */
 #define LEAST_BLUR -0.916290731874155 /* its limits: 0.4 and 20 px */
 #define MOST_BLUR 2.99573227355399
-#define BELIEF 100.0      /* weight of the prior of log s, in samples: it decides where noise hides the blur */
-#define DAMPING 1e-3      /* share of the trace of the normal matrix */
+#define BELIEF 100.0 /* weight of the prior of log s, in samples: it decides where noise hides the blur */
+#define DAMPING 1e-3 /* share of the trace of the normal matrix */
 #define ITERATIONS 5
-#define LONGEST_STEP 0.2  /* largest step of an axis, radians, and of log s */
-#define MOST_TURN 0.5     /* largest angle between an axis before and after the fit, radians */
-#define DONE 0.002        /* radians; shorter steps end the fit */
-#define CLOSEST 0.05      /* smallest angle between the two axes, radians */
+#define LONGEST_STEP 0.2 /* largest step of an axis, radians, and of log s */
+#define MOST_TURN 0.5    /* largest angle between an axis before and after the fit, radians */
+#define DONE 0.002       /* radians; shorter steps end the fit */
+#define CLOSEST 0.05     /* smallest angle between the two axes, radians */
 
 /* Cosine and sine of the directions; all tables are passed by the caller. */
 typedef struct {
@@ -26,7 +26,8 @@ typedef struct {
 } Directions;
 
 /* Bilinear grey levels `out` (rings, TURN) on up to RINGS rings around `centre`; the border is replicated. */
-INLINE void ring_levels(const Picture *p, const double centre[2], const double *radius, int rings, Directions d, Places *w, float *out) {
+INLINE void ring_levels(const Picture *p, const double centre[2], const double *radius, int rings, Directions d,
+                        Places *w, float *out) {
     const Spot s = spot_at(p, centre[0], centre[1]);
     const float x = (float)(centre[0] - s.x), y = (float)(centre[1] - s.y);
     for (int ring = 0; ring < rings; ring++) {
@@ -40,8 +41,9 @@ INLINE void ring_levels(const Picture *p, const double centre[2], const double *
 }
 
 /* Grey levels (count, rings, TURN) on rings of `radius` (count, rings) px around `xy` (count, 2). */
-FAST_KERNEL(rcdn_sample_rings, (PICTURE, p), (SIZE, count, radius, 0), (SIZE, rings, radius, 1), (IN, double, xy, count, 2),
-            (IN, double, radius, count, rings), (IN, float, directions, 2, TURN), (OUT, float, out, count, rings, TURN)) {
+FAST_KERNEL(rcdn_sample_rings, (PICTURE, p), (SIZE, count, radius, 0), (SIZE, rings, radius, 1),
+            (IN, double, xy, count, 2), (IN, double, radius, count, rings), (IN, float, directions, 2, TURN),
+            (OUT, float, out, count, rings, TURN)) {
     const Directions d = {directions, directions + TURN};
     Places w;
     for (index_t k = 0; k < count * rings; k++)
@@ -97,7 +99,8 @@ INLINE Sectors sectors(const float signal[TURN], const float *gain) {
     }
     const int pair = best_pair(running, gain);
     Sectors s = {pair / DIRECTIONS, pair % DIRECTIONS, 0, 0};
-    const double total = running[s.b] - running[s.a], energy = same + 0.25 * odd, wide = s.b - s.a, rest = DIRECTIONS - wide;
+    const double total = running[s.b] - running[s.a], energy = same + 0.25 * odd, wide = s.b - s.a,
+                 rest = DIRECTIONS - wide;
     s.contrast = total * DIRECTIONS / (wide * rest);
     s.fit = energy > 0 ? total * total * DIRECTIONS / (wide * rest * energy) : 0;
     return s;
@@ -119,7 +122,8 @@ INLINE void model(const Samples *s, Directions d, const double state[3], int slo
     double cos_a, sin_a, cos_b, sin_b;
     cosine_sine(state[0], &cos_a, &sin_a);
     cosine_sine(state[1], &cos_b, &sin_b);
-    const float shrink = (float)exponential(-state[2]), ca = (float)cos_a, sa = (float)sin_a, cb = (float)cos_b, sb = (float)sin_b;
+    const float shrink = (float)exponential(-state[2]), ca = (float)cos_a, sa = (float)sin_a, cb = (float)cos_b,
+                sb = (float)sin_b;
     const float bell = -1.12837917f; /* -2 / sqrt pi */
     for (int ring = 0; ring < RINGS; ring++)
         for (int k = 0; k < DIRECTIONS; k++) {
@@ -158,7 +162,8 @@ INLINE double energy_at(const Samples *s, Directions d, const double state[3]) {
     float column[4][SAMPLES];
     model(s, d, state, 0, column);
     const float *shape = column[0];
-    const double sum = total(shape), cross = product(shape, s->level), rest = product(shape, shape) - sum * sum / SAMPLES;
+    const double sum = total(shape), cross = product(shape, s->level),
+                 rest = product(shape, shape) - sum * sum / SAMPLES;
     return product(s->level, s->level) - cross * cross / (rest > 1e-9 ? rest : 1e-9);
 }
 
@@ -214,8 +219,8 @@ INLINE void fit_axes(const Samples *s, Directions d, double axes[2]) {
             break;
     }
     const double gap = state[1] - state[0];
-    if (energy_at(s, d, state) <= first && gap > CLOSEST && gap < PI - CLOSEST && fabs(state[0] - axes[0]) < MOST_TURN &&
-        fabs(state[1] - axes[1]) < MOST_TURN)
+    if (energy_at(s, d, state) <= first && gap > CLOSEST && gap < PI - CLOSEST &&
+        fabs(state[0] - axes[0]) < MOST_TURN && fabs(state[1] - axes[1]) < MOST_TURN)
         memcpy(axes, state, 2 * sizeof(double));
 }
 
@@ -239,8 +244,8 @@ INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS
 
 /* Axes (count, 2) fitted to `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes in `axes`
  * as initial guess. */
-FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS), (IN, double, radius, count, RINGS),
-            (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
+FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS),
+            (IN, double, radius, count, RINGS), (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
     const Directions d = {directions, directions + TURN};
     Samples s;
     for (index_t k = 0; k < count; k++) {
@@ -255,9 +260,10 @@ FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count
 }
 
 /* Axes in [0, pi), ascending, and the properties of the rings; see `rcdn.corners.orientation.axes`. */
-FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, radius, count), (IN, uint8_t, careful, count),
-            (REAL, least), (IN, float, directions, 2, TURN), (IN, float, gain, TURN), (OUT, double, axes, count, 2), (OUT, double, contrast, count),
-            (OUT, int8_t, polarity, count), (OUT, double, fit, count)) {
+FAST_KERNEL(rcdn_axes, (PICTURE, p), (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, radius, count),
+            (IN, uint8_t, careful, count), (REAL, least), (IN, float, directions, 2, TURN), (IN, float, gain, TURN),
+            (OUT, double, axes, count, 2), (OUT, double, contrast, count), (OUT, int8_t, polarity, count),
+            (OUT, double, fit, count)) {
     const Directions d = {directions, directions + TURN};
     float level[RINGS * TURN], signal[TURN];
     Places w;

@@ -5,10 +5,10 @@
 
 #include "rcdn.h"
 
-#define WIDE 32  /* channels of a cell */
-#define GROUP 4  /* channels that are multiplied together */
-#define BEST 2   /* highest level of the processor's instructions that is used, if available: 2 VNNI, 1 AVX2, 0 any */
-#define SLACK 8  /* cells that may be computed beyond the end of a row */
+#define WIDE 32 /* channels of a cell */
+#define GROUP 4 /* channels that are multiplied together */
+#define BEST 2  /* highest level of the processor's instructions that is used, if available: 2 VNNI, 1 AVX2, 0 any */
+#define SLACK 8 /* cells that may be computed beyond the end of a row */
 
 /* Weights of a convolution: (tap, group of inputs, output, input); scale and bias that turn sums into the next inputs.
  * */
@@ -18,18 +18,20 @@ typedef struct {
 } Convolution;
 
 /* Compute the marked cells of a row from three rows of the previous layer. */
-typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out);
+typedef void RowKernel(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width,
+                       uint8_t *out);
 
 /* A row kernel made of the block function of one processor: `count` cells at a time, channels of the previous layer,
  * stride. */
-#define ROW_KERNEL(name, target, block, most, channels, stride)                                                                     \
-    target static void name(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, uint8_t *out) { \
-        for (index_t x = 0, end; (x = next_run(mask, x, width, &end)) < width; x = end) {                                            \
-            for (; end - x > most / 2; x += most)                                                                                    \
-                block(from, c, channels, stride, x, most, out + x * WIDE);                                                           \
-            for (; x < end; x += most / 2)                                                                                           \
-                block(from, c, channels, stride, x, most / 2, out + x * WIDE);                                                       \
-        }                                                                                                                            \
+#define ROW_KERNEL(name, target, block, most, channels, stride)                                                     \
+    target static void name(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask, index_t width, \
+                            uint8_t *out) {                                                                         \
+        for (index_t x = 0, end; (x = next_run(mask, x, width, &end)) < width; x = end) {                           \
+            for (; end - x > most / 2; x += most)                                                                   \
+                block(from, c, channels, stride, x, most, out + x * WIDE);                                          \
+            for (; x < end; x += most / 2)                                                                          \
+                block(from, c, channels, stride, x, most / 2, out + x * WIDE);                                      \
+        }                                                                                                           \
     }
 
 /* A sum converted to an input of the next layer, rounded, 0..255. */
@@ -38,7 +40,8 @@ INLINE uint8_t rescaled(int32_t sum, float scale, float bias) {
     return value > 0 ? value < 255 ? (uint8_t)value : 255 : 0;
 }
 
-INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride,
+                        index_t x, const int count, uint8_t *out) {
     for (int k = 0; k < count; k++) {
         int32_t sum[WIDE] = {0};
         const int8_t *weight = c->weight;
@@ -47,7 +50,8 @@ INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, cons
                 for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
                     const uint8_t *value = from[j] + (stride * (x + k) + i) * channels + g;
                     for (int o = 0; o < WIDE; o++)
-                        sum[o] += value[0] * weight[4 * o] + value[1] * weight[4 * o + 1] + value[2] * weight[4 * o + 2] + value[3] * weight[4 * o + 3];
+                        sum[o] += value[0] * weight[4 * o] + value[1] * weight[4 * o + 1] +
+                                  value[2] * weight[4 * o + 2] + value[3] * weight[4 * o + 3];
                 }
         for (int o = 0; o < WIDE; o++)
             out[k * WIDE + o] = rescaled(sum[o], c->scale[o], c->bias[o]);
@@ -61,7 +65,8 @@ ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 #include <immintrin.h>
 
 /* Four bytes of `value` are split into two pairs of 16-bit numbers: no product overflows. */
-FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels,
+                                const int stride, index_t x, const int count, uint8_t *out) {
     for (int o = 0; o < WIDE; o += 16) {
         __m256i low[4], high[4];
         for (int k = 0; k < count; k++)
@@ -70,15 +75,21 @@ FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution 
         for (int j = 0; j < 3; j++)
             for (int i = 0; i < 3; i++)
                 for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
-                    const __m256i a = _mm256_loadu_si256((const __m256i *)weight), b = _mm256_loadu_si256((const __m256i *)(weight + 32));
-                    const __m256i a_even = _mm256_srai_epi16(_mm256_slli_epi16(a, 8), 8), a_odd = _mm256_srai_epi16(a, 8);
-                    const __m256i b_even = _mm256_srai_epi16(_mm256_slli_epi16(b, 8), 8), b_odd = _mm256_srai_epi16(b, 8);
+                    const __m256i a = _mm256_loadu_si256((const __m256i *)weight),
+                                  b = _mm256_loadu_si256((const __m256i *)(weight + 32));
+                    const __m256i a_even = _mm256_srai_epi16(_mm256_slli_epi16(a, 8), 8),
+                                  a_odd = _mm256_srai_epi16(a, 8);
+                    const __m256i b_even = _mm256_srai_epi16(_mm256_slli_epi16(b, 8), 8),
+                                  b_odd = _mm256_srai_epi16(b, 8);
                     for (int k = 0; k < count; k++) {
                         int32_t value;
                         memcpy(&value, from[j] + (stride * (x + k) + i) * channels + g, sizeof value);
-                        const __m256i even = _mm256_set1_epi32(value & 0xff00ff), odd = _mm256_set1_epi32((value >> 8) & 0xff00ff);
-                        low[k] = _mm256_add_epi32(low[k], _mm256_add_epi32(_mm256_madd_epi16(even, a_even), _mm256_madd_epi16(odd, a_odd)));
-                        high[k] = _mm256_add_epi32(high[k], _mm256_add_epi32(_mm256_madd_epi16(even, b_even), _mm256_madd_epi16(odd, b_odd)));
+                        const __m256i even = _mm256_set1_epi32(value & 0xff00ff),
+                                      odd = _mm256_set1_epi32((value >> 8) & 0xff00ff);
+                        low[k] = _mm256_add_epi32(
+                            low[k], _mm256_add_epi32(_mm256_madd_epi16(even, a_even), _mm256_madd_epi16(odd, a_odd)));
+                        high[k] = _mm256_add_epi32(
+                            high[k], _mm256_add_epi32(_mm256_madd_epi16(even, b_even), _mm256_madd_epi16(odd, b_odd)));
                     }
                 }
         for (int k = 0; k < count; k++) {
@@ -91,19 +102,20 @@ FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution 
     }
 }
 
-FOR_AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2)
-FOR_AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
+FOR_AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2) FOR_AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
 
 /* sum += products of bytes, four at a time: as _mm512_dpbusd_epi32, for which gcc adds moves of the sums between
  * registers. */
 #define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
 
-FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
-    const __m512 value = _mm512_add_ps(_mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale)), _mm512_loadu_ps(bias));
+    FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
+    const __m512 value =
+        _mm512_add_ps(_mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale)), _mm512_loadu_ps(bias));
     return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
 }
 
-FOR_VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride, index_t x, const int count, uint8_t *out) {
+FOR_VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution *c, const int channels,
+                                const int stride, index_t x, const int count, uint8_t *out) {
     __m512i low[8], high[8];
     for (int k = 0; k < count; k++)
         low[k] = high[k] = _mm512_setzero_si512();
@@ -128,13 +140,12 @@ FOR_VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution 
     }
 }
 
-FOR_VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2)
-FOR_VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
+FOR_VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2) FOR_VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
 #endif
 
-/* The kernels of this processor: for the strided convolution, and for the others. `level`: upper limit, 2: VNNI, 1:
+    /* The kernels of this processor: for the strided convolution, and for the others. `level`: upper limit, 2: VNNI, 1:
  * AVX2, 0: plain C. */
-static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
+    static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
     *strided = plain_strided;
     *conv = plain_conv;
 #ifdef X86_LEVELS

@@ -17,8 +17,9 @@ INLINE int same(const double *a, const double *b) {
 
 /* `row` (n): for each of the points `xy` (n), its first row in `among` (m), -1 if it is not there or not a number.
  * `held`: hash table of the rows. */
-KERNEL(rcdn_rows_among, (SIZE, n, xy, 0), (SIZE, m, among, 0), (SIZE, slots, held, 0), (IN, double, xy, n, 2), (IN, double, among, m, 2),
-       (WHERE, slots > m && (slots & (slots - 1)) == 0), (OUT, int64_t, held, slots), (OUT, int64_t, row, n)) {
+KERNEL(rcdn_rows_among, (SIZE, n, xy, 0), (SIZE, m, among, 0), (SIZE, slots, held, 0), (IN, double, xy, n, 2),
+       (IN, double, among, m, 2), (WHERE, slots > m && (slots & (slots - 1)) == 0), (OUT, int64_t, held, slots),
+       (OUT, int64_t, row, n)) {
     for (index_t k = 0; k < slots; k++)
         held[k] = -1;
     for (index_t k = 0; k < m; k++) {

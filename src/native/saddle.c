@@ -3,7 +3,7 @@
 
 /* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at an angle t has tan²(t/2): 7° here */
 #define FLATNESS 0.004
-#define FAINT 0.01     /* smallest rise of the fitted saddle from the centre to the side of its window, grey levels */
+#define FAINT 0.01 /* smallest rise of the fitted saddle from the centre to the side of its window, grey levels */
 
 /* A fit: `matrix` (5, (2 reach + 1)²) from raw pixels to the coefficients of x², xy, y², x and y within `half` px. */
 typedef struct {
@@ -51,7 +51,8 @@ INLINE int surface_fit(const Picture *p, const Fit *fit, const int64_t seed[2], 
     const double rest = fit->slack > 1 ? fit->slack : 1, far = 2.0 * (double)fit->half;
     out[0] = (double)x + step[0];
     out[1] = (double)y + step[1];
-    return fabs(step[0]) <= rest && fabs(step[1]) <= rest && fabs(out[0] - (double)seed[0]) <= far && fabs(out[1] - (double)seed[1]) <= far;
+    return fabs(step[0]) <= rest && fabs(step[1]) <= rest && fabs(out[0] - (double)seed[0]) <= far &&
+           fabs(out[1] - (double)seed[1]) <= far;
 }
 
 /* Whether `many` fits have matrices within `entries` in all, and windows of at most `room` pixels. */
@@ -70,10 +71,12 @@ static int are_fits(const int64_t *first, const int64_t *sizes, index_t many, in
 /* Saddles `xy` (count, 2) near `seeds` (count, 2), each by the fit `which` (count,); NaN where there is none. For fit
  * f: half window, reach and repeats in `sizes` (., 3), the matrix from `first[f]` on. `window`: buffer for the largest
  * window. */
-FAST_KERNEL(rcdn_surface_fit, (PICTURE, p), (SIZE, count, seeds, 0), (SIZE, many, first, 0), (SIZE, entries, matrices, 0), (SIZE, room, window, 0),
-            (WITHIN, int64_t, seeds, -FURTHEST, FURTHEST, count, 2), (WITHIN, int64_t, which, 0, many - 1, count), (IN, double, matrices, entries),
-            (IN, int64_t, first, many), (IN, int64_t, sizes, many, 3), (IN, double, slack, many), (WHERE, are_fits(first, sizes, many, entries, room)),
-            (OUT, float, window, room), (OUT, double, xy, count, 2)) {
+FAST_KERNEL(rcdn_surface_fit, (PICTURE, p), (SIZE, count, seeds, 0), (SIZE, many, first, 0),
+            (SIZE, entries, matrices, 0), (SIZE, room, window, 0),
+            (WITHIN, int64_t, seeds, -FURTHEST, FURTHEST, count, 2), (WITHIN, int64_t, which, 0, many - 1, count),
+            (IN, double, matrices, entries), (IN, int64_t, first, many), (IN, int64_t, sizes, many, 3),
+            (IN, double, slack, many), (WHERE, are_fits(first, sizes, many, entries, room)), (OUT, float, window, room),
+            (OUT, double, xy, count, 2)) {
     for (index_t n = 0; n < count; n++) {
         const int64_t f = which[n], *size = sizes + 3 * f;
         const Fit fit = {matrices + first[f], (index_t)size[0], (index_t)size[1], (index_t)size[2], slack[f]};

@@ -23,7 +23,8 @@ INLINE double limited(double value, double low, double high) {
 
 INLINE Spot spot_at(const Picture *p, double x, double y) {
     Spot s;
-    const index_t i = (index_t)limited(x, 0, (double)(p->width - 1)), j = (index_t)limited(y, 0, (double)(p->height - 1));
+    const index_t i = (index_t)limited(x, 0, (double)(p->width - 1)),
+                  j = (index_t)limited(y, 0, (double)(p->height - 1));
     s.picture = p;
     s.at = j * p->width + i;
     s.x = (double)i, s.y = (double)j;
@@ -44,20 +45,20 @@ typedef struct {
 } Places;
 
 /* Only the loading of pixels is done position by position. */
-#define INTERPOLATE(TYPE, HELD)                                                                                                            \
-    do {                                                                                                                                   \
-        const TYPE *from = (const TYPE *)s->picture->data + s->at;                                                                         \
-        TYPE *above = HELD, *below = HELD + 2 * MOST;                                                                                      \
-        for (index_t k = 0; k < count; k++) {                                                                                              \
-            const TYPE *two = from + w->from[k];                                                                 \
-            memcpy(above + 2 * k, two, 2 * sizeof(TYPE));                                                                                  \
-            memcpy(below + 2 * k, two + width, 2 * sizeof(TYPE));                                                                          \
-        }                                                                                                                                  \
-        for (index_t k = 0; k < count; k++) {                                                                                              \
-            const float a = above[2 * k], b = above[2 * k + 1], c = below[2 * k], d = below[2 * k + 1];                                    \
-            const float top = a + w->x[k] * (b - a), low = c + w->x[k] * (d - c);                                                          \
-            out[k] = top + w->y[k] * (low - top);                                                                                          \
-        }                                                                                                                                  \
+#define INTERPOLATE(TYPE, HELD)                                                                         \
+    do {                                                                                                \
+        const TYPE *from = (const TYPE *)s->picture->data + s->at;                                      \
+        TYPE *above = HELD, *below = HELD + 2 * MOST;                                                   \
+        for (index_t k = 0; k < count; k++) {                                                           \
+            const TYPE *two = from + w->from[k];                                                        \
+            memcpy(above + 2 * k, two, 2 * sizeof(TYPE));                                               \
+            memcpy(below + 2 * k, two + width, 2 * sizeof(TYPE));                                       \
+        }                                                                                               \
+        for (index_t k = 0; k < count; k++) {                                                           \
+            const float a = above[2 * k], b = above[2 * k + 1], c = below[2 * k], d = below[2 * k + 1]; \
+            const float top = a + w->x[k] * (b - a), low = c + w->x[k] * (d - c);                       \
+            out[k] = top + w->y[k] * (low - top);                                                       \
+        }                                                                                               \
     } while (0)
 
 /* Grey levels `out` (count,) at the positions w->x, w->y (count,) relative to `s`, which are overwritten. For an image
@@ -91,13 +92,15 @@ enum { ALONG = 9, ACROSS = 3, AROUND = 2 * ACROSS * ALONG };
 INLINE void sides_differ(const Picture *p, const double *start, const double *end, Places *w, double *out) {
     static const double across[ACROSS] = {0.08, 0.14, 0.2}, skip = 0.15;
     const Spot s = spot_at(p, start[0], start[1]);
-    const double dx = end[0] - start[0], dy = end[1] - start[1], size = sqrt(dx * dx + dy * dy), length = size > 1e-9 ? size : 1e-9;
+    const double dx = end[0] - start[0], dy = end[1] - start[1], size = sqrt(dx * dx + dy * dy),
+                 length = size > 1e-9 ? size : 1e-9;
     float value[AROUND];
     index_t k = 0;
     for (int a = 0; a < ACROSS; a++) {
         const double reach = limited(length * across[a], 1, 5) / length, side_x = -dy * reach, side_y = dx * reach;
         for (int n = 0; n < ALONG; n++, k += 2) {
-            const double t = skip + (1 - 2 * skip) / (ALONG - 1) * n, x = start[0] - s.x + t * dx, y = start[1] - s.y + t * dy;
+            const double t = skip + (1 - 2 * skip) / (ALONG - 1) * n, x = start[0] - s.x + t * dx,
+                         y = start[1] - s.y + t * dy;
             w->x[k] = (float)(x + side_x), w->y[k] = (float)(y + side_y);
             w->x[k + 1] = (float)(x - side_x), w->y[k + 1] = (float)(y - side_y);
         }

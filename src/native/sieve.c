@@ -8,7 +8,7 @@
 #define PAD 8    /* columns of padding on either side of a row */
 #define SADDLE 1 /* marks of a cell */
 #define STEEP 2
-#define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
+#define REACH 5 /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
     index_t height, width; /* of the half-resolution image */
@@ -85,7 +85,9 @@ INLINE void limits(Half *h, const Steepness least[2], double *sums) {
 }
 
 /* Filter seven rows along y. */
-INLINE void down_row(const float *restrict a, const float *restrict b, const float *restrict c, const float *restrict d, const float *restrict e, const float *restrict f, const float *restrict g, index_t count, float *restrict smooth, float *restrict slope, float *restrict bend) {
+INLINE void down_row(const float *restrict a, const float *restrict b, const float *restrict c, const float *restrict d,
+                     const float *restrict e, const float *restrict f, const float *restrict g, index_t count,
+                     float *restrict smooth, float *restrict slope, float *restrict bend) {
     for (index_t x = 0; x < count; x++) {
         smooth[x] = (b[x] + f[x] + 4 * (c[x] + e[x]) + 6 * d[x]) * (1 / 16.f);
         slope[x] = (f[x] - b[x] + 2 * (e[x] - c[x])) * (1 / 8.f);
@@ -94,11 +96,14 @@ INLINE void down_row(const float *restrict a, const float *restrict b, const flo
 }
 
 /* Filter their results along x, and combine them to −det. */
-INLINE void along_row(const float *restrict smooth, const float *restrict slope, const float *restrict bend, index_t count, float *restrict out) {
+INLINE void along_row(const float *restrict smooth, const float *restrict slope, const float *restrict bend,
+                      index_t count, float *restrict out) {
     for (index_t x = 0; x < count; x++) {
         const float yy = (bend[x - 2] + bend[x + 2] + 4 * (bend[x - 1] + bend[x + 1]) + 6 * bend[x]) * (1 / 16.f);
         const float xy = (slope[x + 2] - slope[x - 2] + 2 * (slope[x + 1] - slope[x - 1])) * (1 / 8.f);
-        const float xx = (smooth[x - 3] + smooth[x + 3] + 2 * (smooth[x - 2] + smooth[x + 2]) - smooth[x - 1] - smooth[x + 1] - 4 * smooth[x]) * (1 / 16.f);
+        const float xx = (smooth[x - 3] + smooth[x + 3] + 2 * (smooth[x - 2] + smooth[x + 2]) - smooth[x - 1] -
+                          smooth[x + 1] - 4 * smooth[x]) *
+                         (1 / 16.f);
         out[x] = xy * xy - xx * yy;
     }
 }
@@ -115,7 +120,8 @@ INLINE void saddle_row(Half *h, index_t y, float *out) {
 /* Add `kind` to the cells around a saddle. */
 static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_t y, uint8_t kind) {
     const index_t left = 2 * x - REACH + 1, top = 2 * y - REACH + 1, right = 2 * x + REACH, low = 2 * y + REACH;
-    const index_t i1 = right / CELL < across - 1 ? right / CELL : across - 1, j1 = low / CELL < down - 1 ? low / CELL : down - 1;
+    const index_t i1 = right / CELL < across - 1 ? right / CELL : across - 1,
+                  j1 = low / CELL < down - 1 ? low / CELL : down - 1;
     for (index_t j = top > 0 ? top / CELL : 0; j <= j1; j++)
         for (index_t i = left > 0 ? left / CELL : 0; i <= i1; i++)
             cells[j * across + i] |= kind;
@@ -138,7 +144,8 @@ INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t 
             if (!(b[x] > limit[x]))
                 continue;
             const index_t w = x > 0 ? x - 1 : x, e = x + 1 < h->width ? x + 1 : x;
-            if (b[x] >= b[w] && b[x] >= b[e] && b[x] >= a[w] && b[x] >= a[x] && b[x] >= a[e] && b[x] >= c[w] && b[x] >= c[x] && b[x] >= c[e]) {
+            if (b[x] >= b[w] && b[x] >= b[e] && b[x] >= a[w] && b[x] >= a[x] && b[x] >= a[e] && b[x] >= c[w] &&
+                b[x] >= c[x] && b[x] >= c[e]) {
                 mark(cells, down, across, x, y, b[x] > limits[1][x] ? SADDLE | STEEP : SADDLE);
                 count++;
             }
@@ -149,13 +156,15 @@ INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t 
 
 /* Mark in `cells` (down, across), initially 0, those in which an X-corner's response may peak: 1, and 3 where a saddle
  * also exceeds `steep` × (the contrast + `steep_floor`). Returns the number of saddles. */
-FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL), (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_),
-            (REAL, steep), (REAL, steep_floor), (OUT, uint8_t, cells, down, across)) {
+FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
+            (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_), (REAL, steep),
+            (REAL, steep_floor), (OUT, uint8_t, cells, down, across)) {
     Half h = {p.height / 2, p.width / 2, 0, NULL, {NULL, NULL}, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
     if (h.height < 1 || h.width < 1)
         return 0;
     h.stride = h.width + 2 * PAD;
-    const index_t across_blocks = (h.width + BLOCK - 1) / BLOCK, blocks = (h.height + BLOCK - 1) / BLOCK * across_blocks;
+    const index_t across_blocks = (h.width + BLOCK - 1) / BLOCK,
+                  blocks = (h.height + BLOCK - 1) / BLOCK * across_blocks;
     float *room = malloc(((size_t)((h.height + 8) * h.stride) + 2 * (size_t)blocks) * sizeof *room);
     double *sums = malloc(3 * (size_t)blocks * sizeof *sums);
     if (!room || !sums) {

@@ -20,12 +20,14 @@ INLINE double *aligned(double *work) {
 }
 
 /* a, b (columns from..to) += PANEL rows that lie `stride` apart, times ca, cb. */
-INLINE void add_rows(double *restrict a, double *restrict b, const double *rows, index_t stride, const double *ca, const double *cb, index_t from,
-                     index_t to) {
+INLINE void add_rows(double *restrict a, double *restrict b, const double *rows, index_t stride, const double *ca,
+                     const double *cb, index_t from, index_t to) {
     const double a0 = ca[0], a1 = ca[1], a2 = ca[2], a3 = ca[3], a4 = ca[4], a5 = ca[5], a6 = ca[6], a7 = ca[7];
     const double b0 = cb[0], b1 = cb[1], b2 = cb[2], b3 = cb[3], b4 = cb[4], b5 = cb[5], b6 = cb[6], b7 = cb[7];
-    const double *restrict r0 = rows, *restrict r1 = r0 + stride, *restrict r2 = r1 + stride, *restrict r3 = r2 + stride;
-    const double *restrict r4 = r3 + stride, *restrict r5 = r4 + stride, *restrict r6 = r5 + stride, *restrict r7 = r6 + stride;
+    const double *restrict r0 = rows, *restrict r1 = r0 + stride, *restrict r2 = r1 + stride,
+                           *restrict r3 = r2 + stride;
+    const double *restrict r4 = r3 + stride, *restrict r5 = r4 + stride, *restrict r6 = r5 + stride,
+                           *restrict r7 = r6 + stride;
     for (index_t j = from; j < to; j++) {
         a[j] += a0 * r0[j] + a1 * r1[j] + a2 * r2[j] + a3 * r3[j] + a4 * r4[j] + a5 * r5[j] + a6 * r6[j] + a7 * r7[j];
         b[j] += b0 * r0[j] + b1 * r1[j] + b2 * r2[j] + b3 * r3[j] + b4 * r4[j] + b5 * r5[j] + b6 * r6[j] + b7 * r7[j];
@@ -59,7 +61,8 @@ INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, in
                 ca[k] = -m[(top + k) * stride + i];
                 cb[k] = -m[(top + k) * stride + i + 1];
             }
-            add_rows(m + i * stride, m + (i + 1) * stride, m + top * stride, stride, ca, cb, i & ~(index_t)(PANEL - 1), stride);
+            add_rows(m + i * stride, m + (i + 1) * stride, m + top * stride, stride, ca, cb, i & ~(index_t)(PANEL - 1),
+                     stride);
         }
     }
     return log_det;
@@ -77,8 +80,8 @@ INLINE double weights(const double *cov, double rough, double *out) {
 
 /* base (count, 2): labels ij (count, 2) mapped by the homography H (3, 3); tangent (count, 2, FREE): derivatives of
  * base by its parameters, as orthonormal columns × √count. */
-FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3), (OUT, double, base, count, 2),
-            (OUT, double, tangent, count, 2, FREE)) {
+FAST_KERNEL(rcdn_smooth_tangent, (SIZE, count, ij, 0), (IN, double, ij, count, 2), (IN, double, H, 3, 3),
+            (OUT, double, base, count, 2), (OUT, double, tangent, count, 2, FREE)) {
     for (index_t k = 0; k < count; k++) {
         const double i = ij[2 * k], j = ij[2 * k + 1], depth = 1 / (H[6] * i + H[7] * j + H[8]);
         const double x = (H[0] * i + H[1] * j + H[2]) * depth, y = (H[3] * i + H[4] * j + H[5]) * depth;
@@ -118,8 +121,8 @@ typedef struct {
     double bent[PANEL * TERMS], w[3][PANEL], x[FREE + 1][PANEL], y[FREE + 1][PANEL], log_det;
 } Points;
 
-INLINE void take(Points *out, index_t p, index_t count, index_t terms, const double *tangent, const double *bent, const double *off,
-                 const double *cov, double rough) {
+INLINE void take(Points *out, index_t p, index_t count, index_t terms, const double *tangent, const double *bent,
+                 const double *off, const double *cov, double rough) {
     memset(out, 0, sizeof *out);
     for (index_t k = 0; k < PANEL && p + k < count; k++) {
         const index_t at = p + k;
@@ -167,9 +170,11 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
  *
  * tangent (count, 2, FREE), bent (count, terms): derivatives by the coefficients; off (count, 2): the data; cov
  * (count, 2, 2) of their errors, to which `rough`² is added along both axes. */
-FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (IN, double, tangent, count, 2, FREE),
-            (IN, double, bent, count, terms), (IN, double, off, count, 2), (IN, double, cov, count, 2, 2), (REAL, rough), (REAL, free),
-            (OUT, double, gram, FREE + 2 * terms + 1, FREE + 2 * terms + PANEL), (OUT, double, rest, 2 * terms + 2, 2 * terms + PANEL), (OUT, double, fixed, 1)) {
+FAST_KERNEL(rcdn_smooth_normal, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)),
+            (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms), (IN, double, off, count, 2),
+            (IN, double, cov, count, 2, 2), (REAL, rough), (REAL, free),
+            (OUT, double, gram, FREE + 2 * terms + 1, FREE + 2 * terms + PANEL),
+            (OUT, double, rest, 2 * terms + 2, 2 * terms + PANEL), (OUT, double, fixed, 1)) {
     const index_t data = FREE + 2 * terms, stride = data + PANEL;
     double log_det = 0;
     Points at;
@@ -232,8 +237,9 @@ INLINE void scaled(const double *gram, const double *root, index_t rows, index_t
 /* Log marginal likelihoods (many,), up to a constant, of the data under polynomials whose coefficients have standard
  * deviations root (many, 2 used), from the normal matrix `rest` of rcdn_smooth_normal. Only the first `used` of `terms`
  * polynomials, a multiple of PANEL, are included. work: 2 (2 used + 2) (2 used + PANEL) + PANEL. */
-FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1), (LET, terms, rows / 2 - 1),
-            (LET, used, columns / 2), (WHERE, are_terms(terms) && are_terms(used) && used <= terms),
+FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), (SIZE, columns, root, 1),
+            (LET, terms, rows / 2 - 1), (LET, used, columns / 2),
+            (WHERE, are_terms(terms) && are_terms(used) && used <= terms),
             (IN, double, rest, 2 * terms + 2, 2 * terms + PANEL), (IN, double, root, many, 2 * used),
             (ROOM, double, work, 2 * (2 * used + 2) * (2 * used + PANEL) + PANEL), (OUT, double, out, many)) {
     const index_t size = 2 * used, stride = size + PANEL, left = terms - used, wide = 2 * terms + PANEL;
@@ -255,8 +261,8 @@ FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), 
 
 /* Columns of m (size, wide) from size + PANEL on: root × derivatives by the coefficients of x of `count` points from p
  * on, `span` columns; then of y. */
-INLINE void moves(index_t p, index_t count, index_t span, index_t terms, const double *tangent, const double *bent, const double *root, double *m,
-                  index_t wide) {
+INLINE void moves(index_t p, index_t count, index_t span, index_t terms, const double *tangent, const double *bent,
+                  const double *root, double *m, index_t wide) {
     const index_t size = FREE + 2 * terms;
     for (index_t i = 0; i < size; i++)
         memset(m + i * wide + size + PANEL, 0, 2 * span * sizeof(double));
@@ -281,7 +287,8 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
     double w[3];
     weights(cov, rough, w);
     const double r2 = rough * rough, stay[4] = {r2 * w[0], r2 * w[1], r2 * w[1], r2 * w[2]};
-    const double go[4] = {1 - stay[0], -stay[1], -stay[2], 1 - stay[3]}, board[4] = {known[0], known[1], known[2], known[3]};
+    const double go[4] = {1 - stay[0], -stay[1], -stay[2], 1 - stay[3]},
+                 board[4] = {known[0], known[1], known[2], known[3]};
     for (index_t a = 0; a < 2; a++) {
         xy[a] += stay[2 * a] * off[0] + stay[2 * a + 1] * off[1];
         for (index_t b = 0; b < 2; b++) {
@@ -301,11 +308,12 @@ INLINE double settle(const double *cov, double rough, const double *off, double 
  * moved (count, 2): their shifts from their positions without coefficients; known (count, 2, 2): their covariances;
  * off (count, 2): residuals of the data from the smooth board, and beyond (count,): their squared lengths, in standard
  * deviations. work: size (size + PANEL + 2 CHUNK) + PANEL. */
-FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)), (LET, size, FREE + 2 * terms),
-            (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms), (IN, double, data, count, 2), (IN, double, cov, count, 2, 2),
-            (REAL, rough), (IN, double, gram, size + 1, size + PANEL), (IN, double, root, size),
-            (ROOM, double, work, size * (size + PANEL + 2 * CHUNK) + PANEL), (OUT, double, moved, count, 2), (OUT, double, known, count, 2, 2),
-            (OUT, double, off, count, 2), (OUT, double, beyond, count)) {
+FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1), (WHERE, are_terms(terms)),
+            (LET, size, FREE + 2 * terms), (IN, double, tangent, count, 2, FREE), (IN, double, bent, count, terms),
+            (IN, double, data, count, 2), (IN, double, cov, count, 2, 2), (REAL, rough),
+            (IN, double, gram, size + 1, size + PANEL), (IN, double, root, size),
+            (ROOM, double, work, size *(size + PANEL + 2 * CHUNK) + PANEL), (OUT, double, moved, count, 2),
+            (OUT, double, known, count, 2, 2), (OUT, double, off, count, 2), (OUT, double, beyond, count)) {
     const index_t all = (count + PANEL - 1) & ~(index_t)(PANEL - 1), span = all < CHUNK ? all : CHUNK;
     const index_t wide = size + PANEL + 2 * span;
     work = aligned(work);

@@ -24,7 +24,8 @@ INLINE index_t blocks(index_t columns) {
 
 /* The workspace's layout for discs of up to `half` px; returns its size in floats. */
 INLINE index_t lay_out(Room *room, float *work, index_t half) {
-    const index_t stride = blocks(2 * half + 4 + 2 * MARGIN) * LANES, size = (2 * half + 6 + 2 * MARGIN) * stride + 2 * LANES;
+    const index_t stride = blocks(2 * half + 4 + 2 * MARGIN) * LANES,
+                  size = (2 * half + 6 + 2 * MARGIN) * stride + 2 * LANES;
     room->half = half;
     room->stride = stride;
     room->raw = work;
@@ -54,7 +55,8 @@ INLINE void draw_disc(Room *room) {
     for (index_t j = 0; j <= half; j++)
         for (index_t i = 0; i < room->stride; i++) {
             const int before = j < half ? i <= 2 * half : i < half;
-            room->disc[j * room->stride + i] = before && (i - half) * (i - half) + (j - half) * (j - half) <= half * (half + 1);
+            room->disc[j * room->stride + i] =
+                before && (i - half) * (i - half) + (j - half) * (j - half) <= half * (half + 1);
         }
 }
 
@@ -138,7 +140,8 @@ INLINE void level_out(const Room *room, index_t first, index_t last, index_t mid
  * are sufficient. */
 INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
     const index_t first = room->stride + 1, middle = room->half * (room->stride + 1), last = first + 2 * middle;
-    float xx[LANES] = {0}, xy[LANES] = {0}, yy[LANES] = {0}, xr[LANES] = {0}, yr[LANES] = {0}, mean[3] = {0, 0, 0}, own[3] = {0, 0, 0};
+    float xx[LANES] = {0}, xy[LANES] = {0}, yy[LANES] = {0}, xr[LANES] = {0}, yr[LANES] = {0}, mean[3] = {0, 0, 0},
+          own[3] = {0, 0, 0};
     if (anti)
         level_out(room, first, last, middle, mean, own);
     for (index_t begin = 0; begin < blocks(middle) * LANES; begin += LANES)
@@ -146,15 +149,18 @@ INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
             const index_t k = begin + i;
             float t[3];
             turned(room->level + first + k, room->stride, room->level + last - k, anti, t);
-            const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]), gy = weight * (t[2] - mean[2]);
+            const float weight = room->disc[k], r = t[0] - mean[0], gx = weight * (t[1] - mean[1]),
+                        gy = weight * (t[2] - mean[2]);
             xx[i] += gx * gx;
             xy[i] += gx * gy;
             yy[i] += gy * gy;
             xr[i] += gx * r;
             yr[i] += gy * r;
         }
-    const double a = 2.0 * lane_sum(xx) + own[1] * own[1], b = 2.0 * lane_sum(xy) + own[1] * own[2], c = 2.0 * lane_sum(yy) + own[2] * own[2];
-    const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0], det = a * c - b * b;
+    const double a = 2.0 * lane_sum(xx) + own[1] * own[1], b = 2.0 * lane_sum(xy) + own[1] * own[2],
+                 c = 2.0 * lane_sum(yy) + own[2] * own[2];
+    const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0],
+                 det = a * c - b * b;
     if (!(det > THIN * (a + c) * (a + c)))
         return 0;
     step[0] = 2 * (b * v - c * u) / det; /* twice: the derivatives are differences over two pixels */
@@ -186,8 +192,9 @@ INLINE int symmetry_centre(const Picture *p, const Room *room, double at[2], ind
 
 /* Centres of symmetry (anti: antisymmetry) `out` (count, 2) px near `start` (count, 2) over discs of `half` (count,)
  * px; NaN where there is none. `work`: zeros, of the size returned by `rcdn_symmetry_room` for the largest disc. */
-FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, double, start, count, 2), (WITHIN, int64_t, half, 0, LARGEST, count),
-            (INT, repeats, 0, 1000), (REAL, done), (INT, anti, 0, 1), (ROOM, float, work, room_for(half, count)), (OUT, double, out, count, 2)) {
+FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, double, start, count, 2),
+            (WITHIN, int64_t, half, 0, LARGEST, count), (INT, repeats, 0, 1000), (REAL, done), (INT, anti, 0, 1),
+            (ROOM, float, work, room_for(half, count)), (OUT, double, out, count, 2)) {
     Room room = {-1, 0, NULL, NULL, NULL, NULL, NULL};
     for (index_t n = 0; n < count; n++) {
         const double *from = start + 2 * n, reach = half[n] > 2 ? 0.5 * (double)half[n] : 1;
@@ -198,7 +205,8 @@ FAST_KERNEL(rcdn_symmetry_centre, (PICTURE, p), (SIZE, count, start, 0), (IN, do
         }
         memcpy(at, from, 2 * sizeof(double));
         const int known = fabs(at[0]) < FAR && fabs(at[1]) < FAR;
-        const int found = known && (anti ? symmetry_centre(&p, &room, at, repeats, done, 1) : symmetry_centre(&p, &room, at, repeats, done, 0));
+        const int found = known && (anti ? symmetry_centre(&p, &room, at, repeats, done, 1)
+                                         : symmetry_centre(&p, &room, at, repeats, done, 0));
         if (!found || fabs(at[0] - from[0]) > reach || fabs(at[1] - from[1]) > reach)
             at[0] = at[1] = NAN;
     }
