@@ -43,8 +43,8 @@ def usable_cores() -> int:
 
 
 def jobs_for(jobs: int, paths: Sequence[Path]) -> int:
-    """The number of processes to use for these files: `jobs` (0: one for each core), at most one per picture, and 1 for
-    a few pictures."""
+    """The number of processes to use for these files: `jobs` (0: one for each core); without videos at most one per
+    picture, and 1 for a few pictures."""
     from rcdn.io import is_video
 
     jobs = jobs or usable_cores()

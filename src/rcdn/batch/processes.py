@@ -129,7 +129,8 @@ def _serve(pipe: Any, work: Work) -> None:
             pipe.send(error if isinstance(error, RcdnError) else RcdnError(f"{type(error).__name__}: {error}"))
             return
         pipe.send(None)
-        arrived: queue.SimpleQueue[Picture | None] = queue.SimpleQueue()  # bounded by the parent's sends
+        # no limit on its length is needed: the parent sends only HAND pictures in advance
+        arrived: queue.SimpleQueue[Picture | None] = queue.SimpleQueue()
         threading.Thread(target=_read, args=(pipe, work, arrived), name="rcdn-reader", daemon=True).start()
         while (picture := arrived.get()) is not None:
             pipe.send(work(picture))

@@ -97,7 +97,8 @@ def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> It
         content = content_of(path, cache)
         if not is_video(path):
             picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
-            if picture.known is not None or not (decode or is_special(path)):  # a pipe: readable once, only here
+            # a pipe is always read here: it can be read only once, and only in this process
+            if picture.known is not None or not (decode or is_special(path)):
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):

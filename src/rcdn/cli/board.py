@@ -257,7 +257,8 @@ def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Pri
         return PuzzlePart(*size, *(whole(text, "--first") for text in at))
     first = whole(given.get("first", "0"), "--first")
     if pattern is Printable.charuco:
-        legacy = given.get("legacy", False) and size.rows % 2 == 0  # for odd rows both layouts are equal
+        # with an odd number of rows the legacy layout is the same as the current one
+        legacy = given.get("legacy", False) and size.rows % 2 == 0
         name = _dictionary(given.get("dictionary"), first + (size.cols * size.rows + 1) // 2)
         return Charuco(*size, name, given.get("marker", 0.75), first, legacy, given.get("inverted", False))
     if pattern is Printable.aprilgrid:

@@ -101,7 +101,7 @@ def _tiff(data: bytes) -> Size:
 
 
 def _jp2(data: bytes) -> Size | None:
-    """The size stated in the codestream, which a decoder uses; that of the image header box may differ."""
+    """The size stated in the codestream; the header box before it may state any other size."""
     for kind, start, _ in _boxes(data):
         if kind == b"jp2c":
             return _codestream(data[start : start + 64])

@@ -75,7 +75,8 @@ def decode(data: bytes) -> tuple[Array | None, str]:
         except (ValueError, KeyError) as error:  # KeyError: a sampling that simplejpeg has no name for
             reasons.append(str(error))
         else:
-            return (None, "CMYK") if space == "CMYK" else (pixels, "")  # its conversion differs from OpenCV
+            # CMYK is left to OpenCV, since simplejpeg converts it in another way
+            return (None, "CMYK") if space == "CMYK" else (pixels, "")
     if damage := next((r for r in reversed(reasons) if r.startswith(_DAMAGE)), ""):
         raise DamageError(damage)
     return None, reasons[0]

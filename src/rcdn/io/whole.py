@@ -138,7 +138,8 @@ def _by_name(target: Path, chunks: Iterable[bytes], durable: bool) -> None:
     try:
         with file:
             _fill(file, chunks, target, durable)
-            if fcntl is not None:  # renamed under the lock, or it would pass for a dead process's
+            # renamed while locked, so that no other process takes it for a file left by a killed process
+            if fcntl is not None:
                 os.replace(temporary, target)
         if fcntl is None:  # Windows can't rename an open file
             os.replace(temporary, target)

@@ -101,7 +101,7 @@ def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = Non
     the format's lens models (mrcal: of its splined stereographic model) over the frame, and its error; None if the
     format represents the camera exactly.
 
-    Raises FormatError if no lens model of the format covers the camera's field of view.
+    Raises FormatError if no lens model of the format can approximate the camera.
     """
     kind = _FORMATS[camera_format(path, format)]
     if camera.correction is None or kind.fit is None:
