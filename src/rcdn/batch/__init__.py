@@ -1,1 +1,1 @@
-"""Many pictures: which they are, workers for them, what is known of them from before, and outputs that are written whole."""
+"""Batch processing: expanding the inputs, worker processes, the cache of detections, and atomic writing of outputs."""

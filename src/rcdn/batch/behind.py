@@ -1,4 +1,4 @@
-"""Pictures in which the codes of a rig's board are seen in a mirror: looked at once more, as those of a plate that is seen from behind."""
+"""Pictures in which the codes of a rig's board appear mirrored: detected again, as a board that is seen from behind."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 
 
 class TwoSided:
-    """A detector of which boards whose codes are seen in a mirror come with their numbers, as seen from behind."""
+    """A detector that also identifies the corners of boards whose codes appear mirrored, as boards seen from behind."""
 
     def __init__(self, detector: Any) -> None:
         self._detector = detector
 
     def detect(self, image: Any) -> Any:
-        """What the detector finds, and, if it says `mirrored`, in place of its boards those of the mirror image."""
+        """The detections of `image`; if the detector warns of `mirrored` codes, boards without a target are replaced by
+        those found in the mirror image."""
         from rcdn.calibration.behind import from_behind
         from rcdn.types.limits import READ_IN_A_MIRROR
 
@@ -40,19 +41,19 @@ class TwoSided:
 
 
 def make_two_sided(config: DetectorConfig) -> TwoSided:
-    """As `make_detector`; worker processes find it by its name."""
+    """Like `make_detector`; a module-level function, so that worker processes can import it by name."""
     return TwoSided(make_detector(config))
 
 
 def two_sided(cache: Cache | None) -> Cache | None:
-    """The same folder for what such detectors find."""
+    """The same cache folder, with a salt of its own for the detections of `TwoSided` detectors."""
     if cache is None:
         return None
     return replace(cache, salt=hashlib.sha256(f"{cache.salt} {file_digest(__file__)}".encode()).hexdigest())
 
 
 def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
-    """`got` with numbers on the boards that the camera called `name` sees from behind; `got` itself if there are none."""
+    """`got` with the boards identified that the camera `name` sees from behind; `got` unchanged if there are none."""
     from rcdn.types.limits import READ_IN_A_MIRROR
 
     some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)

@@ -1,4 +1,5 @@
-"""Detections kept from one run to the next: one small file a picture, named by all that determines the result."""
+"""Cache of detections between runs: one small file for each picture, named by a checksum of all that determines the
+result."""
 
 from __future__ import annotations
 
@@ -24,19 +25,20 @@ if TYPE_CHECKING:
     from rcdn.io import ImageResult
 
 FORM = "2"
-"""Raised when the entries change their form."""
+"""Version of the entries' format; increased when the format changes."""
 LIMIT = 500_000_000
-"""Bytes of entries that `prune` leaves."""
+"""Total size of the entries that `prune` keeps, in bytes."""
 STALE = 86_400.0
-"""Seconds after which a temporary file belongs to a run that was killed."""
+"""Age in seconds above which a temporary file is assumed to belong to a run that was killed."""
 NOT_DETECTION = frozenset({"cli", "report", "evaluation", "training", "peers", "synthetic", "calibration"})
-"""Parts of the package that can't change what is found in a picture."""
+"""Parts of the package that can't change the detections of a picture."""
 _LIBRARIES = ("numpy", "scipy", "cv2")
 _SOURCES = (".py", *machinery.EXTENSION_SUFFIXES)
 
 
 def default_folder() -> Path:
-    """Where this system keeps what may be deleted at any time. Raises RuntimeError if the user has no home folder."""
+    """The system's folder for cached data, which may be deleted at any time. Raises RuntimeError if the user has no
+    home folder."""
     if os.name == "nt":
         base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -54,9 +56,10 @@ def _versions() -> list[str]:
 
 
 def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
-    """Checksum of all but the picture that determines a result: settings, weights, code and compiled kernels, libraries, machine.
+    """Checksum of everything except the picture that determines a result: settings, weights, code and compiled kernels,
+    library versions, and the machine's architecture.
 
-    `package`: the folder whose code counts; None: that of rcdn. Raises RcdnError if the weights can't be read.
+    `package`: the folder whose code is included; None: that of rcdn. Raises RcdnError if the weights can't be read.
     """
     from rcdn.corners.response import load_model
 
@@ -82,34 +85,36 @@ def file_digest(path: str | Path) -> str:
 
 @dataclass(frozen=True)
 class Cache:
-    """A folder of results. `salt`: the `fingerprint` of whatever makes them.
+    """A folder of cached results. `salt`: the `fingerprint` of the detector that computes them.
 
-    No method fails on account of the disk: what can't be read, or is damaged, is not there; what can't be written is
-    computed again the next time. Several processes may share a folder.
+    No method raises an error of the file system: an entry that can't be read or is damaged counts as missing; one that
+    can't be written is computed again in the next run. Several processes may share a folder.
     """
 
     folder: Path
     salt: str
 
     def key(self, content: str, *more: object) -> str:
-        """The name of an entry: `content`, checksum of the file; `more`: which part of it, or what else was asked."""
+        """The key of an entry. `content`: checksum of the input file; `more`: the part of the file, or other parameters
+        of the request."""
         return hashlib.sha256("\n".join(map(str, (self.salt, content, *more))).encode()).hexdigest()
 
     def get(self, key: str) -> Any:
-        """What `put` stored, or None."""
+        """The value that `put` stored under `key`, or None if there is no valid entry."""
         path = self._path(key)
         try:
             check, _, text = path.read_bytes().partition(b"\n")
             if int(check, 16) != _checksum(key, text):
                 return None
             value = json.loads(text)
-            os.utime(path)  # what is used stays
+            os.utime(path)  # marks it as recently used, so that `prune` keeps it
         except (OSError, ValueError, RecursionError):
             return None
         return value
 
     def put(self, key: str, value: Any) -> None:
-        """Store plain `value` (lists, dictionaries, texts, numbers, NaN too): the whole entry or none."""
+        """Store `value` (lists, dictionaries, strings, numbers, NaN included). The entry is written whole or not at
+        all."""
         from rcdn.io import whole
 
         text = json.dumps(value, separators=(",", ":")).encode()
@@ -135,7 +140,8 @@ class Cache:
         self.put(key, packed(result))
 
     def prune(self, limit: int = LIMIT) -> None:
-        """Delete the entries that nobody used for longest until at most `limit` bytes are left, and what killed runs left."""
+        """Delete the least recently used entries until at most `limit` bytes are left, and temporary files of killed
+        runs."""
         entries = []
         for path in self._root.glob("??/*"):
             with contextlib.suppress(OSError):
@@ -153,17 +159,17 @@ class Cache:
 
     @property
     def _root(self) -> Path:
-        return self.folder / "detections"  # a folder of our own: the user may have named one with other files
+        return self.folder / "detections"  # a subfolder: the folder that the user named may contain other files
 
     def _path(self, key: str) -> Path:
         return self._root / key[:2] / f"{key}.json"
 
 
 def open_cache(config: DetectorConfig, folder: Path | None = None, off: bool = False) -> Cache | None:
-    """The cache for detections with `config`, in `folder` or, without one, where the system keeps such things.
+    """The cache for detections with `config`, in `folder` or, without one, in the system's cache folder.
 
-    None if `off`, or, which is told, if there is no such place: a user of a container may have no home folder.
-    Raises OutputError if `folder` was named and can't be written, RcdnError if the weights can't be read.
+    None if `off`; also None, with a note on stderr, if there is no such folder (the user of a container may have no
+    home folder). Raises OutputError if `folder` was given and can't be written, RcdnError if the weights can't be read.
     """
     if off:
         return None
@@ -191,7 +197,7 @@ def _check_folder(folder: Path) -> None:
 
 
 def _checksum(key: str, text: bytes) -> int:
-    """Of an entry's text and its key: an entry under another's name isn't one."""
+    """Checksum of an entry's text and key: an entry stored under the wrong name is invalid."""
     return zlib.crc32(text, zlib.crc32(key.encode()))
 
 

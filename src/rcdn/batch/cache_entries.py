@@ -1,4 +1,5 @@
-"""What an entry of the cache holds: detections as plain values, with all digits, unlike the file of detections, and checked when they come back."""
+"""Contents of a cache entry: detections as plain values with all digits (the file of detections rounds them), checked
+when they are read back."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from rcdn.types.target import target_of, target_record
 
 
 def packed(result: ImageResult) -> dict[str, Any]:
-    """`result` as lists, dictionaries, texts and numbers."""
+    """`result` as lists, dictionaries, strings and numbers."""
     size = {"width": int(result.width), "height": int(result.height)}
     found = {"corners": _plain(result.corners), "boards": [_plain(b) for b in result.boards]}
     return size | found | {"warnings": list(result.warnings)}
@@ -27,8 +28,8 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def unpacked(record: Any, name: str) -> ImageResult:
-    """The result that was packed. Raises one of many errors if `record` has another form, or values that no detection has: the types check
-    their ranges, and here is what holds of detections besides."""
+    """The inverse of `packed`. Raises errors of several types if `record` has another structure, or values that no
+    detection has: the types check their ranges, and this function the further conditions on detections."""
     read = lambda target: None if target is None else target_of(target)  # noqa: E731
     corners = Corners(**record["corners"])
     boards = tuple(Board(**board | {"target": read(board["target"])}) for board in record["boards"])

@@ -1,4 +1,4 @@
-"""What `rcdn calibrate` writes: its options, checked before the work."""
+"""The outputs of `rcdn calibrate`: their options, checked before the computation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class FileFormat(StrEnum):
 
 
 class FailOn(StrEnum):
-    """Verdicts that may be failures; `good` isn't."""
+    """Verdicts that `--fail-on` may treat as failures; `good` is never one."""
 
     fair = "fair"
     unsure = "unsure"
@@ -82,7 +82,7 @@ FailOnVerdict = Annotated[
 
 @dataclass(frozen=True)
 class Outputs:
-    """What to write, and where. `refused`: something more was asked for that can't be written."""
+    """The files to write. `refused`: the user asked for a further file that can't be written."""
 
     cameras: list[Path]
     format: CameraFormat | None
@@ -93,7 +93,8 @@ class Outputs:
     refused: bool = False
 
     def check(self, inputs: Sequence[str | Path], rig: bool = False) -> None:
-        """Raise before the work what would spoil it afterwards; `rig`: of the files of many cameras."""
+        """Raise before the computation the errors that would prevent writing afterwards; `rig`: check camera files as
+        those of a rig."""
         paths = [Path(i) for i in inputs]
         for path in self.cameras:
             try:
@@ -108,9 +109,10 @@ class Outputs:
                 raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
 
     def without_refused(self, refusal: Callable[[Path], str]) -> Outputs:
-        """What is left without the files of which `refusal` says why they can't hold the cameras to come: they are told now, before the work.
+        """These outputs without the camera files whose format can't represent the cameras; each is reported now, before
+        the computation.
 
-        Raises FormatError if nothing is left.
+        `refusal(path)` returns the reason, or "". Raises FormatError if nothing is left to write.
         """
         refused = {p: r for p in self.cameras if (r := refusal(p))}
         left = replace(self, cameras=[p for p in self.cameras if p not in refused], refused=bool(refused))
@@ -122,11 +124,11 @@ class Outputs:
 
     @property
     def files(self) -> list[Path]:
-        """All files that are asked for."""
+        """All files to write."""
         return [*self.cameras, *(p for p in (self.json, self.report) if p is not None)]
 
     def kept(self, *calibrations: Calibration) -> bool:
-        """Whether cameras are written: what the views of `calibrations` don't settle is written only by force."""
+        """Whether camera files are written: with `force`, or if the views determine every one of the `calibrations`."""
         from rcdn.calibration.observability import unsettled
 
         return self.force or not any(unsettled(c) for c in calibrations)
@@ -138,9 +140,9 @@ class Outputs:
         json: Callable[[Path], object],
         report: Callable[[Path], object],
     ) -> bool:
-        """Write what is asked for, each file by its function, the cameras only if they are `kept`; say what was written and what not.
+        """Write each file by its function, the camera files only if `kept`, and report what was and was not written.
 
-        True if all was.
+        Returns True if every requested file was written.
         """
         cameras = self.cameras if kept else []
         tasks = [*((path, camera) for path in cameras), (self.json, json), (self.report, report)]

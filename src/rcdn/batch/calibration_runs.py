@@ -1,4 +1,4 @@
-"""The work of `rcdn calibrate`: boards found, one camera or two solved, said and written."""
+"""The steps of `rcdn calibrate` for one camera or two: detection, calibration, printed summary and output files."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 
 REASONS = ("not supported: ", "mirrored: ")
-"""how the warnings begin that say why something isn't a board"""
+"""prefixes of the warnings that state why a detection isn't a board"""
 
 FEWEST_FRAMES = 8
-"""that each of many cameras chooses of its video"""
+"""fewest frames chosen from the video of each of more than two cameras"""
 
 
 class Run:
-    """How detections are got; `failed`: some file could not be read or written."""
+    """Settings for detection, shared by all inputs; `failed`: some file could not be read or written."""
 
     def __init__(
         self, config: DetectorConfig, store: Cache | None, jobs: int, frames: int, size: GridSize | None
@@ -50,9 +50,10 @@ class Run:
         cameras: int = 1,
         behind: bool = False,
     ) -> Gathered:
-        """The boards in `inputs`, those too whose codes are seen from `behind`; raises CalibrationError if there are none.
+        """The boards in `inputs`; with `behind` also those whose codes are seen from behind.
 
-        Of more than two `cameras`, each chooses fewer frames of its video: together they have about twice as many as one alone.
+        With more than two `cameras`, fewer frames are chosen from each video: in total about twice as many as for one
+        camera. Raises CalibrationError if there are no boards.
         """
         from rcdn.batch.behind import make_two_sided, two_sided
         from rcdn.batch.inputs import gather
@@ -70,7 +71,7 @@ class Run:
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
-        """Raise ConfigError if the boards that were found speak against --board or --spacing."""
+        """Raise ConfigError if the detected boards contradict --board or --spacing."""
         from rcdn.batch.summary import size_hint
 
         complete = [{b.size for b in image.boards if b.complete} for image in got.images]
@@ -84,9 +85,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is solved for: the `spacing`, the lens `model`; of one camera whether its board is `flat`, views to `leave_out`, what to `fix`,
-    and how many pictures to `select`; of a rig files of `cameras` whose lenses are known, and whether to
-    correct its time."""
+    """The calibration problem: the `spacing` and the lens `model`.
+
+    For one camera: whether its board is `flat`, the views to `leave_out`, the parameters to `fix`, and how many
+    pictures to `select`. For a rig: the files of `cameras` whose lenses are known, and whether to correct its time
+    offsets.
+    """
 
     spacing: Length | Lengths
     model: str
@@ -99,7 +103,7 @@ class Problem:
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
-    """Calibrate the camera of `inputs`, say what came out, and write it."""
+    """Calibrate the camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
     from rcdn.calibration.next_view import advised
     from rcdn.io import write_calibration
@@ -122,7 +126,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
 
 
 def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
-    """The camera; of the pictures that tell most about it, if they are to be selected."""
+    """The calibration; if `problem.select` is given, only from the most informative pictures."""
     from rcdn.calibration import calibrate
     from rcdn.calibration.selection import most_informative
 
@@ -140,7 +144,7 @@ def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence
 def two_cameras(
     run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs, pair_file: PairFile | None
 ) -> Verdict | None:
-    """Calibrate the left and the right camera of `inputs`, say what came out, and write it."""
+    """Calibrate the left and the right camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
     from rcdn.calibration import calibrate_stereo
     from rcdn.io import write_calibration
@@ -170,7 +174,8 @@ def two_cameras(
 
 
 def _paired_boards(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
-    """(index of the left board, index of the right one) of one board in pictures that belong together: of one target, else the largest ones."""
+    """(index of the left board, index of the right one) of the same board in paired pictures: boards of the same
+    target, else the largest ones."""
     from rcdn.calibration.coded import same_boards
 
     first, second = _starts(left.images), _starts(right.images)
@@ -182,7 +187,8 @@ def _paired_boards(left: Gathered, right: Gathered, pair_file: PairFile | None) 
 
 
 def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list[tuple[int, int]]:
-    """(index of the left picture, index of the right one) of those that belong together; says how, where names leave a doubt."""
+    """(index of the left picture, index of the right one) of each pair; prints the rule used where names are
+    ambiguous."""
     from rcdn.batch.pairs import pair_names, pairing_hint
 
     one, two = ([image.path for image in side.images] for side in (left, right))
@@ -195,7 +201,7 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
 
 
 def _no_board(warnings: Sequence[Sequence[str]]) -> str:
-    """Why pictures with these `warnings` each have no board."""
+    """The message that no board was found in any picture; `warnings` are those of each picture."""
     if not warnings:
         return "no picture was read, so there is nothing to calibrate from"
     reasons = [text for texts in warnings for text in texts if text.startswith(REASONS)]
@@ -206,13 +212,13 @@ def _no_board(warnings: Sequence[Sequence[str]]) -> str:
 
 
 def flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:
-    """All boards, and the name of each one's picture."""
+    """All boards, and for each board the name of its picture."""
     boards = [board for image in images for board in image.boards]
     return boards, [image.path for image in images for _ in image.boards]
 
 
 def _starts(images: Sequence[ImageResult]) -> list[int]:
-    """For each picture the index of its largest board among all."""
+    """For each picture the index of its largest board in the list of all boards."""
     return [0, *accumulate(len(image.boards) for image in images)]
 
 

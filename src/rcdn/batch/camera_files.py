@@ -1,4 +1,4 @@
-"""The files of `rcdn calibrate -o`: cameras, and maps that undistort."""
+"""The files of `rcdn calibrate -o`: cameras, and undistortion maps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
-    """The camera of a file, or that of the `name`. Raises ConfigError if it holds several and none is named; FormatError as `read_camera`."""
+    """The camera of a file, or the one called `name`. Raises ConfigError if the file holds several and no `name` is
+    given; FormatError as `read_camera`."""
     from rcdn.io import read_camera, read_cameras
 
     if name is None and len(many := read_cameras(path)) > 1:
@@ -25,7 +26,8 @@ def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camer
 
 
 def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> None:
-    """Raise FormatError if the name tells no format, or (`rig`) none that holds many cameras and where they stand."""
+    """Raise FormatError if the file name determines no format, or (`rig`) no format that holds several cameras and
+    their poses."""
     from rcdn.io import camera_format, rig_format
 
     if rig:
@@ -38,8 +40,8 @@ def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> 
 def rig_refusal(
     path: Path, format: CameraFormat | None, names: Sequence[str], model: str, known: Mapping[str, Camera]
 ) -> str:
-    """Why a file of this format can't hold a rig of cameras of these `names`, some of them `known`, the others with the lens `model`; "" if it can,
-    or if that isn't known yet."""
+    """The reason why a file of this format can't hold a rig of cameras with these `names`, some of them `known`, the
+    others with the lens `model`; "" if it can, or if that can't be decided yet."""
     from rcdn.io import check_rig
 
     try:
@@ -50,8 +52,8 @@ def rig_refusal(
 
 
 def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -> str:
-    """Why a file of this format can't hold what a calibration with the lens `model` (of `rcdn.calibrate`) will find; "" if it can, or if
-    that isn't known yet."""
+    """The reason why a file of this format can't hold the result of a calibration with the lens `model` (as in
+    `rcdn.calibrate`); "" if it can, or if that can't be decided yet."""
     from rcdn.io import check_lens
 
     if _maps(path, format):
@@ -64,7 +66,8 @@ def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -
 
 
 def _example(model: str) -> Camera:
-    """A camera with any lens of a `model`; without distortion where it is to be chosen from several."""
+    """A camera with arbitrary parameters of a lens `model`; without distortion if the model is to be chosen from
+    several."""
     import numpy as np
 
     from rcdn.calibration.calibrate import LENSES
@@ -75,7 +78,7 @@ def _example(model: str) -> Camera:
 
 
 def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
-    """Write a camera, and say what the file can't hold of it."""
+    """Write a camera, and print which of its properties the format can't represent."""
     from rcdn.io import write_camera, write_maps
 
     _say_opencv(path, format)
@@ -86,7 +89,7 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
 
 
 def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
-    """Write two cameras, and say what the file can't hold of them."""
+    """Write two cameras, and print which of their properties the format can't represent."""
     from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
     _say_opencv(path, format)
@@ -99,7 +102,7 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
 
 
 def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
-    """Write the cameras of a rig, and say what the file can't hold of them."""
+    """Write the cameras of a rig, and print which of their properties the format can't represent."""
     from rcdn.io import rig_paths, write_rig
 
     for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
@@ -115,7 +118,7 @@ def _maps(path: Path, format: CameraFormat | None) -> bool:
 
 
 def _say_opencv(path: Path, format: CameraFormat | None) -> None:
-    """A note on a name such as `ros.yaml`, which sounds like another format than the one that it stands for."""
+    """Print a note for a name such as `ros.yaml`, which suggests another format than the one that is written."""
     from rcdn.io import camera_format
 
     if _maps(path, format) or format is not None or camera_format(path) != "opencv":

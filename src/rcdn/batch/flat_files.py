@@ -1,4 +1,4 @@
-"""The files of `rcdn undistort`: pictures under their own names, and nothing of anybody else's written over."""
+"""The files of `rcdn undistort`: pictures keep their names, and only files that rcdn wrote are overwritten."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ DEPTHS = {
     ".bmp": ("uint8",),
     ".webp": ("uint8",),
 }
-"""what pixels a file of an ending holds without loss of depth"""
+"""pixel types that a file with this ending stores without loss of depth"""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """One picture of input number `index`, or the `error` why there is none. `place`: where its file goes, without regard to its depth."""
+    """One picture of input number `index`, or the `error` if it could not be read. `place`: its output path before the
+    pixel depth is taken into account."""
 
     index: int
     name: str
@@ -42,7 +43,8 @@ class Source:
 
 
 def sources(paths: Sequence[Path], folder: Path) -> Iterator[Source]:
-    """The pictures of all `paths`, and the frames of videos as `video/000012.png`, for files below `folder`. Raises nothing on their account."""
+    """The pictures of all `paths`, and the frames of videos as `video/000012.png`, with output paths below `folder`.
+    A file that can't be read raises nothing: it gives a Source with an `error`."""
     from rcdn.io import colour_frames, is_video, read_pixels
 
     root = _root(paths)
@@ -59,16 +61,17 @@ def sources(paths: Sequence[Path], folder: Path) -> Iterator[Source]:
 
 
 class Places:
-    """A file for each picture, never the same for two, and none that rcdn hasn't made itself unless `overwrite`."""
+    """Assigns a different output file to each picture; an existing file only if rcdn wrote it, or with `overwrite`."""
 
     def __init__(self, overwrite: bool) -> None:
         self._overwrite = overwrite
         self._used: set[str] = set()
 
     def take(self, place: Path, dtype: str) -> Path:
-        """The file for pixels of `dtype`: `place`, or with an ending more if that one can't hold them, or if it is taken.
+        """The output file for pixels of `dtype`: `place`; with a further ending if its format can't store them, and
+        with a number if the name is already in use.
 
-        Raises OutputError if a file is there that isn't marked as ours.
+        Raises OutputError if a file exists there that isn't marked as written by rcdn.
         """
         ending = place.suffix if dtype in DEPTHS.get(place.suffix.lower(), ()) else ""
         more = "" if ending else ".tif" if dtype == "float32" else ".png"
@@ -89,7 +92,7 @@ class Places:
 
 
 def _root(paths: Sequence[Path]) -> str:
-    """The folder that all files are in; "" if they are on different drives."""
+    """The common parent folder of all files; "" if they are on different drives."""
     try:
         return os.path.commonpath([os.path.dirname(os.path.abspath(p)) for p in paths])
     except ValueError:

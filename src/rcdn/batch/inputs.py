@@ -1,4 +1,4 @@
-"""What a calibration is given: photographs, folders, patterns, videos, and detections that were saved, all mixed."""
+"""Inputs of a calibration: photographs, folders, patterns, videos and saved detections, in any mixture."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rcdn.io import ImageResult
 
 KEPT = 40
-"""Frames to use of a video, at most."""
+"""The largest number of frames used of a video."""
 SAVED = frozenset({".json", ".vnl"})
 """Endings of files that hold detections."""
 Numbers = tuple[tuple[int, ...], ...]
@@ -43,11 +43,12 @@ Numbers = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class Gathered:
-    """What was found in all inputs, in their order.
+    """The detections of all inputs, in their order.
 
-    `images`: of photographs also those without a board, of videos only the frames that were chosen. `failures`: what could not be
-    read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of its frames in
-    `images`. `reused`: how many pictures the cache knew. `saved`: for each picture that only a saved file names, that file's folder.
+    `images`: all photographs, with or without a board, and the chosen frames of videos. `failures`: inputs that could
+    not be read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of
+    its frames in `images`. `reused`: the number of pictures whose detections came from the cache. `saved`: for each
+    picture that is named only by a file of saved detections, the folder of that file.
     """
 
     images: tuple[ImageResult, ...]
@@ -71,12 +72,13 @@ def gather(
 ) -> Gathered:
     """Detections of all `inputs`: pictures, videos, folders, patterns, and files of detections (.json, corners.vnl).
 
-    `jobs` processes (0: one for each core) compute what the `cache` doesn't know. Of each video at most `frames` frames are used,
-    sharp and different ones; `numbers` gives them instead, video by video, as the other camera of a pair has them
-    (`Gathered.frames`). `size`: the board's (columns, rows), which a corners.vnl doesn't hold; None: guessed.
+    `jobs` processes (0: one for each core) compute what isn't in the `cache`. Of each video at most `frames` frames are
+    used, chosen to be sharp and to differ; `numbers` gives them instead, for each video, as they were chosen for the
+    other camera of a pair (`Gathered.frames`). `size`: the board's (columns, rows), which a corners.vnl doesn't hold;
+    None: it is guessed.
 
-    A file that fails is reported on stderr and the others go on. Whatever the `jobs` and the cache, the result is the same. Raises
-    ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
+    A file that fails is reported on stderr and the others are processed. The result doesn't depend on `jobs` or on the
+    cache. Raises ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
     """
     run = _Run(expanded(inputs), frames, numbers)
     if not run.paths:
@@ -90,7 +92,7 @@ def gather(
 
 @dataclass
 class _Video:
-    """What became of a video: frames in all, and the numbers of those that were looked at."""
+    """A video's state: `count`, the total number of frames, and `looked`, the numbers of those that are examined."""
 
     path: Path
     count: int = 0
@@ -170,11 +172,11 @@ class _Run:
                 continue
             try:
                 yield from self._video(index, cache, bar)
-            except Exception as error:  # whatever a decoder does, the other files go on
+            except Exception as error:  # whatever a decoder raises, the other files are still processed
                 yield Picture(index, str(path), None, explain(error, str(path)))
 
     def _video(self, index: int, cache: Cache | None, bar: Bar) -> Iterator[Picture]:
-        """The frames of a video that are worth a look: those that the cache doesn't know are read from it a second time."""
+        """The candidate frames of a video; those that aren't in the cache are read from the video in a second pass."""
         video = self._videos[index]
         content = content_of(video.path, cache)
         if self._given is not None:
@@ -194,7 +196,7 @@ class _Run:
         seen: dict[str, ImageResult] = {}
         for index in range(len(self.paths)):
             for image in self._images[index]:
-                seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections: once
+                seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections count once
         return Gathered(
             tuple(seen.values()),
             tuple(self.failures),
@@ -231,7 +233,7 @@ class _Run:
 
 
 def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, list[int]]:
-    """How many frames the video has, and the numbers of those worth a look."""
+    """The number of frames of the video, and the numbers of the candidates for detection."""
     from rcdn.calibration import frames as choice
     from rcdn.io import frames
 
@@ -249,14 +251,15 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
 
 
 def _are_frames(numbers: Any, count: Any) -> bool:
-    """True if `numbers` rise, and are of frames of a video that has `count`."""
+    """True if `numbers` increase strictly and are frame numbers of a video with `count` frames."""
     if type(count) is not int or not isinstance(numbers, list) or not all(type(k) is int for k in numbers):
         return False
     return all(a < b for a, b in zip([-1, *numbers], [*numbers, count], strict=True))
 
 
 def _with_pixels(path: Path, pictures: Sequence[Picture]) -> Iterator[Picture]:
-    """The frames of one video, rising, each with its pixels unless it is known; what the video doesn't hold is passed over."""
+    """The frames of one video in increasing order, each with its pixels unless its detections are known; frames that
+    the video doesn't contain are skipped."""
     from rcdn.io import frames
 
     wanted = {p.number: p for p in pictures if p.known is None}

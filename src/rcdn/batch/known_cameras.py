@@ -1,4 +1,4 @@
-"""Cameras whose lenses are known, of `rcdn calibrate --rig --camera`: which file's camera is which of the inputs'."""
+"""Cameras with known lenses (`rcdn calibrate --rig --camera`): which input each camera of the files belongs to."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ KnownCameras = Annotated[
 def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Camera]:
     """The known cameras by the `names` of the inputs.
 
-    A file for one camera is that of its name without ending (`NAME=FILE`: of NAME); of a file of several those of the names in it are taken. One
-    file of as many cameras as there are inputs, none of whose names is theirs, is taken in order. Raises ConfigError for names that don't match, or
+    A file with one camera belongs to the input with the file's name without ending (`NAME=FILE`: to NAME); the cameras
+    of a file with several have the names given in it. If the only file has as many cameras as there are inputs, and
+    none of their names is an input's, they are assigned in order. Raises ConfigError for names that don't match, or for
     a camera that is given twice; FormatError as `read_cameras`.
     """
     found: dict[str, Camera] = {}
@@ -50,7 +51,7 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
 
 
 def _told(file: Path) -> tuple[str, Path]:
-    """NAME and FILE of `NAME=FILE`; "" and the file of anything that exists as it stands."""
+    """(NAME, FILE) of `NAME=FILE`; ("", `file`) if there is no equals sign or `file` itself exists."""
     name, sign, rest = str(file).partition("=")
     return ("", file) if not sign or file.exists() else (name, Path(rest))
 
@@ -79,7 +80,7 @@ def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
         try:
             several = _several(path)
         except FormatError:
-            continue  # what isn't a camera may lie there, too: extrinsics, notes
+            continue  # the folder may contain other files, too: extrinsics, notes
         if len(several) == 1:
             found[_stem(path)] = next(iter(several.values()))
     if not found:
@@ -97,7 +98,8 @@ def _several(path: Path) -> Mapping[str, Camera]:
 
 
 def _stem(path: Path) -> str:
-    """The camera's name that a file's name tells: `left` of left.yaml, left_camera_info.yaml and camera_info_left.yaml."""
+    """The camera's name derived from a file name: `left` from left.yaml, left_camera_info.yaml or
+    camera_info_left.yaml."""
     stem = path.stem
     for part in ("camera_info", "camera", "intrinsics", "calibration"):
         if len(rest := stem.replace(part, "").strip("_-. ")) and part in stem:

@@ -1,4 +1,5 @@
-"""What `rcdn live` writes at the end: the camera in three formats, the calibration and its report, as `rcdn calibrate` makes them."""
+"""Final outputs of `rcdn live`: the camera in three formats, the calibration and its report, as from `rcdn
+calibrate`."""
 
 from __future__ import annotations
 
@@ -14,15 +15,15 @@ if TYPE_CHECKING:
     from rcdn.types import Board, Calibration
 
 CAMERAS = ("camera.yaml", "camera_info.yaml", "camera.json")
-"""OpenCV's, ROS's, ours"""
+"""the formats of OpenCV, ROS and rcdn"""
 CALIBRATION, REPORT = "calibration.json", "report.html"
 
 
 def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Board], settings: Settings) -> Written:
-    """Calibrate from all `boards` of the pictures `names`, and write into `folder` what came out.
+    """Calibrate from all `boards` of the pictures `names`, and write the results into `folder`.
 
-    A format that can't hold the lens is passed over, and told; a camera that the pictures don't settle is not written, as without --force. Raises
-    CalibrationError if there is no camera.
+    A format that can't hold the lens is skipped and reported; a camera that the pictures don't determine is not
+    written, as in `rcdn calibrate` without --force. Raises CalibrationError if the calibration fails.
     """
     from rcdn.batch.pictures import Pictures
     from rcdn.calibration import calibrate
@@ -51,7 +52,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
 
 
 def _cameras(folder: Path, done: Calibration, lines: list[str]) -> list[Path]:
-    """Write the camera in all formats that can hold it; what can't is added to `lines`."""
+    """Write the camera in all formats that can hold it; a line for each of the others is added to `lines`."""
     from rcdn.io import write_camera
 
     written = []

@@ -1,4 +1,5 @@
-"""Which pictures of several cameras were taken at one moment: by their names, else by their numbers, else by their order."""
+"""Grouping the pictures of several cameras that were taken at the same moment: by name, else by number, else by
+order."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from rcdn.errors import ConfigError
 
 
 def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
-    """The inputs by the camera's name: one folder with a subfolder (or a video) each, or an input a camera. Raises ConfigError for one camera."""
+    """The inputs by camera name: one folder with a subfolder or video for each camera, or one input for each camera.
+    Raises ConfigError if there is only one camera."""
     from rcdn.io import is_video
 
     if len(inputs) == 1 and Path(inputs[0]).is_dir():
@@ -29,17 +31,17 @@ def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _name(text: str) -> str:
-    """The folder's name, the file's without its ending, or a pattern's without what stands for anything."""
+    """The name of a folder, of a file without its ending, or of a pattern without its wildcards."""
     path = Path(text)
     name = path.name if path.is_dir() else path.stem
     return name.replace("*", "").replace("?", "").strip("_-. ") or path.parent.name or text
 
 
 def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]:
-    """For each camera its pictures' moments, and the `way` they were told: name, number or order.
+    """For each camera the moments of its pictures, and the rule that determined them: name, number or order.
 
-    By the file names, else by the last number in them, where most pictures of the smallest set then have partners; else by order, if all
-    cameras have as many. Raises ConfigError if nothing of that works.
+    By the file names, else by the last number in them, provided that most moments are then shared by several cameras;
+    else by order, if all cameras have equally many pictures. Raises ConfigError if none of these rules applies.
     """
     ways: list[tuple[str, Callable[[Sequence[str], int], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
     for way, keys_of in ways:
@@ -56,7 +58,7 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
 
 
 def _shared(keys: Sequence[Sequence[str]]) -> bool:
-    """Whether every camera shares a moment with another one, and most of the pictures have a partner."""
+    """Whether every camera shares a moment with another one, and most moments are shared."""
     count = Counter(key for each in keys for key in each)
     alone = sum(1 for key in count if count[key] == 1)
     return all(any(count[key] > 1 for key in each) for each in keys) and 2 * alone < len(count)

@@ -1,4 +1,4 @@
-"""Detections on their way to their files: on the disk meanwhile, so that memory doesn't grow with the pictures."""
+"""Output of detections: lines are buffered on disk until the end, so that memory use doesn't grow with the pictures."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from rcdn.terminal.options import GridSize
 
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
-"""what a disk says that takes no more"""
+"""error numbers of a disk that is full, or of an exhausted quota"""
 
 
 class Outputs:
-    """The files that a run writes at its end, each whole or not at all. Close it, used or not.
+    """The files that a run writes at its end, each whole or not at all. Must be closed, whether used or not.
 
-    The lines of the pictures wait in a file without a name: nothing is left of it however the run ends. `written`: the files that were.
+    The pictures' lines are buffered in an unnamed temporary file, which disappears however the run ends. `written`: the
+    files that have been written.
     """
 
     def __init__(self, json: Path | None, vnl: Path | None, board: GridSize | None) -> None:
@@ -39,7 +40,8 @@ class Outputs:
         return self._json is not None or self._vnl is not None
 
     def add(self, line: str) -> None:
-        """Keep the line of the next picture. Raises OutputError if no disk that an output goes to takes what there is so far."""
+        """Buffer the line of the next picture. Raises OutputError if no disk of an output file has room for the lines
+        so far."""
         from rcdn.io.files import output_error
 
         path = self._json or self._vnl
@@ -53,7 +55,7 @@ class Outputs:
             raise output_error(path, self._spool.refused)
 
     def write(self, failures: Sequence[Failure]) -> list[RcdnError]:
-        """Write what is asked for. One file that can't be written doesn't stop the other; returns what went wrong."""
+        """Write the requested files, and return the errors. An error with one file doesn't stop the other."""
         from rcdn.io import write_lines, write_vnl
 
         wrong = [
@@ -78,7 +80,7 @@ class Outputs:
             except RcdnError as error:
                 cause = error.__cause__
                 if isinstance(cause, OSError) and cause.errno in FULL and self._spool.leave(_folder(path)):
-                    continue  # the lines themselves took the room
+                    continue  # the buffered lines themselves had filled the disk
                 return error
             except OSError as error:
                 return output_error(path, error)
@@ -92,7 +94,7 @@ class Outputs:
 
 
 class _Images:
-    """The images that wait, read anew each time."""
+    """The images whose lines are buffered; each iteration reads them again."""
 
     def __init__(self, outputs: Outputs) -> None:
         self._outputs = outputs
@@ -104,9 +106,11 @@ class _Images:
 
 
 class Spool:
-    """Lines in a file without a name, in the first of the `folders` whose disk takes them, else where temporary files are.
+    """Lines in an unnamed file on the disk of the first of the `folders` that has room, else in the folder of temporary
+    files.
 
-    Whatever fails, it holds the whole lines that were added, in their order. `refused`: why none of the `folders` takes them any more.
+    After any error it still contains all lines that were added, whole and in order. `refused`: the error because of
+    which none of the `folders` is used any more.
     """
 
     def __init__(self, folders: Sequence[Path]) -> None:
@@ -117,7 +121,7 @@ class Spool:
         self.refused: OSError | None = None
 
     def add(self, line: bytes) -> None:
-        """Keep a line. Raises OSError, and doesn't keep it, if no disk takes it."""
+        """Append a line. Raises OSError, without appending it, if no disk has room for it."""
         try:
             if self._file is None:
                 self._file = _nameless(self._folders[0])
@@ -135,7 +139,8 @@ class Spool:
         self._end += len(line)
 
     def leave(self, folder: Path) -> bool:
-        """Go from the disk of `folder` to another one, to make room; False if the lines aren't there, or no other disk takes them."""
+        """Move the lines from the disk of `folder` to another one, to make room; False if they aren't on that disk, or
+        no other disk has room for them."""
         return self._file is not None and self._disk == _disk(folder) and self._move(self._disk, b"") is not None
 
     def close(self) -> None:
@@ -154,11 +159,11 @@ class Spool:
                 left -= len(line)
                 yield line
         finally:
-            with suppress(ValueError):  # it is closed: the lines have moved
+            with suppress(ValueError):  # the file is closed if the lines have been moved meanwhile
                 reader.detach()
 
     def _move(self, full: int, line: bytes) -> IO[bytes] | None:
-        """Copy all, and `line`, to a disk other than `full`; None if there is none that takes it."""
+        """Copy all lines, and then `line`, to a disk other than `full`; None if no other disk has room."""
         for folder in (*self._folders, _temporary()):
             if _disk(folder) in (full, -1):
                 continue
@@ -178,7 +183,7 @@ class Spool:
 
 
 def _append(file: IO[bytes], at: int, data: bytes) -> None:
-    """Write all of `data` at `at`: a disk that fills up takes a part first."""
+    """Write all of `data` at position `at`: a single write may be partial on a disk that fills up."""
     file.seek(at)
     rest = memoryview(data)
     while rest:
@@ -193,12 +198,13 @@ def _disk(folder: Path) -> int:
 
 
 def _nameless(folder: Path) -> IO[bytes]:
-    """A file without a name and without a buffer, whose rest would fail later. Raises OSError."""
+    """An unnamed temporary file, unbuffered, so that errors appear at the write that causes them. Raises OSError."""
     return tempfile.TemporaryFile(dir=folder, buffering=0)
 
 
 def _folder(path: Path) -> Path:
-    """The folder of `path`, or the nearest above that is there; that of temporary files if `path` is a device or a pipe."""
+    """The folder of `path`, or its nearest existing parent; the folder of temporary files if `path` is a device or a
+    pipe."""
     from rcdn.io.files import is_stream
 
     if is_stream(path):
@@ -210,7 +216,7 @@ def _folder(path: Path) -> Path:
 
 
 def _temporary() -> Path:
-    """Where temporary files are; the current folder if there is no such place, or all are full."""
+    """The folder of temporary files; the current folder if there is no such folder, or none can be written."""
     try:
         return Path(tempfile.gettempdir())
     except OSError:

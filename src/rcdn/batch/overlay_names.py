@@ -1,4 +1,4 @@
-"""Names of overlays: one for each picture of many folders, all in one."""
+"""File names of overlays: unique names in a single folder for pictures of many folders."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from itertools import chain, count
 from pathlib import Path
 
 LONGEST = 180
-"""Bytes of an overlay's file name without its ending; file systems take 255."""
+"""The longest file name of an overlay without its ending, in bytes; file systems allow 255."""
 
 
 class OverlayNames:
-    """A file name for each picture's overlay: never the same for two, the folders kept as `folder__name.png`."""
+    """Assigns a different file name to each picture's overlay; folders become part of the name: `folder__name.png`."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
         try:
             self._root = os.path.commonpath([os.path.dirname(os.path.abspath(p)) for p in paths])
-        except ValueError:  # none, or on different drives
+        except ValueError:  # no paths, or on different drives
             self._root = ""
         self._used: set[str] = set()
 
@@ -30,17 +30,17 @@ class OverlayNames:
         stem = flat[: -len(Path(flat).suffix)] if Path(flat).suffix and "#" not in Path(name).suffix else flat
         tries = chain((stem, flat), (f"{flat}-{k}" for k in count(2)))
         file = next(f for t in tries if (f := f"{_short(t)}.png").lower() not in self._used)
-        self._used.add(file.lower())  # lower: some file systems take A.png and a.png for one
+        self._used.add(file.lower())  # lower case: some file systems don't distinguish A.png from a.png
         return file
 
 
 def _safe(part: str) -> str:
-    """A path's part with nothing that a file system or a shell minds."""
+    """A part of a path with characters replaced that a file system or a shell treats specially."""
     return "".join(c if c.isalnum() or c in "._-" else "-" for c in part).strip("-")
 
 
 def _short(stem: str) -> str:
-    """At most LONGEST bytes: the end says most, and a checksum of the whole keeps it apart from others."""
+    """`stem` shortened to at most LONGEST bytes: its end, preceded by a checksum of the whole that keeps it unique."""
     data = stem.encode("utf-8", errors="replace")
     if len(data) <= LONGEST:
         return stem

@@ -1,4 +1,4 @@
-"""The file of `--pairs`: which pictures of two cameras belong together, a line for each pair."""
+"""The file of `--pairs`: pairs of pictures of two cameras, one pair per line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Pairs = Annotated[
 SEPARATORS = (",", ";", "\t")
 HEADERS = ({"left", "left_name", "left name"}, {"right", "right_name", "right name"})
 MOST_SAID = 10
-"""bad lines that an error tells in words; of the others it gives the numbers"""
+"""bad lines that an error message describes; for the others it lists the line numbers"""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,11 @@ class PairFile:
 
     @classmethod
     def read(cls, path: Path) -> PairFile:
-        """A line for each pair: `left right`, between them spaces, a tab, a comma or a semicolon; names that hold those in double quotes.
+        """Read one pair per line: `left right`, separated by spaces, a tab, a comma or a semicolon; names that contain
+        separators are put in double quotes.
 
-        Empty lines, what follows a `#` at the start of a line or after a space, and a first line `left, right` are passed over.
-        Raises ConfigError that names every line without two names, or says that the file can't be read.
+        Empty lines, comments (from a `#` at the start of a line or after a space), and a first line `left, right` are
+        skipped. Raises ConfigError that lists every line without two names, or states that the file can't be read.
         """
         lines, bad = [], []
         for number, text in enumerate(_text(path).splitlines(), 1):
@@ -67,11 +68,12 @@ class PairFile:
         return cls(path, tuple(lines))
 
     def match(self, left: Sequence[str], right: Sequence[str], unread: Sequence[str] = ()) -> list[tuple[int, int]]:
-        """(index in `left`, index in `right`) of the pictures that the lines name, in the order of `left`.
+        """(index in `left`, index in `right`) of the pictures named by the lines, in the order of `left`.
 
-        A name is that of a picture if it is its path, or the end of it, with or without the ending of the file; names may also be
-        relative to the folder of the file. A line with a picture that is `unread` (it was reported already) is passed over. Raises
-        ConfigError that names every line with an unknown name, a name that several pictures have, or a picture of another line.
+        A name matches a picture if it is its path, or the last parts of it, with or without the file's ending; names
+        may also be relative to the folder of this file. A line with a picture that is `unread` (already reported) is
+        skipped. Raises ConfigError that lists every line with an unknown name, with a name that matches several
+        pictures, or with a picture of another line.
         """
         sides, folder = (list(left), list(right)), self.path.parent
         taken: tuple[dict[int, int], dict[int, int]] = ({}, {})
@@ -97,7 +99,7 @@ class PairFile:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig", errors="surrogateescape")  # as file names are
+        return path.read_text(encoding="utf-8-sig", errors="surrogateescape")  # as Python decodes file names
     except OSError as error:
         raise ConfigError(f"--pairs {path}: can't be read ({error.strerror or error}); check the path") from error
 
@@ -113,7 +115,8 @@ def _names(line: str) -> list[str]:
 
 
 def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path) -> tuple[int, str]:
-    """The index of the picture called `name` on a side, or −1 and what is wrong with it."""
+    """(index, "") of the picture called `name` of one camera (`side`: 0 left, 1 right), or (−1, description of the
+    fault)."""
     found = _matches(name, sides[side], folder)
     if len(found) == 1:
         return found[0], ""
@@ -128,7 +131,7 @@ def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path
 
 
 def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
-    """Indices of the pictures that may be meant by `name`: by the strictest of the rules that any picture meets."""
+    """Indices of the pictures that match `name` by the strictest rule that any picture satisfies."""
     absolute = {os.path.abspath(name), os.path.abspath(folder / name)}
     parts = PurePath(os.path.normpath(name)).parts
     exact = [k for k, p in enumerate(pictures) if p == name or os.path.abspath(p) in absolute]

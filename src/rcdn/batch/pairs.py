@@ -1,4 +1,4 @@
-"""Which pictures of two cameras were taken at the same moment: by their names, else by their numbers, else by their order."""
+"""Pairing the pictures of two cameras that were taken at the same moment: by name, else by number, else by order."""
 
 from __future__ import annotations
 
@@ -11,24 +11,26 @@ from pathlib import PurePath
 from rcdn.errors import ConfigError, many
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
-"""words that name a camera"""
+"""words in file names that denote the left and the right camera"""
 SHOWN = 3
-"""names in a sentence, before it says …"""
+"""the largest number of names listed in a sentence"""
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """`pairs`: (index of the left picture, index of the right one), in the order of the left ones; `way`: `name`, `number` or `order`."""
+    """`pairs`: (index of the left picture, index of the right one), in the order of the left ones; `way`: the rule that
+    was used: `name`, `number` or `order`."""
 
     pairs: list[tuple[int, int]]
     way: str
 
 
 def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
-    """The pictures that belong together.
+    """Pair the pictures of the left camera with those of the right one.
 
-    By the file names but for the word that names the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, else
-    by order if there are as many. Frames of two videos belong together by their numbers. Raises ConfigError if nothing of that works.
+    By the file names without the word that denotes the camera (a/01.png and b/01.png, left_01 and right_01), else by
+    the last number in the names, else by order if both have equally many. Frames of two videos are paired by frame
+    number. Raises ConfigError if none of these rules applies.
     """
     for keys in (stems, *(_without(words) for words in SIDES), trailing_numbers):
         one, two = keys(left, 0), keys(right, 1)
@@ -46,7 +48,7 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
 
 
 def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> str:
-    """How the pictures were paired and how to pair them otherwise; "" where names leave no doubt."""
+    """A sentence on how the pictures were paired and how to change that; "" if the names are unambiguous."""
     alone = [
         [n for k, n in enumerate(names) if k not in {p[c] for p in found.pairs}]
         for c, names in enumerate((left, right))
@@ -73,12 +75,12 @@ def _way_out(left: Sequence[str], right: Sequence[str], pair: tuple[int, int] = 
 
 
 def _short(name: str) -> str:
-    """A picture's name without its folder; a frame keeps its number."""
+    """A picture's name without its folder; the number of a video's frame is kept."""
     return re.split(r"[/\\]", name)[-1]
 
 
 def quoted(name: str) -> str:
-    """As a file of pairs takes it."""
+    """`name` as it is written in a file of pairs: in double quotes if it contains a separator."""
     return f'"{name}"' if re.search(r"[\s,;]", name) else name
 
 
@@ -94,12 +96,13 @@ def _stem(name: str) -> str:
 
 
 def stems(names: Sequence[str], side: int) -> list[str]:
-    """The names without folders and endings; a frame's number."""
+    """The names without folders and endings, in lower case; for a frame of a video, its number."""
     return [_stem(n) for n in names]
 
 
 def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]]:
-    """Stems without the word of their side, where all have it as a word of its own."""
+    """A function that gives the stems with the word of their side replaced by `*`; "" for a stem that doesn't contain
+    it as a separate word."""
 
     def keys(names: Sequence[str], side: int) -> list[str]:
         pattern = re.compile(
@@ -111,7 +114,7 @@ def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]
 
 
 def trailing_numbers(names: Sequence[str], side: int) -> list[str]:
-    """The last number in each name, "" where there is none."""
+    """The last number in each name; "" if there is none."""
     found = [re.findall(r"\d+", _stem(n)) for n in names]
     return [str(int(f[-1])) if f else "" for f in found]
 

@@ -1,4 +1,4 @@
-"""The files that arguments stand for, and where outputs may go."""
+"""Expanding arguments to files, and checks of the output paths."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from rcdn.errors import ConfigError
 
 
 def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
-    """The files that `arguments` stand for, and a failure for each that stands for none, already said; says which of ours are passed over."""
+    """The files that `arguments` denote, and a failure, already reported, for each argument that denotes none. Prints a
+    note on drawings of rcdn that are skipped."""
     from rcdn.errors import many
     from rcdn.io import find
     from rcdn.terminal import talk
@@ -28,7 +29,8 @@ def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
 
 
 def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
-    """Fail before the work, not after it, if `path` can't or mustn't be written."""
+    """Raise before the computation, not after it, if `path` can't be written or would overwrite an input. Raises
+    ConfigError or OutputError."""
     if path is None:
         return
     from rcdn.io import check_writable, is_video
@@ -44,9 +46,9 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
 
 
 def outside(folder: Path, arguments: Sequence[str], paths: Sequence[Path], option: str = "--overlay") -> list[Path]:
-    """The `paths` that are not in the `folder` of an `option`: what an earlier run wrote there is no input.
+    """The `paths` outside the output `folder` of an `option`: files that an earlier run wrote there are not inputs.
 
-    Raises ConfigError if the user named that folder, or something in it, as an input.
+    Raises ConfigError if the user named that folder, or a file in it, as an input.
     """
     mine = Path(os.path.abspath(folder))
     if any(Path(os.path.abspath(a)).is_relative_to(mine) for a in arguments):

@@ -1,4 +1,4 @@
-"""Photographs by the names that detections give them, for drawings: files, and frames of videos."""
+"""Access to photographs by the names used in detections, for drawings: picture files and frames of videos."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ if TYPE_CHECKING:
 
 
 class Pictures:
-    """`pictures(name)`: the grey picture of that name, or None if it can't be read any more. Frames of a video that are among `names` are
-    read in one pass, at the first of them.
+    """`pictures(name)`: the grey picture of that name, or None if it can't be read any more. All frames of a video that
+    are among `names` are read in one pass, when the first of them is requested.
 
-    `folders`: for names that a saved file gives, its folder: whoever wrote it could name any picture of this machine, and have it drawn
-    into a page that goes elsewhere. Only what lies in that folder, or in one of the places (folders or files) that the user `named`, is
-    read; links are followed first. `left_out`: a sentence on the others, or "".
+    `folders`: for names from a file of saved detections, the folder of that file. Its author could name any picture on
+    this machine, which would then appear in a report that is passed on. Therefore only pictures in that folder, or in
+    one of the places (folders or files) that the user `named`, are read; links are resolved first. `left_out`: a
+    sentence on the others, or "".
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Pictures:
         try:
             place = Path(os.path.realpath(_video_of(name) or name))
             return any(place.is_relative_to(root) for root in (os.path.realpath(folder), *self._named))
-        except (OSError, ValueError):  # a name that can't be one
+        except (OSError, ValueError):  # not a valid path
             return False
 
     def _open(self, video: str) -> None:
@@ -73,7 +74,7 @@ class Pictures:
 
 
 def _video_of(name: str) -> str:
-    """The video that a frame's name names, or ""."""
+    """The path of the video in a frame's name, or "" if `name` isn't that of a frame."""
     from rcdn.io import is_video
 
     video = name.rpartition("#")[0]

@@ -1,6 +1,7 @@
-"""Many pictures and several workers: who gets which picture, results in order, and no loss when a worker dies.
+"""A pool of workers for many pictures: scheduling, results in input order, and recovery when a worker dies.
 
-Where the workers are is a `Crew`'s matter: processes of this machine (`_processes`), or actors of a Ray cluster (`_ray`).
+The workers are created by a `Crew`: processes on this machine (`rcdn.batch.processes`), or actors of a Ray cluster
+(`rcdn.batch.ray`).
 """
 
 from __future__ import annotations
@@ -20,28 +21,30 @@ if TYPE_CHECKING:
     from rcdn.config import DetectorConfig
 
 FEW = 2
-"""Pictures for which starting processes takes longer than it saves."""
+"""The largest number of pictures for which starting processes takes longer than it saves."""
 HAND = 2
-"""Pictures a worker has at once: it computes the first, and reads the other meanwhile."""
+"""Pictures assigned to a worker at once: it processes the first, and reads the next one meanwhile."""
 BEHIND = 16
-"""Pictures a worker that may be done while the first of them is not: results that wait for their turn stay few."""
+"""Pictures per worker that may be in progress, or finished but not yet returned in order; limits the buffered
+results."""
 STILLBORN = 3
-"""Workers in a row that may end before they begin."""
+"""Number of consecutive workers that die before they are ready at which the pool gives up."""
 PATIENCE = 3.0
-"""Seconds that a worker has to end after it was told to."""
+"""Seconds that a worker has to end after the request."""
 LOST = object()
-"""What is heard of a worker that died."""
+"""The message received in place of a result when a worker has died."""
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """The number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def jobs_for(jobs: int, paths: Sequence[Path]) -> int:
-    """How many processes to use for these files: `jobs`, or 0 for one a core; but 1 for a few pictures."""
+    """The number of processes to use for these files: `jobs` (0: one for each core); without videos at most one per
+    picture, and 1 for a few pictures."""
     from rcdn.io import is_video
 
     jobs = jobs or usable_cores()
@@ -51,15 +54,16 @@ def jobs_for(jobs: int, paths: Sequence[Path]) -> int:
 
 
 def one_thread(config: DetectorConfig, jobs: int) -> DetectorConfig:
-    """`config` for one of several processes: one thread each, unless the user asked for more."""
+    """`config` for each of `jobs` processes: with several, one thread each unless the user set the number of
+    threads."""
     return config if jobs == 1 or config.threads else replace(config, threads=1)
 
 
 def compute(pictures: Iterable[Picture], work: Work, jobs: int) -> Generator[Done, None, None]:
-    """What `work` makes of each of the `pictures`, in their order; with `jobs` > 1 in that many processes.
+    """The result of `work` for each of the `pictures`, in their order; with `jobs` > 1 computed in that many processes.
 
-    Raises what making the detector raises, and RcdnError if no process can be started. Close the generator to end the processes
-    early; pictures that are not done are lost then.
+    Raises the errors of making the detector, and RcdnError if no process can be started. Closing the generator ends the
+    processes early; pictures that are not finished are then lost.
     """
     if jobs == 1:
         return (work(picture) for picture in pictures)
@@ -75,7 +79,8 @@ def share_out(pictures: Iterable[Picture], work: Work, crew: Crew, jobs: int) ->
 
 @dataclass(eq=False)
 class Item:
-    """A picture on its way: its `number` in the order; `deaths` of workers that were computing it; `alone`: only it may be computed."""
+    """A picture in progress: its `number` in the order; `deaths`: how many workers died while processing it; `alone`:
+    no other picture may be processed at the same time."""
 
     number: int
     picture: Picture
@@ -84,34 +89,36 @@ class Item:
 
 
 class Worker(Protocol):
-    """One that computes, somewhere: `ready` once its detector is made; `items`: what it has, in the order in which it computes."""
+    """A worker process or actor: `ready` once its detector is made; `items`: the pictures assigned to it, in processing
+    order."""
 
     ready: bool
     items: deque[Item]
 
     def send(self, picture: Picture) -> None:
-        """Give it a picture. Raises OSError if it is dead."""
+        """Assign a picture to this worker. Raises OSError if the worker is dead."""
 
     def dismiss(self) -> None:
-        """Tell it to end, whatever it does now."""
+        """Request that the worker ends, even while it is busy."""
 
     def end(self, deadline: float) -> str:
-        """End it, by force after `deadline` (time.monotonic); why it ended."""
+        """Wait for the worker to end, kill it after `deadline` (time.monotonic), and return the cause of its end."""
 
 
 class Crew(Protocol):
-    """Where workers come from, and where they are heard. `instead`: the option to try if none can be started."""
+    """Starts workers and receives their messages. `instead`: the option to suggest if no worker can be started."""
 
     instead: str
 
     def start(self) -> Worker:
-        """A new worker; it isn't waited for."""
+        """Start a new worker, without waiting until it is ready."""
 
     def hear(self, workers: Sequence[Any]) -> list[tuple[Any, Any]]:
-        """Wait until a worker has something to say: None (it is ready), a Done of its first picture, an error or LOST."""
+        """Wait for messages, and return (worker, message): None (it is ready), a Done of its first picture, an error or
+        LOST."""
 
     def uninterrupted(self) -> Any:
-        """A context in which Ctrl-C waits."""
+        """A context in which Ctrl-C is deferred."""
 
 
 class _Pool:
@@ -146,7 +153,7 @@ class _Pool:
             self._close()
 
     def _take(self, source: Iterator[Picture]) -> bool:
-        """Take as many pictures as can be begun soon; False if there are no more."""
+        """Take as many pictures from `source` as can be started soon; False if there are no more."""
         each = HAND + 1 if any(w.ready for w in self._workers) else 1
         while self._taken - self._given < BEHIND * self._jobs:
             if len(self._new) + sum(len(w.items) for w in self._workers) >= each * self._jobs:
@@ -162,7 +169,7 @@ class _Pool:
         return True
 
     def _hand_out(self) -> None:
-        """Give waiting workers something to do, and start one where there is more to do than that."""
+        """Assign pictures to idle workers, and start new workers if more pictures are waiting."""
         waiting, room = self._queue()
         idle = [w for w in self._workers if w.ready and not w.items]
         wanted = min(len(waiting), room) - len(idle) - sum(not w.ready for w in self._workers)
@@ -175,14 +182,16 @@ class _Pool:
             self._fill_hands()
 
     def _queue(self) -> tuple[deque[Item], int]:
-        """What comes next, and how many of it at once. A picture whose worker died goes alone: memory may have run out."""
+        """The queue to process next, and how many of its pictures at the same time. A picture whose worker died is
+        processed alone: memory may have run out."""
         busy = [item for w in self._workers for item in w.items]
         if any(item.alone for item in busy) or (self._again and busy):
             return deque(), 0
         return (self._again, 1) if self._again else (self._new, self._jobs)
 
     def _fill_hands(self) -> None:
-        """Let workers read ahead; the last pictures wait for whoever is done first."""
+        """Assign further pictures to busy workers, so that they read ahead; the last ones wait for the first idle
+        worker."""
         for worker in list(self._workers):
             while worker.ready and worker.items and len(worker.items) < HAND and len(self._new) > self._jobs:
                 self._send(worker, self._new.popleft())
@@ -190,7 +199,7 @@ class _Pool:
     def _send(self, worker: Worker, item: Item) -> None:
         try:
             worker.send(item.picture)
-        except OSError:  # it died while it waited: nothing to hold against this picture
+        except OSError:  # the worker died while it was idle: this picture isn't the cause
             (self._again if item.alone else self._new).appendleft(item)
             self._lost(worker)
         else:
@@ -207,7 +216,8 @@ class _Pool:
             self._done[worker.items.popleft().number] = _frozen(message)
 
     def _lost(self, worker: Worker) -> None:
-        """A worker died. The picture that it computed gets a second chance, and then is given up; it hadn't begun the others."""
+        """Handle the death of a worker. The picture that it was processing is tried a second time, and fails if that
+        worker dies, too; the others assigned to it hadn't been started and are queued again."""
         self._workers.remove(worker)
         cause = worker.end(time.monotonic() + PATIENCE)
         if not worker.ready:
@@ -222,7 +232,7 @@ class _Pool:
                 self._again.append(again)
 
     def _close(self) -> None:
-        """End all workers: those that wait see that there is no more, the others are told to."""
+        """End all workers: idle ones see that there are no more pictures, the others are requested to end."""
         with self._crew.uninterrupted():
             for worker in self._workers:
                 worker.dismiss()
@@ -233,7 +243,8 @@ class _Pool:
 
 
 def _given_up(picture: Picture) -> Done:
-    """The same words whatever killed the processes, and wherever they were: they are in the file of detections."""
+    """The failure of a picture that ended two workers. The message doesn't depend on how or where the processes ended,
+    since it is written to the file of detections."""
     name = picture.name
     message = (
         f"{name}: two processes ended while they computed it, most often for too little memory; use a smaller picture"
@@ -242,7 +253,7 @@ def _given_up(picture: Picture) -> Done:
 
 
 def _frozen(done: Done) -> Done:
-    """`done` with arrays that nobody can change: on the way between processes they lose that."""
+    """`done` with read-only arrays: pickling between processes loses that flag."""
     from rcdn.io import ImageResult
 
     return replace(done, outcomes=tuple(_rebuilt(o) if isinstance(o, ImageResult) else o for o in done.outcomes))

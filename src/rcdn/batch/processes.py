@@ -1,4 +1,4 @@
-"""Workers that are processes of this machine, each with its own detector."""
+"""Workers that are processes on this machine, each with its own detector."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Process:
             with no_interrupts():
                 self.process.start()
         finally:
-            theirs.close()  # then only the process holds its end, and its death ends our reading
+            theirs.close()  # then only the child holds its end, and reading from ours ends when it dies
         self.ready = False
         self.items: deque[Item] = deque()
 
@@ -58,7 +58,7 @@ class Process:
 
 
 class Processes:
-    """Starts processes that do `work`; see `rcdn.batch.pool.Crew`."""
+    """Starts processes that run `work`; see `rcdn.batch.pool.Crew`."""
 
     instead = "--jobs 1"
 
@@ -93,34 +93,35 @@ def _cause(code: int | None) -> str:
 
 @contextlib.contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Ctrl-C comes afterwards; a process that is started meanwhile never gets it: the first one decides."""
+    """Defer Ctrl-C until the end of the context. A process started within it never receives the signal: only the parent
+    handles it."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # or the start would do it, and lift the mask
+    resource_tracker.ensure_running()  # otherwise starting a process would do this, and unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         with (
             interrupts.held()
-        ):  # the mask is this thread's only: another one gets the signal, and Python handles it here
+        ):  # the mask applies to this thread only: another thread receives the signal, and Python handles it here
             yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-# ---- in the process
+# ---- in the worker process
 
 
 def _serve(pipe: Any, work: Work) -> None:
-    """Say None when ready, or why not; then answer each picture with a Done until the pipe closes."""
+    """Send None when ready, or the error; then answer each picture with a Done until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     end_with_parent()
-    for name in _THREADS:  # before numpy comes: the cores are shared out already
+    for name in _THREADS:  # before numpy is imported: there is already one process per core
         os.environ.setdefault(name, "1")
-    with contextlib.suppress(EOFError, OSError):  # the first process is gone, or needs nothing more
+    with contextlib.suppress(EOFError, OSError):  # the parent has ended, or has no more pictures
         try:
             one_thread()
             work.prepare()
@@ -128,14 +129,15 @@ def _serve(pipe: Any, work: Work) -> None:
             pipe.send(error if isinstance(error, RcdnError) else RcdnError(f"{type(error).__name__}: {error}"))
             return
         pipe.send(None)
-        arrived: queue.SimpleQueue[Picture | None] = queue.SimpleQueue()  # no more than the first process hands out
+        # no limit on its length is needed: the parent sends only HAND pictures in advance
+        arrived: queue.SimpleQueue[Picture | None] = queue.SimpleQueue()
         threading.Thread(target=_read, args=(pipe, work, arrived), name="rcdn-reader", daemon=True).start()
         while (picture := arrived.get()) is not None:
             pipe.send(work(picture))
 
 
 def _read(pipe: Any, work: Work, arrived: queue.SimpleQueue[Picture | None]) -> None:
-    """Read each picture that comes while the one before it is computed; None at the end."""
+    """Read each received picture while the previous one is processed; put None at the end."""
     try:
         with contextlib.suppress(EOFError, OSError):
             while True:
@@ -145,12 +147,12 @@ def _read(pipe: Any, work: Work, arrived: queue.SimpleQueue[Picture | None]) -> 
 
 
 def one_thread() -> None:
-    """Have OpenCV use one thread: others share the cores."""
+    """Let OpenCV use one thread only: other workers use the other cores."""
     import cv2
 
     cv2.setNumThreads(1)
 
 
 def _leave(*_: object) -> None:
-    """SIGTERM: clean up (a file that is being written), then go."""
+    """Handler of SIGTERM: exit with clean-up (of a file that is being written)."""
     sys.exit(128 + signal.SIGTERM)

@@ -1,6 +1,6 @@
-"""Workers that are actors of a Ray cluster: the pool's order, its second chances and its words, whatever the machines.
+"""Workers that are actors of a Ray cluster: same order, retries and messages as with processes, whatever the machines.
 
-Why actors and not Ray Data: docs/decisions/0015-ray-actors.md.
+Reasons for actors rather than Ray Data: docs/decisions/0015-ray-actors.md.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ from rcdn.limits import max_megapixels, set_max_megapixels
 LOCAL = "local"
 """the address of a cluster that is started for one run"""
 REACH = 10.0
-"""seconds that a cluster has to answer"""
+"""timeout of the connection to a cluster, in seconds"""
 _QUIET = {
-    "RAY_USAGE_STATS_ENABLED": "0",  # a command line tells nobody what it is used for
+    "RAY_USAGE_STATS_ENABLED": "0",  # a command-line tool must not send usage statistics
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
 _LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
-"""for a cluster of this machine only: its services listen on the loopback interface, as they do on Windows and macOS, not to the whole network"""
+"""for a cluster on this machine only: its services listen on the loopback interface, as they do on Windows and macOS,
+not on the whole network"""
 
 
 def check() -> None:
@@ -44,10 +45,11 @@ def check() -> None:
 def compute(
     pictures: Iterable[Picture], work: Work, jobs: int, address: str | None = None
 ) -> Generator[Done, None, None]:
-    """`rcdn.batch.pool.compute` by `jobs` actors (0: one for each CPU) of the cluster at `address`; None: one started for this.
+    """`rcdn.batch.pool.compute` with `jobs` actors (0: one for each CPU) of the cluster at `address`; None: a local
+    cluster is started for this call.
 
-    What `work` needs must be there on all its machines: rcdn of this version, and this folder on a disk that they share. Raises
-    DependencyError without Ray, RcdnError if there is no such cluster or no actor can be started.
+    All machines need rcdn of this version, and the current folder on a shared disk. Raises DependencyError without Ray,
+    RcdnError if there is no such cluster or no actor can be started.
     """
     check()
     with _cluster(address or LOCAL, jobs) as ray:
@@ -58,13 +60,15 @@ def compute(
 
 @contextlib.contextmanager
 def _cluster(address: str, jobs: int) -> Iterator[Any]:
-    """Ray, connected; disconnected in the end, and the cluster ended if it is ours."""
+    """The module `ray`, connected to the cluster; at the end it is disconnected, and a cluster started here is
+    stopped."""
     for name, value in (_QUIET | (_LOOPBACK if address == LOCAL else {})).items():
         os.environ.setdefault(name, value)  # read when Ray is imported, and by the processes that it starts
     import ray
 
     ours: dict[str, Any] = {"num_cpus": jobs or None, "include_dashboard": False} if address == LOCAL else {}
-    # Ray prints each death of a worker to standard output, whatever it was asked, some only at its end; and detections may go there
+    # Ray prints the death of each worker to standard output, whatever its settings, sometimes only when it shuts down;
+    # detections may be written there, too.
     with open(os.devnull, "w") as nothing, contextlib.redirect_stdout(nothing):
         try:
             _reach(address)
@@ -83,21 +87,21 @@ def _cluster(address: str, jobs: int) -> Iterator[Any]:
 
 
 def _reach(address: str) -> None:
-    """Raise OSError if nobody listens at HOST:PORT: Ray itself would try for minutes."""
+    """Raise OSError if HOST:PORT accepts no connection: Ray itself would retry for minutes."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and port.isdecimal():
         socket.create_connection((host.strip("[]"), int(port)), timeout=REACH).close()
 
 
 class Actors:
-    """Starts actors that do `work`; see `rcdn.batch.pool.Crew`. `jobs` of them share `cards` graphics cards."""
+    """Starts actors that run `work`; see `rcdn.batch.pool.Crew`. `jobs` actors share `cards` GPUs."""
 
     instead = "--engine local"
 
     def __init__(self, ray: Any, work: Work, jobs: int, cards: float) -> None:
         self._ray = ray
         self._work = ray.put(work)
-        share = int(min(1.0, cards / jobs) * 1e4) / 1e4  # all that Ray counts is ten thousandths
+        share = int(min(1.0, cards / jobs) * 1e4) / 1e4  # Ray's resolution of resources is 1e-4
         self._class = ray.remote(_Actor).options(
             num_cpus=1, num_gpus=share, max_concurrency=HAND, max_restarts=0, max_task_retries=0
         )
@@ -117,7 +121,8 @@ class Actors:
 
 
 class Actor:
-    """Our side of an actor; see `rcdn.batch.pool.Worker`. `answers`: what it was asked, in that order."""
+    """The caller's handle of an actor; see `rcdn.batch.pool.Worker`. `answers`: the pending results, in request
+    order."""
 
     def __init__(self, ray: Any, handle: Any) -> None:
         self._ray = ray
@@ -133,7 +138,7 @@ class Actor:
         self._turn += 1
 
     def message(self) -> Any:
-        """The answer that is there now; LOST if the actor died."""
+        """The first pending result, which must be available; LOST if the actor died."""
         try:
             return self._ray.get(self.answers.popleft())
         except self._ray.exceptions.RayError as error:
@@ -145,7 +150,8 @@ class Actor:
         self._ray.kill(self._handle)
 
     def end(self, deadline: float) -> str:
-        """At once: an actor that can't be reached may live, and must do nothing twice."""
+        """Kill the actor at once: one that can't be reached may still run, and its pictures must not be computed
+        twice."""
         self._ray.kill(self._handle)
         return self._cause
 
@@ -154,7 +160,8 @@ class Actor:
 
 
 class _Actor:
-    """Answers `compute` in the order of the turns, whoever of its threads is first; each reads its picture before its turn."""
+    """Processes the calls of `compute` in the order of `turn`, whichever thread is first; each thread reads its picture
+    before its turn."""
 
     def __init__(self, work: Work) -> None:
         self._work = work
@@ -162,7 +169,8 @@ class _Actor:
         self._next = threading.Condition()
 
     def prepare(self, folder: str, version: str, megapixels: float) -> RcdnError | None:
-        """Make the detector, in `folder`, which the paths of the pictures start from; or why not. `megapixels`: the largest picture."""
+        """Make the detector in the working folder `folder`, to which the pictures' paths are relative; returns an error
+        or None. `megapixels`: the limit on a picture's size."""
         try:
             if version != __version__:
                 raise RcdnError(f"--engine ray: a machine of the cluster has rcdn {__version__}, this one {version}")
@@ -198,7 +206,8 @@ def _enter(folder: str) -> None:
 
 
 def _own(picture: Picture) -> Picture:
-    """Pixels that Ray shares between processes may only be read; a detector gets its own, as everywhere."""
+    """`picture` with writable pixels: Ray shares arrays between processes read-only, and a detector always gets its own
+    copy."""
     if picture.grey is None or picture.grey.flags.writeable:
         return picture
     return replace(picture, grey=picture.grey.copy())

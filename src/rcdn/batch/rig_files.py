@@ -1,4 +1,4 @@
-"""`rcdn convert` of rigs: which inputs hold one, and its files written in another format."""
+"""`rcdn convert` for rigs: recognizing inputs that contain a rig, and writing it in another format."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from rcdn.io import CameraFormat
 
 EXACT = 0.01
-"""px: a lens that is fitted so closely counts as held"""
+"""largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
 
 
 def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
-    """Whether `rcdn convert` is about a rig: by the names, by several files, or by a file of a rig or of three cameras and more."""
+    """Whether the inputs of `rcdn convert` are a rig: judged by the file names, by the number of files, or by a file
+    that contains a rig or at least three cameras."""
     files = len(inputs) > 2 and all(path.suffix.lower() in (".yaml", ".yml") for path in inputs)
     if files or any(_named_rig(path) for path in (*inputs, out)) or _template(inputs):
         return True
@@ -34,7 +35,8 @@ def _named_rig(path: Path) -> bool:
 
 
 def _template(inputs: Sequence[Path]) -> bool:
-    """Whether the one input is what `rcdn calibrate --rig -o` was given for a file a camera."""
+    """Whether the only input is a name given to `rcdn calibrate --rig -o`, for which one file per camera was
+    written."""
     from rcdn.io.rig_folder import siblings
 
     return len(inputs) == 1 and bool(siblings(inputs[0]))
@@ -47,7 +49,7 @@ def _has_transforms(path: Path) -> bool:
 
 
 def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
-    """Write the rig that `inputs` hold to `out`, and say what it can't hold."""
+    """Write the rig in `inputs` to `out`, and print what that format can't represent."""
     from rcdn.batch.camera_files import write_rig_files
     from rcdn.io import read_rig, rig_format, rig_paths
     from rcdn.io.rig_files import lens_fits

@@ -1,4 +1,5 @@
-"""The work of `rcdn pose --rig`: boards of all cameras found, and each moment's board placed by all that saw it."""
+"""The steps of `rcdn pose --rig`: detection in all cameras, and the board's pose at each moment from all cameras that
+see it."""
 
 from __future__ import annotations
 
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
     from rcdn.types import Board, Rig, RigPoseEstimate
 
 EVERY = 10**9
-"""frames of a video: all that are sharp and different"""
+"""limit on the frames of a video, so large that all sharp and different ones are used"""
 
 
 @dataclass(frozen=True)
 class Looks:
-    """How boards are found; `size` (columns, rows) of those to take, or None."""
+    """Settings for detection; `size`: (columns, rows) of the boards to use, or None for any."""
 
     config: DetectorConfig
     store: Cache | None
@@ -37,7 +38,7 @@ class Looks:
     size: tuple[int, int] | None
 
     def gather(self, inputs: Sequence[str]) -> Gathered:
-        """The boards in `inputs`, those too whose codes are seen from behind."""
+        """The boards in `inputs`, including those whose codes are seen from behind."""
         from rcdn.batch.inputs import gather
 
         return gather(
@@ -52,7 +53,8 @@ class Looks:
 
 
 def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks: Looks, json: Path | None) -> None:
-    """Say where each moment's board stands in the frame of the rig of a file, and write it as JSON."""
+    """Print the board's pose at each moment in the frame of the rig that is read from `path`, and write the poses as
+    JSON."""
     from rcdn.calibration import estimate_rig_pose
     from rcdn.calibration.coded import kind_of
     from rcdn.io import read_rig, write_text
@@ -83,7 +85,7 @@ def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks
 
 
 def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, list[str]]:
-    """The inputs by the names of the rig's cameras: those of the inputs, or, if there are as many, in their order."""
+    """The inputs by the names of the rig's cameras: matched by name, or by order if there are equally many."""
     if set(cameras) <= set(rig.names):
         return dict(cameras)
     if len(cameras) == len(rig):
@@ -96,7 +98,8 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
 
 
 def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dict[str, dict[str, Board]]:
-    """By moment and camera the largest board of a picture, of a `size` if one is asked for; moments at which nobody saw one aren't in it."""
+    """By moment and camera the largest board of the picture, of the given `size` if any; moments without a board are
+    left out."""
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
         talk.note(f"note: pictures belong together by {way}")

@@ -1,4 +1,5 @@
-"""The work of `rcdn calibrate --rig`: boards of all cameras found, their moments told, the rig solved, said and written."""
+"""The steps of `rcdn calibrate --rig`: detection in all cameras, grouping by moment, calibration of the rig, printed
+summary and output files."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
-    """Calibrate the cameras of `inputs`, say what came out, and write it."""
+    """Calibrate the cameras of `inputs`, print a summary, and write the outputs."""
     from rcdn.calibration import calibrate_rig
     from rcdn.io import write_rig_calibration
     from rcdn.report.calibration import write_rig_report
@@ -66,7 +67,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
-    """The boards of each camera; of videos the frames that were chosen of any of them."""
+    """The detections of each camera; of videos, all frames that were chosen in the video of any camera."""
     found = {name: run.gather(inputs, cameras=len(cameras)) for name, inputs in cameras.items()}
     chosen = _together([got.frames for got in found.values()])
     chosen = _with_neighbours(chosen) if problem.correct_time else chosen
@@ -79,21 +80,23 @@ def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) 
 
 
 def _together(frames: Sequence[Numbers]) -> Numbers:
-    """The numbers of the frames that were chosen in any camera's video; () if the cameras don't have as many videos each."""
+    """The union of the frame numbers chosen in the cameras' videos; () if the cameras have different numbers of
+    videos."""
     if len({len(each) for each in frames}) > 1:
         return ()
     return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
 def _with_neighbours(frames: Numbers) -> Numbers:
-    """The numbers of frames, and of those beside them, up to the last one: they tell how boards move."""
+    """The frame numbers together with their neighbours, up to the last one: they determine how the boards move."""
     return tuple(
         tuple(sorted({n + by for n in each for by in (-1, 0, 1) if 0 <= n + by <= max(each)})) for each in frames
     )
 
 
 def rig_lines(done: RigCalibration) -> list[str]:
-    """Where the cameras stand with deviations, the pairs, and what speaks against the rig."""
+    """The summary of a rig: camera positions with standard deviations, pairs of cameras, and the reasons against the
+    result."""
     rig, lines = done.rig, []
     lines.append(
         f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {many(len(done.boards), 'board')}; frame of {rig.names[0]}"
@@ -115,7 +118,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
 
 
 def _weakest(done: RigCalibration) -> list[str]:
-    """Which of three cameras or more is known least, and before which two to hold the board."""
+    """A line on the least well determined camera of three or more, and on the two cameras to show the board to."""
     from rcdn.calibration.rig_facts import least_known
 
     found = least_known(done)
@@ -127,7 +130,7 @@ def _weakest(done: RigCalibration) -> list[str]:
 
 
 def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
-    """A line for each action, with what several cameras have in common said once."""
+    """A line for each recommended action; a reason shared by several cameras is stated once."""
     groups: dict[str, dict[str, list[str]]] = {}
     for found in reasons:
         name = next((n for n in names if found.sentence.startswith(f"{n}: ")), "")

@@ -1,4 +1,5 @@
-"""What `rcdn detect` says at the end: a line a picture, a table of counts, and a hint about the board's size."""
+"""The summary that `rcdn detect` prints: a line for each picture, a table of counts, and a hint about the board's
+size."""
 
 from __future__ import annotations
 
@@ -16,12 +17,13 @@ if TYPE_CHECKING:
 
 Size = tuple[int, int]
 LIST_UP_TO = 20
-"""Up to that many pictures the summary has a line for each; of more, for each that isn't complete."""
+"""Up to this number of pictures the summary has a line for each; for more pictures, only for those not complete."""
 
 
 @dataclass(frozen=True)
 class BriefBoard:
-    """What the summary says of a board: its `size` (columns, rows), its number of `corners`, as `rcdn.types.Board` has them."""
+    """The data of a board for the summary: its `size` (columns, rows) and number of `corners`, as in
+    `rcdn.types.Board`."""
 
     size: Size
     complete: bool
@@ -32,9 +34,10 @@ class BriefBoard:
 
 @dataclass(frozen=True)
 class Brief:
-    """What the end of a run needs of one picture: little, so that results neither pile up nor take long to come from a worker.
+    """The data of one picture for the summary and the outputs: kept small, so that results use little memory and are
+    quickly transferred from a worker.
 
-    `line`: the picture's line in the file of detections; "" if nobody wants one.
+    `line`: the picture's line in the file of detections; "" if it isn't needed.
     """
 
     path: str
@@ -45,7 +48,7 @@ class Brief:
 
 
 def brief(result: ImageResult, lines: bool = False) -> Brief:
-    """`result` in short; `lines`: with its line for the file."""
+    """The `Brief` of a `result`; `lines`: with its line for the file of detections."""
     from rcdn.io import image_line
 
     boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern, str(b.target or "")) for b in result.boards)
@@ -53,17 +56,17 @@ def brief(result: ImageResult, lines: bool = False) -> Brief:
 
 
 def warning_text(path: str, warnings: Sequence[str]) -> str:
-    """One line for what limits left out of a picture."""
+    """The warnings of a picture as one line."""
     return f"{path}: {'; '.join(warnings)}"
 
 
 def size_text(size: Size) -> str:
-    """`9×6`."""
+    """The size as text, such as `9×6`."""
     return f"{size[0]}×{size[1]}"
 
 
 def same(a: Size, b: Size) -> bool:
-    """True if the sizes agree, upright or turned by a quarter."""
+    """True if the sizes are equal, possibly with columns and rows exchanged."""
     return sorted(a) == sorted(b)
 
 
@@ -73,14 +76,15 @@ def found(board: BriefBoard, wanted: Size | None) -> bool:
 
 
 def status(image: Brief, wanted: Size | None) -> str:
-    """`complete`, `partial` or `none`: the best that this picture has."""
+    """`complete`, `partial` or `none`, for the best board of this picture."""
     if any(found(b, wanted) for b in image.boards):
         return "complete"
     return "partial" if image.boards else "none"
 
 
 def board_text(board: BriefBoard, wanted: Size | None) -> str:
-    """`9×6`, or `8×6 partial (41 of 48)`, or `deltille (98 corners)`; of a board that can't be part of the `wanted` one, what it is instead."""
+    """A board as text: `9×6`, `8×6 partial (41 of 48)` or `deltille (98 corners)`; a board that can't be part of the
+    `wanted` one is described as not of that size."""
     if board.target:
         return f"{board.target} ({many(board.corners, 'corner')})"
     if board.pattern != "checker":
@@ -96,7 +100,7 @@ def board_text(board: BriefBoard, wanted: Size | None) -> str:
 
 
 def line(outcome: Brief | Failure, wanted: Size | None) -> tuple[str, str]:
-    """(name, what was found in it) for the list of pictures."""
+    """(name, description of the detections) for the list of pictures."""
     if isinstance(outcome, Failure):
         message = outcome.message.removeprefix(f"{outcome.name}: ")
         return one_line(outcome.name), f"failed: {one_line(message)}"
@@ -113,7 +117,7 @@ def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
 
 
 class Tally:
-    """Counts what comes, picture by picture. `wanted`: the only size of board that counts as complete; None: any."""
+    """Counts the outcomes, picture by picture. `wanted`: the only board size that counts as complete; None: any."""
 
     def __init__(self, wanted: Size | None) -> None:
         self.images = 0
@@ -146,7 +150,8 @@ class Tally:
         self._with_complete += bool(complete)
 
     def lines(self, seconds: float) -> list[str]:
-        """A line for each picture if there are few, else for each that isn't complete; the table; and a hint if there is one."""
+        """A line for each picture if there are few, else for each that isn't complete; then the table, and a hint if
+        any."""
         hint = size_hint(self._wanted, self._sizes, self._with_complete, self.images)
         rows = self._other_rows
         if self._outcomes <= LIST_UP_TO:
@@ -155,7 +160,7 @@ class Tally:
         return [*listed, *self._table(seconds), *([f"hint: {hint}"] if hint else [])]
 
     def _list(self, outcome: Brief | Failure) -> None:
-        """Keep the line of an outcome that may be listed at the end."""
+        """Store the line of an outcome that may be listed at the end."""
         whole = isinstance(outcome, Brief) and status(outcome, self._wanted) == "complete"
         rows = self._complete_rows if whole else self._other_rows
         if not whole or self._outcomes < LIST_UP_TO:
@@ -163,7 +168,8 @@ class Tally:
         self._outcomes += 1
 
     def _table(self, seconds: float) -> list[str]:
-        """Two lines: names and numbers. `complete`, `partial`, `none` and `failed` count pictures by their best board."""
+        """Two lines: names and numbers. `complete`, `partial`, `none` and `failed` count pictures by their best
+        board."""
         counts = self._counts
         cells = {
             "pictures": str(self.images + len(self._failed_only)),
@@ -177,9 +183,10 @@ class Tally:
 
 
 def size_hint(wanted: Size | None, sizes: Set[Size], pictures: int, of: int) -> str | None:
-    """A guess at what the user meant, if complete boards have one of the `sizes` only, which isn't the `wanted` one; found in `pictures` `of` all.
+    """A hint at the board size that the user probably meant, or None.
 
-    Most often squares were counted instead of inner corners.
+    Given if all complete boards have one size (`sizes`) that differs from the `wanted` one; they were found in
+    `pictures` out of `of` pictures. Most often squares were counted instead of inner corners.
     """
     if wanted is None or len(sizes) != 1 or _wide(wanted) in {_wide(s) for s in sizes}:
         return None

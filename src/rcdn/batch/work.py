@@ -1,4 +1,4 @@
-"""Many pictures: reading ahead, and the work on each; failures stay with their picture."""
+"""Processing many pictures: reading ahead, and the work on each picture; a failure affects only its own picture."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 AHEAD = 3
-"""Pictures read but not yet computed, at most: memory stays flat."""
+"""The largest number of pictures that are read but not yet processed, which bounds memory use."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One picture of input number `index` (a video has many; `number` is that of the frame, -1 elsewhere), and how far it is.
+    """One picture of input number `index` (a video has many; `number` is that of the frame, -1 for other files), and
+    its state of processing.
 
-    `grey` (H, W); or None and the `path` to read it from, or the `error` instead. `known`: its detections, if they are
-    there already; `key`: where the cache keeps them; `overlay`: the file to draw it to.
+    `grey` (H, W); or None and the `path` to read it from, or the `error` that occurred. `known`: its detections, if
+    they were found in the cache; `key`: their key in the cache; `overlay`: the file for the drawing of its detections.
     """
 
     index: int
@@ -44,7 +45,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Failure:
-    """A picture that could not be read, or not be computed."""
+    """A picture that could not be read or processed."""
 
     name: str
     message: str
@@ -52,9 +53,10 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What became of one picture: its detections (as `Work.pack` packs them), or a failure, or both if only the drawing failed.
+    """The outcomes of one picture: its detections (as packed by `Work.pack`), a failure, or both if only the drawing
+    failed.
 
-    `unwritten`: why its overlay could not be written.
+    `unwritten`: the error because of which its overlay could not be written.
     """
 
     index: int
@@ -64,7 +66,7 @@ class Done:
 
 
 def explain(error: Exception, name: str) -> str:
-    """What to tell the user; of an error that nobody raised on purpose also its type, for the bug report."""
+    """The message for the user; for an unexpected error it includes the type, for the bug report."""
     if isinstance(error, RcdnError):
         return str(error)
     return f"{name}: unexpected {type(error).__name__}: {error}"
@@ -78,14 +80,16 @@ def read_ahead(
 ) -> Generator[Picture, None, None]:
     """The pictures of all `paths`, in order, read by another thread while the caller computes.
 
-    A file that fails gives one Picture with an error; of a video that fails half-way the frames before it are given,
-    too. Without `decode` only videos are read; other pictures come as their path. What the `cache` holds is `known`.
+    A file that fails gives one Picture with an error; a video that fails half-way also gives the frames before the
+    error. Without `decode` only videos are read; other pictures are given by their path. `known` is set for pictures
+    whose detections are in the `cache`.
     """
     return in_thread(lambda: (p for k, path in enumerate(paths) for p in pictures_of(k, path, decode, cache)), ahead)
 
 
 def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> Iterator[Picture]:
-    """The pictures of the file `path`. Raises nothing, whatever a decoder does: the other files go on."""
+    """The pictures of the file `path`. Raises nothing, whatever a decoder raises: the other files are still
+    processed."""
     from rcdn.io import frames, is_video
     from rcdn.io.files import is_special
 
@@ -93,7 +97,8 @@ def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> It
         content = content_of(path, cache)
         if not is_video(path):
             picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
-            if picture.known is not None or not (decode or is_special(path)):  # a pipe can be read here only, and once
+            # a pipe is always read here: it can be read only once, and only in this process
+            if picture.known is not None or not (decode or is_special(path)):
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):
@@ -103,12 +108,13 @@ def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> It
 
 
 def frame_name(path: Path, number: int) -> str:
-    """What a frame of a video is called everywhere (docs/formats.md)."""
+    """The name of a frame of a video, as used in all outputs (docs/formats.md)."""
     return f"{path}#{number:06d}"
 
 
 def content_of(path: Path, cache: Cache | None) -> str:
-    """Checksum of the file; "" if nobody needs it, or it is a pipe, or can't be read: the reader says why."""
+    """Checksum of the file; "" if it isn't needed, or the file is a pipe or can't be read (its reader reports the
+    reason)."""
     from rcdn.batch.cache import file_digest
 
     try:
@@ -118,7 +124,7 @@ def content_of(path: Path, cache: Cache | None) -> str:
 
 
 def looked_up(picture: Picture, content: str, cache: Cache | None) -> Picture:
-    """`picture`, of a file with the checksum `content`, with its key and with what the cache knows of it."""
+    """`picture`, from a file with checksum `content`, with its key and its cached detections, if any."""
     if cache is None or not content:
         return picture
     key = cache.key(content, "picture" if picture.number < 0 else f"frame {picture.number}")
@@ -126,9 +132,9 @@ def looked_up(picture: Picture, content: str, cache: Cache | None) -> Picture:
 
 
 def in_thread(make: Callable[[], Iterable[T]], ahead: int = AHEAD) -> Generator[T, None, None]:
-    """What `make()` gives, in order, computed by another thread, at most `ahead` of them before they are asked for.
+    """The items of `make()`, in order, computed by another thread, at most `ahead` of them in advance.
 
-    What is raised there is raised here. The thread ends when the generator is closed.
+    An exception raised there is raised here. The thread ends when the generator is closed.
     """
     waiting: queue.Queue[tuple[bool, Any]] = queue.Queue(maxsize=ahead)
     stop = threading.Event()
@@ -146,7 +152,7 @@ def in_thread(make: Callable[[], Iterable[T]], ahead: int = AHEAD) -> Generator[
                 raise value
     finally:
         stop.set()
-        if thread.is_alive():  # it isn't if it could not be started, or an interrupt came before that
+        if thread.is_alive():  # false if it could not be started, or was interrupted before
             thread.join(timeout=2)
 
 
@@ -156,13 +162,13 @@ def _fill(make: Callable[[], Iterable[T]], waiting: queue.Queue[tuple[bool, Any]
         for value in make():
             if not _put((True, value), waiting, stop):
                 return
-    except BaseException as error:  # without an end the caller would wait for ever, whatever ended this thread
+    except BaseException as error:  # whatever ends this thread: without a last item the caller would wait forever
         end = error
     _put((False, end), waiting, stop)
 
 
 def _put(item: Any, waiting: queue.Queue[Any], stop: threading.Event) -> bool:
-    """Wait for room, but not for a caller that has gone: False then."""
+    """Put `item` into the queue, waiting for room; False if the caller has stopped reading."""
     while not stop.is_set():
         try:
             waiting.put(item, timeout=0.1)
@@ -176,9 +182,9 @@ def _put(item: Any, waiting: queue.Queue[Any], stop: threading.Event) -> bool:
 
 
 def make_detector(config: DetectorConfig) -> Any:
-    """A Detector; a function of its own so that worker processes can find it, and import it late.
+    """A Detector; a module-level function so that worker processes can import it by name, and late.
 
-    Raises DependencyError if it should compute on a graphics card and this ONNX Runtime can't.
+    Raises DependencyError if it should run on a GPU and the installed ONNX Runtime can't.
     """
     from rcdn.detector import Detector
 
@@ -193,10 +199,10 @@ def make_detector(config: DetectorConfig) -> Any:
 
 
 class Work:
-    """What is done to each picture: read, detect, draw, each only if it is still to do.
+    """The steps for each picture: read, detect, draw, each only if it is still to be done.
 
-    `make`: makes the detector, at the first picture that needs it; `pack`: what to give of each result instead of the result itself.
-    Goes to worker processes, so both must be functions that can be found by their names, or partials of such.
+    `make`: makes the detector, called at the first picture that needs it; `pack`: converts each result before it is
+    returned. The object is sent to worker processes, so both must be module-level functions or partials of such.
     """
 
     def __init__(
@@ -208,27 +214,28 @@ class Work:
         self._detector: Any = None
 
     def prepare(self) -> None:
-        """Make the detector. Raises what `make` raises: no picture is to blame."""
+        """Make the detector. Raises the errors of `make`, which aren't attributed to a picture."""
         if self._detector is None:
             self._detector = self.make()
 
     def needed(self, picture: Picture) -> bool:
-        """False if nothing is left that takes long."""
+        """Whether a time-consuming step is left for `picture`."""
         return not picture.error and (picture.known is None or picture.overlay is not None)
 
     def loaded(self, picture: Picture) -> Picture:
-        """`picture` with its pixels if it needs them, or with the error that there are none. Raises nothing."""
+        """`picture` with its pixels if it needs them, or with the error of reading them. Raises nothing."""
         if picture.grey is not None or not self.needed(picture):
             return picture
         from rcdn.io import read_image
 
         try:
             return replace(picture, grey=read_image(picture.path or picture.name))
-        except Exception as error:  # whatever a decoder does
+        except Exception as error:  # whatever a decoder raises
             return replace(picture, error=explain(error, picture.name))
 
     def __call__(self, picture: Picture) -> Done:
-        """Whatever goes wrong with this picture is in what it returns; only interrupts, and `make`'s errors, get out."""
+        """Process one picture. Its errors are part of the returned Done; only interrupts and errors of `make` are
+        raised."""
         if self.needed(picture) and picture.known is None:
             self.prepare()
         picture = self.loaded(picture)
@@ -242,8 +249,8 @@ class Work:
             if picture.overlay is not None and picture.grey is not None:
                 _draw(picture.overlay, picture.grey, result)
         except OutputError as error:
-            unwritten = error  # the detections are there all the same
-        except Exception as error:  # one bad picture must not take the others with it
+            unwritten = error  # the detections are returned nevertheless
+        except Exception as error:  # one bad picture must not stop the others
             outcomes.append(Failure(picture.name, explain(error, picture.name)))
         return Done(picture.index, picture.name, tuple(outcomes), unwritten)
 
@@ -259,7 +266,7 @@ class Work:
 
 
 def _draw(file: Path, grey: Array, result: ImageResult) -> None:
-    """Draw one result and write it at once: overlays don't pile up in memory."""
+    """Draw one result and write it at once, so that overlays don't accumulate in memory."""
     from rcdn.io import write_image
     from rcdn.report.overlay import draw_overlay
 

@@ -1,4 +1,4 @@
-"""Several files to write: what can't be written is told, a line each, and the others are written."""
+"""Writing several files: each error is reported on a line of its own, and the other files are written."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from rcdn.terminal.group import say_error
 
 
 def write_each(tasks: Iterable[tuple[Path | None, Callable[[Path], object]]]) -> list[Path]:
-    """Call each function with its path, if that is given; the paths that were written. Whatever one raises, the others go on."""
+    """Call each function with its path, unless that is None, and return the paths that were written. An error of one
+    function doesn't stop the others."""
     written = []
     for path, write in tasks:
         if path is None:
             continue
         try:
             write(path)
-        except OutputError as error:  # it names the file
+        except OutputError as error:  # its message names the file
             say_error(str(error))
         except RcdnError as error:
             say_unwritten(path, str(error))
@@ -30,5 +31,5 @@ def write_each(tasks: Iterable[tuple[Path | None, Callable[[Path], object]]]) ->
 
 
 def say_unwritten(path: Path, reason: str) -> None:
-    """Say that this file is not written, and why."""
+    """Report that this file is not written, and the reason."""
     say_error(f"{path} is not written: {reason}")

@@ -1,9 +1,9 @@
 """The command line: one file per verb.
 
 To add a verb: write `cli/<verb>.py` with a function `<verb>` whose parameters are the options and whose docstring is
-the help, import what is heavy inside that function, and add the module to the two places below, with its line and its
-group of the help. Verbs raise RcdnError (exit 1) or ConfigError (exit 2); `terminal.group` makes a line of it. Verbs of
-other packages are Typer apps that their entry points of the group `rcdn.verbs` name.
+the help, import heavy modules inside that function, and add the module to the two places below, with its line and its
+group in the help. Verbs raise RcdnError (exit code 1) or ConfigError (exit code 2), which `terminal.group` prints as
+one line. Verbs of other packages are Typer apps given by their entry points of the group `rcdn.verbs`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def rcdn(
 
 
 FILES = "About cameras and files"
-"""the second group of the help, after that of the verbs that most people need"""
+"""the second group of verbs in the help, after those that most users need"""
 
 app.command("detect", short_help="Find corners and boards in pictures.")(detect.detect)
 app.command("calibrate", short_help="Calibrate a camera, or a pair, from pictures of boards.")(calibrate.calibrate)
@@ -69,11 +69,11 @@ app.command("export", short_help="Write a trained network as ONNX.", rich_help_p
 
 
 def main() -> None:
-    """All of the `rcdn` command but the first moments, which are `rcdn.__main__`'s."""
+    """The `rcdn` command, called by `rcdn.__main__` after its initial setup."""
     from rcdn.terminal.streams import Streams
 
-    # before numpy comes, here and in the processes to be started: its BLAS would put threads to matrices of a few rows, which
-    # doubles the time; work is shared out by pictures instead
+    # before numpy is imported, here and in processes started later: its BLAS would use threads for matrices of a few
+    # rows, which doubles the time; the work is parallelized over pictures instead
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with interrupts.held():
         if READERS.intersection(sys.argv[1:2]):
@@ -86,7 +86,7 @@ def main() -> None:
         code = end.code
     except KeyboardInterrupt:
         code = INTERRUPTED
-    if code == INTERRUPTED and not interrupts.ended():  # before a verb has begun, or after its end
+    if code == INTERRUPTED and not interrupts.ended():  # before a verb has started, or after its end
         say_stopped()
     interrupts.end()
     sys.exit(streams.end(code if isinstance(code, int) else 0))

@@ -1,4 +1,4 @@
-"""`rcdn board`: a checkerboard, a deltille, or a board that carries codes, to print at true scale."""
+"""`rcdn board`: a checkerboard, a deltille, or a coded board, to print at true scale."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_CORNERS = 1_000_000
 
 
 class Paper(StrEnum):
-    """Sheet sizes; rcdn.report.target knows their millimetres."""
+    """Sheet sizes; their dimensions are in rcdn.report.target."""
 
     a0 = "a0"
     a1 = "a1"
@@ -34,7 +34,7 @@ class Paper(StrEnum):
 
 
 class Printable(StrEnum):
-    """What can be printed."""
+    """The patterns that can be printed."""
 
     checker = "checker"
     deltille = "deltille"
@@ -48,11 +48,11 @@ OPTIONS = {
     Printable.aprilgrid: ("family", "gap", "border", "first"),
     Printable.puzzleboard: ("first",),
 }
-"""the options that a pattern has for itself"""
+"""the options specific to each pattern"""
 
 
 def _size(text: str) -> GridSize:
-    return parse_size(text, least=1)  # of tags 2 are enough; the page knows what each target needs
+    return parse_size(text, least=1)  # 2 suffice for tags; the page checks each target's minimum
 
 
 def board(
@@ -135,9 +135,9 @@ def board(
 ) -> None:
     """Write a board to print, as PDF or SVG, at true scale.
 
-    Print it at 100 % ("actual size"), measure the ruler at its foot, and glue it on something flat. Of a plain checkerboard
-    take one odd and one even number (9x6, not 8x6): then the board looks different when it is turned by half, and it is
-    always known which corner is the first.
+    Print it at 100 % ("actual size"), measure the ruler at its foot, and glue it on something flat. Of a plain
+    checkerboard take one odd and one even number (9x6, not 8x6): then the board looks different when it is turned by
+    half, and it is always known which corner is the first.
     """
     ending = output.suffix.lower()
     if ending not in (".pdf", ".svg"):
@@ -172,7 +172,7 @@ def _present(size: GridSize | None) -> GridSize:
 
 
 def _read(which: str, spacing: Length | None) -> tuple[Print, Length | None]:
-    """The target of --target, and its spacing: --spacing, or what its file says."""
+    """The target of --target, and its spacing: --spacing, or that given in its file."""
     from rcdn.targets.specification import FORMS, read_specification
     from rcdn.types import Printed, PuzzleBoard
 
@@ -196,7 +196,7 @@ def _check_size(columns: int, rows: int) -> None:
 
 
 def _note(target: Print) -> str | None:
-    """What to know about a target whose corners could be taken for others."""
+    """A note on a target whose corners can't be identified uniquely, or None."""
     from rcdn.report.target import orientation_note
     from rcdn.targets.specification import specification
     from rcdn.types import AprilGrid, Charuco, Checkerboard
@@ -240,7 +240,7 @@ def _write(target: Print, spacing: Length, paper: Paper, output: Path, yaml: Pat
 
 
 def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Print:
-    """What is to be printed. Raises ConfigError for options that belong to other patterns, and for values that can't be."""
+    """The target to print. Raises ConfigError for options of other patterns, and for invalid values."""
     from rcdn.targets.specification import whole
     from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, PuzzlePart
 
@@ -257,7 +257,8 @@ def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Pri
         return PuzzlePart(*size, *(whole(text, "--first") for text in at))
     first = whole(given.get("first", "0"), "--first")
     if pattern is Printable.charuco:
-        legacy = given.get("legacy", False) and size.rows % 2 == 0  # with an odd number of rows both are one
+        # with an odd number of rows the legacy layout is the same as the current one
+        legacy = given.get("legacy", False) and size.rows % 2 == 0
         name = _dictionary(given.get("dictionary"), first + (size.cols * size.rows + 1) // 2)
         return Charuco(*size, name, given.get("marker", 0.75), first, legacy, given.get("inverted", False))
     if pattern is Printable.aprilgrid:
@@ -269,7 +270,7 @@ def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Pri
 
 
 def _dictionary(name: str | None, markers: int) -> str:
-    """The dictionary that was asked for, or the shortest of 4 × 4 bits that has so many `markers`."""
+    """The requested dictionary, or the smallest one of 4 × 4 bits with at least that number of `markers`."""
     from rcdn.targets.dictionaries import dictionary_name
 
     if name is not None:

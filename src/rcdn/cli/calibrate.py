@@ -94,11 +94,12 @@ def calibrate(
     Any board will do, nobody has to say its size; partial boards and several boards a picture count, too. Corners and
     views that disagree with the others are left out and named. What was found in a picture is kept for the next run.
 
-    The first line is the verdict: good (use it), fair (with care), unsure (something that the numbers can't vouch for) or bad (don't
-    use it), with the gravest reason. What the views can't settle is said there, and the camera is written then only with --force.
+    The first line is the verdict: good (use it), fair (with care), unsure (something that the numbers can't vouch for)
+    or bad (don't use it), with the gravest reason. What the views can't settle is said there, and the camera is written
+    then only with --force.
 
-    Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of --fail-on, 2 for wrong
-    use, 130 after Ctrl-C.
+    Exit code: 0 if a camera was found, 1 if not, if it wasn't written, if a file failed or if the verdict is one of
+    --fail-on, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.batch.camera_files import refusal
     from rcdn.calibration.frames import LOOKS
@@ -106,7 +107,7 @@ def calibrate(
 
     talk.begin(quiet, [json, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
-    check_spacing(length, {"checker": board})  # before the work
+    check_spacing(length, {"checker": board})  # before the computation
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
     fix = frozenset(name for name, fixed in held.items() if fixed)
     if rig:
@@ -161,7 +162,7 @@ def calibrate(
 
 
 def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
-    """Raise ConfigError unless there are two `inputs`, and none of the options that are for one camera (`alone`)."""
+    """Raise ConfigError unless there are two `inputs`, and no option for a single camera (`alone`) is given."""
     if len(inputs) != 2:
         raise ConfigError(
             f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
@@ -175,7 +176,7 @@ def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
 
 
 def _check_rig(other: dict[str, object]) -> None:
-    """Raise ConfigError if an option was given that isn't for a rig."""
+    """Raise ConfigError if an option was given that doesn't apply to a rig."""
     for name, given in other.items():
         if given:
             raise ConfigError(f"{name} doesn't go with --rig; leave it out")

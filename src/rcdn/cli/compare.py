@@ -1,4 +1,4 @@
-"""`rcdn compare`: how far two cameras differ, px over the frame."""
+"""`rcdn compare`: the difference of two cameras over the frame, px."""
 
 from __future__ import annotations
 
@@ -62,8 +62,9 @@ def compare(
 ) -> None:
     """Compare two cameras: where B sees what A sees, px, after the rotation that brings them together best.
 
-    Parameters alone don't tell: a shift of the principal point is nearly a rotation of the camera. If both files are calibrations
-    (`rcdn calibrate --json`), the difference is set against what both state, and said to be within it or not.
+    Parameters alone don't tell: a shift of the principal point is nearly a rotation of the camera. If both files are
+    calibrations (`rcdn calibrate --json`), the difference is set against what both state, and said to be within it or
+    not.
 
     Exit code: 0 if they were compared, 1 if not, 2 for wrong use.
     """
@@ -110,7 +111,7 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
 
 
 def lines(found: Comparison, first: str, second: str) -> list[str]:
-    """What is printed: the two cameras, the figures, and whether they agree."""
+    """The printed lines: the two cameras, the figures, and whether the cameras agree."""
     from rcdn.report.calibration.comparison import area_of, figures, judgement
     from rcdn.terminal.group import one_line
 
@@ -158,7 +159,7 @@ def _record(found: Comparison, first: Path, second: Path) -> dict[str, Any]:
 
 
 def _rounded(values: Array) -> Any:
-    """To a millionth: more digits mean nothing here."""
+    """Rounded to a millionth: further digits aren't significant."""
     from rcdn.io.fields import nullable
 
     return nullable(values.round(6))

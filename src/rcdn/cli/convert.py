@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from rcdn.types import Camera
 
 EXACT = 0.01
-"""px: a lens that is fitted so closely counts as held"""
+"""largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
 
 
 class To(StrEnum):
-    """Formats of files: of cameras, and `vnl` of detections; `json` is of both."""
+    """File formats: `vnl` is for detections, `json` for detections and cameras, the others for cameras."""
 
     opencv = "opencv"
     ros = "ros"
@@ -85,9 +85,11 @@ def convert(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Convert camera files, or files of detections, from one format into another; which ones, their content and OUT's name say.
+    """Convert camera files, or files of detections, from one format into another; which ones, their content and OUT's
+    name say.
 
-    Every digit is kept. What a format can't hold is refused, or said; of a splined lens the nearest that OUT can hold is written with --lossy.
+    Every digit is kept. What a format can't hold is refused, or said; of a splined lens the nearest that OUT can hold
+    is written with --lossy.
 
     Exit code: 0 if it was written, 1 if not, 2 for wrong use.
     """
@@ -112,7 +114,8 @@ def convert(
 
 
 def _holds_detections(path: Path) -> bool:
-    """Whether a file holds detections, by its first lines; what can't be read holds none, and its reader says why."""
+    """Whether a file contains detections, judged by its first lines; False if it can't be read: its reader reports the
+    reason."""
     from rcdn.io.files import is_special
 
     if is_special(path):
@@ -163,7 +166,7 @@ def _is_json(path: Path) -> bool:
 
 
 def _check_squares(path: Path, images: Sequence[ImageResult]) -> None:
-    """Raise FormatError for boards whose corners aren't those of one grid of squares."""
+    """Raise FormatError for boards whose corners don't form a single grid of squares."""
     for image in images:
         for board in image.boards:
             if board.pattern != "checker":
@@ -173,7 +176,7 @@ def _check_squares(path: Path, images: Sequence[ImageResult]) -> None:
 
 
 def _left_out(images: Sequence[ImageResult], size: tuple[int, int] | None, failed: int) -> list[str]:
-    """Sentences on what a corners.vnl of a board of `size` doesn't hold of detections."""
+    """Sentences on the parts of detections that a corners.vnl of a board of `size` can't represent."""
     fitting = [sum(size is not None and b.grid_of(size) is not None for b in image.boards) for image in images]
     boards = sum(len(image.boards) for image in images) - sum(n > 0 for n in fitting)
     loose = sum(len(image.corners) - sum(map(len, image.boards)) for image in images)
@@ -239,7 +242,7 @@ def _pair(inputs: Sequence[Path]) -> StereoCameras:
 
 
 def _check_loss(out: Path, cameras: dict[str, Camera], format: CameraFormat | None, lossy: bool) -> None:
-    """Raise FormatError if the format of `out` holds only another lens, and that isn't asked for."""
+    """Raise FormatError if the format of `out` can only approximate the lens, and that wasn't requested."""
     from rcdn.io import lens_fit
 
     if lossy or (format is None and out.suffix.lower() == ".npz"):

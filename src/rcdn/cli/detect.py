@@ -1,4 +1,4 @@
-"""`rcdn detect`: corners and boards of many pictures, to JSON, corners.vnl and pictures to look at."""
+"""`rcdn detect`: corners and boards of many pictures, written as JSON, corners.vnl and overlays."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Preset(StrEnum):
 
 
 class Engine(StrEnum):
-    """Where the processes are."""
+    """Where the worker processes run."""
 
     local = "local"
     ray = "ray"
@@ -53,7 +53,8 @@ class Device(StrEnum):
 
 @dataclass
 class _Run:
-    """What has been done so far, in the order of the inputs, what ended it early, and how many overlays could not be written."""
+    """The state of a run: the outcomes so far in the order of the inputs, the reason for an early end, and the number
+    of overlays that could not be written."""
 
     tally: summary.Tally
     outputs: Outputs
@@ -152,7 +153,7 @@ def detect(
     _check_pattern(pattern, board, vnl)
     reads = (
         {} if target is DEFAULT else {"target": target.reads}
-    )  # the preset `paper` reads no codes unless it is told to
+    )  # the preset `paper` decodes no codes unless requested
     config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value, **reads)
     team = _team(engine, address, jobs, paths)
     with closing(Outputs(json, vnl, board)) as outputs:
@@ -171,7 +172,8 @@ _make_detector = make_detector
 
 @dataclass(frozen=True)
 class _Team:
-    """Who computes: `jobs` processes, or this one alone. `compute` is `rcdn.batch.pool.compute`, or the like elsewhere."""
+    """The workers: `jobs` processes, or this process alone. `compute` is `rcdn.batch.pool.compute`, or a function with
+    the same interface for another engine."""
 
     jobs: int
     alone: bool
@@ -203,13 +205,13 @@ def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path])
 
 
 def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, paths: Sequence[Path]) -> None:
-    """Raise before the work what would spoil it afterwards."""
+    """Raise before the computation the errors that would prevent writing afterwards."""
     check_file("--json", json, paths)
     check_file("--vnl", vnl, paths)
     if json is not None and vnl is not None and json.absolute() == vnl.absolute():
         raise ConfigError(f"--json and --vnl are both {json}; give two names")
     if vnl is not None:
-        for path in map(str, paths):  # the rule of mrcal's format, which write_vnl keeps to
+        for path in map(str, paths):  # the rule of mrcal's format, as in write_vnl
             if not path.isascii() or any(c.isspace() or not c.isprintable() for c in path) or path.startswith("#"):
                 raise ConfigError(f"--vnl: mrcal can't read the path {path!r} (spaces, non-ASCII, #); rename it")
     if overlay is not None:
@@ -219,7 +221,7 @@ def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, pa
 
 
 def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | None) -> None:
-    """Raise for what has no meaning for triangles."""
+    """Raise for options that don't apply to a board of triangles."""
     if pattern is PatternName.deltille and board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
     if pattern is PatternName.deltille and vnl is not None:
@@ -227,7 +229,7 @@ def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | Non
 
 
 def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overlay: Path | None) -> None:
-    """Fill `run`. An interrupt, or a disk that takes no more, ends it early but loses nothing."""
+    """Process all pictures and fill `run`. An interrupt, or a full disk, ends the run early but loses no results."""
     names = OverlayNames(paths) if overlay is not None else None
     try:
         with (
@@ -245,7 +247,7 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overl
                         bar.warn(summary.warning_text(outcome.path, outcome.warnings))
                 if done.unwritten is not None:
                     run.undrawn += 1
-                    if run.undrawn == 1:  # the others are counted: a full disk would give a line for each picture
+                    if run.undrawn == 1:  # only the first: a full disk would give one line per picture
                         bar.say(str(done.unwritten))
     except KeyboardInterrupt as stopped:
         run.stopped = stopped
@@ -258,14 +260,15 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overl
 
 
 def _placed(picture: Picture, folder: Path | None, names: OverlayNames | None) -> Picture:
-    """`picture` with the file for its overlay: chosen here, in the order of the inputs, whoever draws it."""
+    """`picture` with the file name for its overlay, assigned here in the order of the inputs, whichever worker draws
+    it."""
     if folder is None or names is None:
         return picture
     return replace(picture, overlay=folder / names.take(picture.name))
 
 
 def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
-    """Say what went wrong outside the pictures, and set the exit code."""
+    """Report errors that don't concern single pictures, and set the exit code."""
     for failure in failures:
         say_error(str(failure))
     if run.undrawn > 1:

@@ -1,4 +1,4 @@
-"""`rcdn export`: trained weights as an ONNX file that `rcdn detect` can use."""
+"""`rcdn export`: trained weights as an ONNX file for `rcdn detect`."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ def export(
 ) -> None:
     """Write a trained network as ONNX, with its provenance as JSON beside it.
 
-    Before anything is written, ONNX Runtime must give the same responses as torch, within 1e-4, on a rendered picture. The cell network, which
-    runs in whole numbers of 8 bits, also gets a .npz file of these, once they answer as the network does on 100 pictures of the
-    validation set. Of an exported .onnx file only that is made anew. Needs: pip install 'rcdn[train]'.
+    Before anything is written, ONNX Runtime must give the same responses as torch, within 1e-4, on a rendered picture.
+    The cell network, which runs in whole numbers of 8 bits, also gets a .npz file of these, once they answer as the
+    network does on 100 pictures of the validation set. Of an exported .onnx file only that is made anew. Needs: pip
+    install 'rcdn[train]'.
     """
     if run.is_file():
         if output is not None:
@@ -51,7 +52,7 @@ def export(
 
 
 def _echo_quantised(figures: dict[str, Any]) -> None:
-    """What the 8 bits change."""
+    """Print the effect of quantisation to 8 bits."""
     from rcdn.training.quantise import BOUNDS
 
     for name, most in BOUNDS.items():

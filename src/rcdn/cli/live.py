@@ -1,4 +1,4 @@
-"""`rcdn live`: a page on this machine that guides somebody through calibrating a camera."""
+"""`rcdn live`: a local page that guides the user through calibrating a camera."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SquareSide = Annotated[
     ),
 ]
 TARGET = 0.1
-"""px of worst projection uncertainty that is enough"""
+"""largest projection uncertainty that is sufficient, px"""
 
 
 def live(
@@ -77,9 +77,10 @@ def live(
 ) -> None:
     """Calibrate a camera with a page that says where to hold the board, and takes the pictures by itself.
 
-    The page is for this machine only, and its address holds a secret. Pictures go to FOLDER and nowhere else: each one that is taken is
-    there at once, and after a pause, or a crash, the same command goes on. At the end FOLDER holds the camera (OpenCV, ROS, JSON), the
-    pictures and the report. One camera only: for two side by side take pictures, and run `rcdn calibrate --stereo`.
+    The page is for this machine only, and its address holds a secret. Pictures go to FOLDER and nowhere else: each one
+    that is taken is there at once, and after a pause, or a crash, the same command goes on. At the end FOLDER holds the
+    camera (OpenCV, ROS, JSON), the pictures and the report. One camera only: for two side by side take pictures, and
+    run `rcdn calibrate --stereo`.
 
     Exit code: 1 if the page can't be served, 2 for wrong use, 130 after Ctrl-C, which ends it.
     """
@@ -109,7 +110,7 @@ def live(
 
 
 def _length(spacing: Length | Lengths | None, target: Told) -> float | None:
-    """The side of a square, m; None if the page is to ask for it."""
+    """The side of a square, m; None if the page should ask for it."""
     if spacing is None and target.spacing is None:
         return None
     length = target.length(spacing)
@@ -133,7 +134,7 @@ def _place(folder: Path, host: str, port: int, tls: tuple[Path | None, Path | No
 
 
 def _tools(settings: Settings, target: Told, enough: float) -> Tools:
-    """What finds boards, guides, and writes the camera."""
+    """The functions for detection, guidance, and writing the camera."""
     from rcdn.batch.live_files import write_camera_files
     from rcdn.calibration.guidance import Guide
     from rcdn.config import DetectorConfig
@@ -157,7 +158,7 @@ def _tools(settings: Settings, target: Told, enough: float) -> Tools:
 
 
 def _opened(address: str, place: Place, open_page: bool) -> None:
-    """Say where the page is, and open it."""
+    """Print the address of the page, and open it."""
     import webbrowser
 
     from rcdn.live.certificate import fingerprint

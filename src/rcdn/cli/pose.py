@@ -1,4 +1,4 @@
-"""`rcdn pose`: where boards stand before a known camera."""
+"""`rcdn pose`: poses of boards relative to a calibrated camera."""
 
 from __future__ import annotations
 
@@ -64,13 +64,15 @@ def pose(
     no_cache: NoCache = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find where boards stand: a line for each, its corner (0, 0) in metres from the camera (x right, y down, z forward).
+    """Find where boards stand: a line for each, its corner (0, 0) in metres from the camera (x right, y down, z
+    forward).
 
     Where a picture allows two poses, it says so. The JSON has T_cam_board and the covariance of a small motion after it
-    (rotation vector, rad, in camera axes; then metres). A board whose codes were read is placed by the origin of its target's own
-    tools, and has T_cam_target, too.
+    (rotation vector, rad, in camera axes; then metres). A board whose codes were read is placed by the origin of its
+    target's own tools, and has T_cam_target, too.
 
-    With --rig there is a line for each moment: the board's place in the rig's frame by all cameras that see it, and who they are.
+    With --rig there is a line for each moment: the board's place in the rig's frame by all cameras that see it, and who
+    they are.
 
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """

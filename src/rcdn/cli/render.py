@@ -1,4 +1,4 @@
-"""`rcdn render`: pictures of checkerboards with exact truth."""
+"""`rcdn render`: synthetic pictures of checkerboards with exact ground truth."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class FrameSize(NamedTuple):
-    """(width, height), px. Not a bare tuple: Typer would read two words for that."""
+    """(width, height), px. A class, since Typer would parse two arguments for a tuple."""
 
     width: int
     height: int
 
 
 class Difficulty(StrEnum):
-    """Ranges that scenes are drawn from."""
+    """Ranges of parameters from which scenes are drawn."""
 
     ordinary = "ordinary"
     hard = "hard"
@@ -86,9 +86,9 @@ def render(
         images[f"{name}.png"] = _image_truth(boards)
         sizes |= {(b.cols, b.rows) for b in item.boards}
     board = list(sizes.pop()) if len(sizes) == 1 else None
-    if board is None:  # labels are judged against one size of board
+    if board is None:  # labels are scored against a single board size
         images = {name: values | {"ordered": False} for name, values in images.items()}
-    # one image a line
+    # one image per line
     lines = ",\n".join(f"{_dump(name)}: {_dump(values)}" for name, values in images.items())
     head = f'{_dump(output.resolve().name)}: {{"board": {_dump(board)}, "exhaustive": true, "images": {{'
     write_text(output / "truth.json", f"{{{head}\n{lines}\n}}}}}}\n")
@@ -97,7 +97,8 @@ def render(
 
 
 def _random(count: int, seed: int, ranges: Difficulty | None, size: FrameSize) -> Iterator[Scene]:
-    """Scene k depends on `seed` and k, not on `count`. Without `ranges` all are of one board and one camera."""
+    """`count` random scenes; scene k depends on `seed` and k only. Without `ranges` all have the same board and
+    camera."""
     import numpy as np
 
     from rcdn.synthetic import PRESETS, camera_view, random_scene
@@ -137,7 +138,7 @@ def _scene_json(scene: Scene, boards: list[BoardTruth]) -> str:
     truths = [
         {
             "ij": b.ij.tolist(),
-            "xy": [point if all(map(isfinite, point)) else None for point in b.xy.tolist()],  # out of the lens' sight
+            "xy": [point if all(map(isfinite, point)) else None for point in b.xy.tolist()],  # None: not seen
             "visible": b.visible.tolist(),
             "ignore": b.ignore.tolist(),
         }
@@ -147,7 +148,8 @@ def _scene_json(scene: Scene, boards: list[BoardTruth]) -> str:
 
 
 def _image_truth(boards: list[BoardTruth]) -> dict[str, Any]:
-    """Corners to be found, and spots where nothing is demanded; `xy` None if there is nothing but such spots."""
+    """Ground truth of a picture: corners to be detected, and positions at which detections aren't scored; `xy` is None
+    if there are only such positions."""
     xy = [point for b in boards for point in b.xy[b.visible].tolist()]
     ignore = [point for b in boards for point in b.xy[b.ignore].tolist()]
     ordered = len(boards) == 1 and bool(boards[0].visible.all())

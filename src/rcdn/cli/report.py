@@ -1,4 +1,4 @@
-"""`rcdn report`: the page of a calibration that was saved."""
+"""`rcdn report`: the report of a saved calibration."""
 
 from __future__ import annotations
 

@@ -44,9 +44,9 @@ def train(
 ) -> None:
     """Train networks and keep the weights, log and TensorBoard events of each in RUNS/NAME.
 
-    NAME is the configuration's, or the name of its file; a network that grows from another one (`teacher`) comes after it.
-    A run that was stopped goes on where it was: run the same command again. Relative folders in the configuration start at the
-    current directory. Needs: pip install 'rcdn[train]'.
+    NAME is the configuration's, or the name of its file; a network that grows from another one (`teacher`) comes after
+    it. A run that was stopped goes on where it was: run the same command again. Relative folders in the configuration
+    start at the current directory. Needs: pip install 'rcdn[train]'.
     """
     chosen = [_settings(path, backgrounds, steps, seed) for path in config]
     import torch
@@ -63,7 +63,7 @@ def train(
 
 
 def _settings(path: Path, backgrounds: str | None, steps: int | None, seed: int | None) -> Any:
-    """The configuration with what the command line says otherwise."""
+    """The configuration, overridden by the options of the command line."""
     from rcdn.training.config import read_config
 
     config = read_config(path)

@@ -1,4 +1,4 @@
-"""`rcdn undistort`: pictures of a calibrated camera as one without distortion would have taken them."""
+"""`rcdn undistort`: pictures of a calibrated camera, resampled to those of a camera without distortion."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from rcdn.types import Camera
 
 CAMERA_FILE = "undistorted-camera.yaml"
-"""beside the pictures: the camera that they are of"""
+"""file of the undistorted camera, written to the folder of the pictures"""
 
 
 @dataclass
 class _Run:
-    """What has been done: pictures written, failures told, and whether Ctrl-C ended it."""
+    """The state of a run: pictures written, failures reported, and whether Ctrl-C ended it."""
 
     written: int = 0
     failed: int = 0
@@ -88,8 +88,9 @@ def undistort(
 ) -> None:
     """Undistort pictures: straight lines become straight, as a pinhole camera would have taken them.
 
-    Pictures keep their names, folders, depth and colours; frames of videos become PNG files in a folder of the video's name. Beside them
-    is the camera that they are of now. A picture that can't be read or has another size is reported, and the others go on.
+    Pictures keep their names, folders, depth and colours; frames of videos become PNG files in a folder of the video's
+    name. Beside them is the camera that they are of now. A picture that can't be read or has another size is reported,
+    and the others go on.
 
     Exit code: 0 if all pictures were written, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
@@ -107,7 +108,8 @@ def undistort(
 
 
 def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path], int]:
-    """The files to read, and how many arguments stand for none, each already reported. Raises ConfigError for what `out` would spoil."""
+    """The files to read, and the number of arguments that denote none, each already reported. Raises ConfigError if
+    writing to `out` would overwrite inputs."""
     from rcdn.io import check_writable
 
     paths, errors = expanded(images)
@@ -136,7 +138,7 @@ def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> U
 
 
 def _undistort_all(run: _Run, paths: Sequence[Path], out: Path, make: Undistortion) -> None:
-    """Fill `run`: pictures are read by another thread while this one undistorts and writes."""
+    """Process all pictures and fill `run`: another thread reads them while this one undistorts and writes."""
     try:
         with (
             progress(len(paths)) as bar,
@@ -162,16 +164,16 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
         run.written += 1
     except OutputError as error:
         run.unwritten += 1
-        if run.unwritten == 1:  # the others are counted: a full disk would give a line for each
+        if run.unwritten == 1:  # only the first: a full disk would give one line each
             bar.say(str(error))
-    except Exception as error:  # one bad picture must not take the others with it
+    except Exception as error:  # one bad picture must not stop the others
         run.failed += 1
         text = explain(error, picture.name)
         bar.say(text if text.startswith(picture.name) else f"{picture.name}: {text}")
 
 
 def _finish(run: _Run, make: Undistortion, out: Path) -> None:
-    """Say what was done, and set the exit code."""
+    """Print what was done, and set the exit code."""
     width, height = make.flat.image_size
     line = f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}; their camera: {out / CAMERA_FILE}"
     if run.unwritten > 1:

@@ -1,4 +1,5 @@
-"""Files in and out: pictures and videos, detections as JSON, corners.vnl, cameras and calibrations. Everything public is here."""
+"""Reading and writing files: pictures and videos, detections as JSON, corners.vnl, cameras and calibrations. All public
+names of the package are exported here."""
 
 from rcdn.io.calibration import read_calibration, read_calibrations, read_stereo_calibration, write_calibration
 from rcdn.io.cameras import (

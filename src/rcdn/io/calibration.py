@@ -1,4 +1,4 @@
-"""A whole calibration as our JSON, described field by field in docs/formats.md: every digit is kept."""
+"""A complete calibration as rcdn's JSON with all digits; docs/formats.md describes every field."""
 
 from __future__ import annotations
 
@@ -34,30 +34,31 @@ from rcdn.types.target import target_of, target_record
 
 MOST_ID = 10**9
 ROUNDING = 1e-6
-"""of correlations"""
+"""tolerance for rounding errors of correlations"""
 _KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
 
 
 def write_calibration(path: str | Path, found: Calibration | StereoCalibration) -> None:
-    """Write a calibration of one camera or of two, one view a line, whole or not at all.
+    """Write a calibration of one camera or of two, one view per line, whole or not at all.
 
-    The same input gives the same bytes. Numbers that nobody knows (NaN) are null. Raises OutputError as `write_text`.
+    The same input gives the same bytes. Unknown numbers (NaN) are written as null. Raises OutputError as `write_text`.
     """
     record = calibration_record(found) if isinstance(found, Calibration) else _stereo_record(found)
     write_text(path, ours.to_text(_KINDS[type(found)], record))
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read what `write_calibration` wrote of one camera: equal in every number.
+    """Read the calibration of one camera from a file of `write_calibration`: equal in every number.
 
-    Unknown fields, and those that follow from others (rms, held_out, std), are passed over. Raises FormatError, naming the file
-    and the field, if it can't be read, isn't JSON, is of another version or kind, or doesn't have the form of docs/formats.md.
+    Unknown fields, and those that follow from others (rms, held_out, std), are ignored. Raises FormatError, naming the
+    file and the field, if the file can't be read, isn't JSON, is of another version or kind, or doesn't have the
+    structure of docs/formats.md.
     """
     return _calibration(_load(path, "calibration"), str(path))
 
 
 def read_stereo_calibration(path: str | Path) -> StereoCalibration:
-    """Read what `write_calibration` wrote of two cameras; as `read_calibration`."""
+    """Read the calibration of two cameras from a file of `write_calibration`; as `read_calibration`."""
     data, where = _load(path, "stereo calibration"), str(path)
     left, right = (_calibration(take(data, side, dict, where), f"{where}: {side}") for side in ("left", "right"))
     T = rigid(data, "T_right_left", where)
@@ -70,8 +71,8 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
 
 
 def read_calibrations(path: str | Path) -> dict[str, Calibration]:
-    """The calibrations of a file by name: `camera`, or `left` and `right` of a pair; none if `path` is no calibration of ours, but a camera
-    file of whatever format. Raises FormatError as `read_calibration`."""
+    """The calibrations in a file by name: `camera`, or `left` and `right` of a pair; none if `path` isn't a calibration
+    of rcdn, but a camera file of any format. Raises FormatError as `read_calibration`."""
     text = read_text(path)
     kind = next((k for k in _KINDS.values() if f'"kind": "{k}"' in text[:200]), None)
     if kind is None:
@@ -150,7 +151,8 @@ def _view_record(view: BoardView) -> dict[str, Any]:
 
 
 def _print_record(view: BoardView) -> dict[str, Any]:
-    """What a view's board is printed on: its plane, its side, and, if its codes were read, its target and the corners' numbers."""
+    """The fields of a view that describe the printed board: its plane, the side of its squares and, if its codes were
+    read, its target and the corners' ids."""
     record: dict[str, Any] = {}
     if view.plane is not None:
         record |= {"pattern": view.plane.pattern, "gap": view.plane.gap}
@@ -215,7 +217,8 @@ def _covariance(data: Any, where: str, many: int) -> Array:
 
 
 def _is_positive(cov: Real[Array, "p p"]) -> bool:
-    """Is `cov` (P, P) a covariance within rounding: are its correlations symmetric, and their eigenvalues not negative?"""
+    """Whether `cov` (P, P) is a covariance up to rounding: its correlation matrix is symmetric and has no negative
+    eigenvalue."""
     size = np.sqrt(np.diag(cov))
     size[size == 0] = 1
     with np.errstate(all="ignore"):
@@ -235,7 +238,7 @@ def _shape(data: Any, where: str) -> BoardShape | None:
 
 
 def _verdict(data: dict[str, Any], where: str) -> Verdict | None:
-    """None where the file has none: it was written before calibrations were judged."""
+    """The verdict; None if the file has none: it was written before calibrations had verdicts."""
     if data.get("verdict") is None:
         return None
     reasons = take(data, "reasons", list, where)
@@ -282,7 +285,8 @@ def _view(record: Any, where: str) -> BoardView:
 
 
 def _target(record: Any, where: str) -> Target | None:
-    """None where there is none: the board is plain, or the file was written before boards had codes."""
+    """The target; None if there is none: the board is plain, or the file was written before coded boards were
+    supported."""
     if record.get("target") is None:
         return None
     try:
@@ -292,7 +296,7 @@ def _target(record: Any, where: str) -> Target | None:
 
 
 def _print(record: Any, where: str) -> dict[str, Any]:
-    """The fields of a view that say what its board is printed on."""
+    """The arguments of a BoardView that describe the printed board: target, ids, plane, spacing."""
     target = _target(record, where)
     ids = None
     if target is not None:
@@ -314,7 +318,7 @@ def _score(record: Any, where: str) -> ModelScore:
 
 
 def _known(record: Any, key: str, where: str) -> float:
-    """A number, NaN if it is null; the field must be there."""
+    """A number, NaN if it is null; the field must be present."""
     if not isinstance(record, dict) or key not in record:
         raise FormatError(f"{where}: {key!r} must be a number or null")
     return float(numbers({key: [record[key]]}, key, where, shape=(1,))[0])

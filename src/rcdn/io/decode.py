@@ -1,4 +1,5 @@
-"""Picture files to pixels: what is too large, cut short or damaged is refused before, or instead of, filling in what is missing."""
+"""Decoding picture files: files that are too large, truncated or damaged raise an error, rather than being decoded with
+missing parts filled in."""
 
 from __future__ import annotations
 
@@ -22,10 +23,10 @@ _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n"
 
 
 def decode(data: bytes, path: str | Path) -> Array:
-    """The pixels (H, W), (H, W, 1) or (H, W, 3) BGR of a picture file, any depth. `path` is what errors call it.
+    """The pixels (H, W), (H, W, 1) or (H, W, 3) BGR of a picture file, any depth. `path` is its name in error messages.
 
-    Raises ImageError: no picture, or of a format that isn't read; over the limit on pixels; cut short; damaged, as far as it shows
-    (docs/decisions/0025-damaged-pictures.md).
+    Raises ImageError if it is no picture, or of an unsupported format; if it exceeds the limit on pixels; if it is
+    truncated, or damaged as far as that can be detected (docs/decisions/0025-damaged-pictures.md).
     """
     size = headers.picture_size(data)
     _refuse_truncated(data, path)
@@ -74,7 +75,8 @@ def _unreadable(path: str | Path, reason: str) -> ImageError:
 
 
 def _refuse_truncated(data: bytes, path: str | Path) -> None:
-    """Decoders fill the missing part of a JPEG with grey and only warn: that would look like a picture."""
+    """Raise ImageError for a truncated file: decoders only warn and fill the missing part of a JPEG with grey, which
+    would pass for a valid picture."""
     whole = True
     if data.startswith(_JPEG):
         whole = jpeg.is_whole(data)
@@ -85,7 +87,8 @@ def _refuse_truncated(data: bytes, path: str | Path) -> None:
 
 
 def _png_damage(data: bytes) -> str:
-    """Which part of a PNG that can't be decoded has a wrong checksum; "" for what is no PNG."""
+    """The damage of a PNG that can't be decoded: the chunk with a wrong checksum, or pixels that can't be inflated; ""
+    if `data` is no PNG."""
     if not data.startswith(_PNG):
         return ""
     for kind, start, end in _chunks(data):
@@ -95,7 +98,7 @@ def _png_damage(data: bytes) -> str:
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """(kind, start, end) of the contents of a PNG's chunks, as far as they are whole, up to the last one."""
+    """(kind, start, end) of the contents of each complete chunk of a PNG, up to IEND."""
     pos = len(_PNG)
     while pos + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, pos)

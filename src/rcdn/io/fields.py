@@ -1,4 +1,4 @@
-"""Fields of a file that was read, each checked when it is taken: a message names the file, the field and the fix."""
+"""Access to the fields of a parsed file with checks: error messages name the file, the field and the fix."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from rcdn.types.arrays import Real
 from rcdn.types.ranges import LARGEST, SIDE
 
 MOST_BYTES = 1 << 30
-"""of a file: a larger one would take tens of gigabytes of memory"""
+"""largest size of a file: a larger one would take tens of gigabytes of memory"""
 
 _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number", bool: "true or false"}
 
 
 def read_text(path: str | Path) -> str:
-    """The text of `path`, UTF-8 with or without its mark. Raises FormatError if it can't be read or isn't text."""
+    """The text of `path`, UTF-8 with or without a byte order mark. Raises FormatError if it can't be read or isn't
+    text."""
     try:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)
@@ -38,7 +39,8 @@ def read_text(path: str | Path) -> str:
 
 
 def read_json(path: str | Path, text: str, fix: str) -> Any:
-    """The JSON value of `text`, which was read from `path`. Raises FormatError with `fix`; NaN and Infinity are refused."""
+    """The JSON value of `text`, which was read from `path`. Raises FormatError, with the advice `fix`, if it isn't
+    valid JSON or contains NaN or Infinity."""
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
@@ -46,7 +48,8 @@ def read_json(path: str | Path, text: str, fix: str) -> Any:
 
 
 def take(record: Any, key: str, kind: type, where: str) -> Any:
-    """The value of `key`, which must be there and be a `kind`. Raises FormatError that opens with `where`."""
+    """The value of `key`, which must be present and of type `kind`. Raises FormatError with a message that begins with
+    `where`."""
     if not isinstance(record, dict):
         raise FormatError(f"{where} must be an object")
     value = record.get(key)
@@ -64,8 +67,8 @@ def numbers(
     shape: tuple[int, ...] | None = None,
     within: float = LARGEST,
 ) -> Array:
-    """The numbers of a list, null as NaN; those that are finite must be within ±`within`. `shape`: the one that they must have, −1 for any
-    length; else their owner checks it."""
+    """The numbers of a list as an array, null as NaN; finite numbers must be within ±`within`. `shape`: the required
+    shape, −1 for any length; None: the caller checks the shape."""
     value = take(record, key, list, where)
     if shape is not None and not _has_shape(value, shape):
         words = " × ".join("any" if n < 0 else str(n) for n in shape)
@@ -82,7 +85,7 @@ def numbers(
 
 
 def number(record: Any, key: str, where: str) -> float:
-    """One finite number within ±LARGEST, text such as 1e-05 counting as one (YAML 1.1 takes it for text)."""
+    """One finite number within ±LARGEST; text such as 1e-05 is accepted as a number (YAML 1.1 parses it as text)."""
     value = record.get(key) if isinstance(record, dict) else None
     try:
         found = float("nan") if value is None or isinstance(value, bool) else float(value)
@@ -102,7 +105,7 @@ def two_whole_numbers(record: Any, key: str, where: str) -> tuple[int, int]:
 
 
 def rigid(record: Any, key: str, where: str) -> Real[Array, "4 4"]:
-    """(4, 4) a rotation and a translation, row by row."""
+    """A rigid transformation (4, 4), stored row by row. Raises FormatError if it isn't rigid."""
     T = numbers(record, key, where, finite=True, shape=(4, 4))
     if not is_rigid(T):
         raise FormatError(f"{where}: {key!r} is no rotation and translation (4 × 4); write or export the file again")
@@ -110,7 +113,7 @@ def rigid(record: Any, key: str, where: str) -> Real[Array, "4 4"]:
 
 
 def is_rigid(T: Array) -> bool:
-    """Is T (4, 4) finite, a rotation and a translation, its numbers rounded to five digits or better?"""
+    """Whether T (4, 4) is a finite rigid transformation, allowing for numbers rounded to five digits."""
     R = T[:3, :3]
     if not (np.abs(R) <= 2).all() or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
         return False
@@ -118,7 +121,8 @@ def is_rigid(T: Array) -> bool:
 
 
 def nullable(values: Any) -> Any:
-    """Numbers or an array of them for JSON, every digit kept: NaN is None and an infinity is text, as `numbers` reads them."""
+    """A number or an array of numbers for JSON with all digits: NaN becomes None and an infinity text, as `numbers`
+    reads them."""
     array = np.asarray(values, float)
     if array.ndim and not np.isfinite(array).all():
         return [nullable(v) for v in array]

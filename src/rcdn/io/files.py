@@ -1,4 +1,4 @@
-"""Which endings are pictures' and videos', and writing that leaves either the whole file or what was there before."""
+"""Endings of picture and video files, and atomic writing, which leaves either the whole new file or the old one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", "
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
 
 STDOUT = Path("-")
-"""standard output, where a file to write is asked for (a file of that name is ./-, as an absolute path)"""
+"""standard output in place of an output file (a file of that name can be given as ./- or by its absolute path)"""
 
 Errors = list[tuple[str, str]]
 
@@ -39,10 +39,10 @@ def is_video(path: str | Path) -> bool:
 
 
 def check_writable(path: str | Path) -> None:
-    """Fail early: raise OutputError if a file at `path` surely can't be written; `STDOUT` can.
+    """Raise OutputError early if a file at `path` certainly can't be written; `STDOUT` is always accepted.
 
-    Its folder must exist or be one that can be made, and take new files. Nothing is written or made. (A disk that
-    fills up later is found by the write itself.)
+    Its folder must exist or be possible to create, and be writable. Nothing is written or created. (A disk that fills
+    up later is detected by the write itself.)
     """
     if Path(path) == STDOUT:
         return
@@ -62,17 +62,19 @@ def check_writable(path: str | Path) -> None:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all; missing folders are made.
+    """Write `data` to `path`, whole or not at all; missing folders are created.
 
-    A file without a name (or a temporary one) in the same folder is written, flushed to the disk and then named: a reader sees the old
-    file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes are written directly.
-    Raises OutputError with the reason and a fix; then no temporary file stays and an old file is unchanged.
+    An unnamed (or temporary) file in the same folder is written, flushed to the disk and then renamed: a reader sees
+    the old file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes
+    are written directly. Raises OutputError with the reason and a fix; then no temporary file remains, and an old file
+    is unchanged.
     """
     write_chunks(path, (data,))
 
 
 def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
-    """`write_bytes` of all `chunks`, one after the other: a file that need not fit into memory. To `STDOUT` they go as they come."""
+    """`write_bytes` of the concatenated `chunks`, which need not fit into memory. To `STDOUT` they are written
+    immediately."""
     try:
         if Path(path) == STDOUT:
             sys.stdout.flush()
@@ -92,21 +94,22 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """`write_bytes` of `text` in UTF-8, line ends as they are; of a file's name that isn't text the bytes as \\udc80 to \\udcff."""
+    """`write_bytes` of `text` in UTF-8, with unchanged line ends; undecodable bytes of file names are written as
+    \\udc80 to \\udcff."""
     write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def is_special(path: str | Path) -> bool:
-    """A device or a pipe (/dev/stdout): there's nothing to replace, and renaming over it would destroy it."""
+    """Whether `path` is a device or a pipe (/dev/stdout): renaming a file over it would destroy it."""
     return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
 def is_stream(path: str | Path) -> bool:
-    """Standard output, a device or a pipe: what is written there stays, and follows what was written before."""
+    """Whether `path` is standard output, a device or a pipe, where output is appended and can't be replaced."""
     return Path(path) == STDOUT or is_special(path)
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:
-    """What to tell the user of `path` that can't be written."""
+    """The OutputError for a `path` that can't be written, with a fix."""
     fix = _FIXES.get(error.errno or 0, "choose another place")
     return OutputError(f"{path}: can't be written: {error.strerror or error}; {fix}")

@@ -1,4 +1,4 @@
-"""Which pictures and videos are meant: files, folders with all below them, and patterns, in the order that people count."""
+"""Finding pictures and videos: files, folders (recursively) and patterns, in natural sort order."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from rcdn.io.files import PICTURE_ENDINGS, VIDEO_ENDINGS, Errors, is_special
 from rcdn.io.marks import mark_of
 
 MARKED_ENDINGS = frozenset({".png", ".jpg", ".jpeg"})
-"""of files that may have a mark of ours"""
+"""endings of files that may contain a mark of rcdn"""
 
 LISTED = 3
-"""files in a row that may be what a shell made of a pattern"""
+"""smallest number of consecutive files that are taken for a shell's expansion of a pattern"""
 
 
 @dataclass
 class Found:
-    """`files` in order; `errors`: (path, message) for each path that stands for nothing; `own`: pictures of ours that were passed over."""
+    """`files` in order; `errors`: (path, message) for each path that gives no file; `own`: skipped pictures that rcdn
+    made."""
 
     files: list[Path] = field(default_factory=list)
     errors: Errors = field(default_factory=list)
@@ -36,31 +37,33 @@ class Found:
 
 
 def natural(path: str | Path) -> tuple[tuple[tuple[str | int, ...], ...], tuple[str, ...]]:
-    """A key by which paths are sorted as people count: img2 before img10, folder by folder, and by their characters where that leaves a tie."""
+    """A sort key for the natural order of paths: img2 before img10, folder by folder; ties are broken by characters."""
     parts = Path(path).parts
     return tuple(_counted(part) for part in parts), parts
 
 
 def _counted(name: str) -> tuple[str | int, ...]:
-    """Text and numbers of a name, in turn."""
+    """A name split into text and numbers, alternating."""
     return tuple(int(piece) if k % 2 else piece for k, piece in enumerate(re.split("([0-9]+)", name)))
 
 
 def expand(paths: Iterable[str | Path]) -> tuple[list[Path], Errors]:
-    """The pictures and videos that `paths` stand for, and (path, message) for each that stands for nothing: `find` without what it passed over."""
+    """The pictures and videos that `paths` denote, and (path, message) for each path that denotes none: the result of
+    `find` without the skipped pictures."""
     found = find(paths)
     return found.files, found.errors
 
 
 def find(paths: Iterable[str | Path]) -> Found:
-    """The pictures and videos that `paths` stand for.
+    """The pictures and videos that `paths` denote.
 
-    A file is kept whatever its ending, and so is a pipe: the user named it. A folder gives its pictures and videos by their
-    endings, recursively and sorted by `natural`; hidden files and folders are passed over and links to folders aren't followed. A path that
-    doesn't exist and holds one of `*?[` is a pattern (`**` goes into folders). Folders and patterns give files only: a pipe or a device
-    there, which could block or never end, is an error. They give no drawings of rcdn's, known by their marks, and its undistorted pictures
-    only where there is nothing else. Duplicates go; the order of `paths` stays, but
-    what a shell has listed (three files of a folder or more, by their characters) is sorted by `natural`, too. Never raises on account of a path.
+    A file or pipe that is named itself is kept whatever its ending. A folder gives its pictures and videos by their
+    endings, recursively and sorted by `natural`; hidden files and folders are skipped, and links to folders aren't
+    followed. A path that doesn't exist and contains one of `*?[` is a pattern (`**` matches folders recursively).
+    Folders and patterns give regular files only: a pipe or a device there, which could block or never end, is an error.
+    They give no drawings of rcdn, recognized by their marks, and its undistorted pictures only if there are no others.
+    Duplicates are removed. The order of `paths` is kept, except that a shell's expansion of a pattern (at least three
+    files of one folder, sorted by characters) is sorted by `natural`, too. Never raises because of a path.
     """
     all_ = Found()
     for path in _unlisted([str(path) for path in paths]):
@@ -73,7 +76,7 @@ def find(paths: Iterable[str | Path]) -> Found:
 
 
 def _unlisted(paths: list[str]) -> list[str]:
-    """`paths`, but runs of files that a shell's pattern gave, which sorts by characters, in the order of `natural`."""
+    """`paths` with runs of files that a shell expanded from a pattern, sorted by characters, reordered by `natural`."""
     out: list[str] = []
     for _, run in groupby(paths, os.path.dirname):
         names = list(run)
@@ -137,7 +140,8 @@ def _pictures_in(folder: str) -> Found:
 
 
 def _files_only(paths: list[Path]) -> Found:
-    """Without pipes and devices, and these as errors. (What isn't there at all, a broken link, stays: its reader says why.)"""
+    """`paths` without pipes and devices, which become errors. (A broken link is kept: its reader reports the
+    reason.)"""
     found = Found()
     for path in paths:
         if is_special(path):
@@ -149,7 +153,7 @@ def _files_only(paths: list[Path]) -> Found:
 
 
 def _others(found: Found) -> Found:
-    """Without rcdn's own drawings, and without its undistorted pictures where there are others, too."""
+    """`found` without rcdn's drawings, and without its undistorted pictures if there are other pictures."""
     marks = {p: mark_of(p) if p.suffix.lower() in MARKED_ENDINGS else None for p in found.files}
     mine = {p for p, mark in marks.items() if mark == "rcdn overlay"}
     if None in marks.values():

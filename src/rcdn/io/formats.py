@@ -24,10 +24,10 @@ DECIMALS = 4
 
 @dataclass(frozen=True, eq=False)
 class ImageResult:
-    """What was found in one image. `path` as the user gave it; `width`, `height` px; `boards` of this image; `warnings`: what limits left out, if
-    anything (`Detection.warnings`).
+    """The detections of one image. `path` as the user gave it; `width`, `height` px; `boards` of this image;
+    `warnings`: detections left out because of limits, if any (`Detection.warnings`).
 
-    Raises RcdnError if that isn't a size, or if a board's `image_size` is another one.
+    Raises RcdnError if the width and height aren't a valid size, or if a board has another `image_size`.
     """
 
     path: str
@@ -51,7 +51,7 @@ class ImageResult:
 
 
 def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Sequence[tuple[str, str]] = ()) -> None:
-    """Write detections as JSON (docs/formats.md), one image a line, numbers to 4 decimals; whole or not at all.
+    """Write detections as JSON (docs/formats.md), one image per line, numbers to 4 decimals; whole or not at all.
 
     `errors`: (path, message) of each file that failed. The same input gives the same bytes. Raises FormatError if a
     position isn't finite, OutputError if the file can't be written.
@@ -60,25 +60,26 @@ def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Se
 
 
 def write_lines(path: str | Path, lines: Iterable[str], errors: Iterable[tuple[str, str]] = ()) -> None:
-    """`write_detections` of images whose lines (`image_line`) are there already; they need not fit into memory."""
+    """`write_detections` for images given by their lines (`image_line`), which need not fit into memory."""
     write_chunks(path, (piece.encode("ascii") for piece in _pieces(lines, errors)))
 
 
 def image_line(image: ImageResult) -> str:
-    """What the file holds of one image: a line of JSON, without its end. Raises FormatError if a position isn't finite."""
+    """The record of one image in the file: a line of JSON without its line end. Raises FormatError if a position isn't
+    finite."""
     return _line(_image_record(image))
 
 
 def image_of_line(line: str) -> ImageResult:
-    """The image of an `image_line`, equal but for the rounding."""
+    """The inverse of `image_line`: the image, equal up to rounding."""
     return _image(json.loads(line), "image")
 
 
 def read_detections(path: str | Path) -> tuple[list[ImageResult], list[tuple[str, str]]]:
-    """Read what `write_detections` wrote: (images, errors), equal to what was written but for the rounding.
+    """Read a file of `write_detections`: (images, errors), equal to those written up to rounding.
 
-    Unknown fields are passed over. Raises FormatError, naming the file and the field, if the file can't be read,
-    isn't JSON, is of another version, or doesn't have the form of docs/formats.md.
+    Unknown fields are ignored. Raises FormatError, naming the file and the field, if the file can't be read, isn't
+    JSON, is of another version, or doesn't have the structure of docs/formats.md.
     """
     data = read_json(path, read_text(path), "write it with `rcdn detect --json`")
     version = data.get("version") if isinstance(data, dict) else None
@@ -120,12 +121,12 @@ def _line(record: dict[str, Any]) -> str:
 
 
 def rounded(values: Array) -> Array:
-    """`values` as the files hold them, to 4 decimals."""
+    """`values` rounded to 4 decimals, as they are stored in files."""
     return np.round(np.asarray(values, float), DECIMALS) + 0.0  # + 0.0: no "-0.0"
 
 
 def _optional(values: Array | None) -> list[Any] | None:
-    """Rounded numbers (N,) or (N, 2), None for those that nobody knows."""
+    """Rounded numbers (N,) or (N, 2), with None for unknown ones (NaN)."""
     if values is None:
         return None
     plain: list[Any] = rounded(values).tolist()
@@ -185,7 +186,7 @@ def _board_record(board: Board) -> dict[str, Any]:
 
 
 def _common(record: dict[str, Any], where: str) -> dict[str, Any]:
-    """The fields that corners and boards share. Without a status a corner counts as refined."""
+    """The fields common to corners and boards. A corner without a status is taken to be refined."""
     xy = numbers(record, "xy", where, finite=True, within=POSITION)
     names = take(record, "status", list, where) if "status" in record else ["refined"] * len(xy)
     known = {name: number for number, name in _STATUS.items()}

@@ -1,4 +1,4 @@
-"""What a picture file says of itself in its header: its format and size, before a decoder allocates anything."""
+"""Format and size of a picture file from its header, before a decoder allocates memory."""
 
 from __future__ import annotations
 
@@ -17,20 +17,22 @@ _HDR = re.compile(rb"\n[-+]([XY]) (\d{1,10}) [-+]([XY]) (\d{1,10})\n")
 
 
 def picture_size(data: bytes) -> Size | None:
-    """(width, height) px that the header of a picture claims; None if this is no picture of a format that is read, or its header is broken.
+    """(width, height) px as stated in the header of a picture; None if the format isn't supported, or the header is
+    damaged.
 
-    What a decoder would allocate: of a TIFF or GIF the first page or frame, of an animation its canvas.
+    This is the size that a decoder would allocate: of a TIFF or GIF the first page or frame, of an animation its
+    canvas.
     """
     read = _reader(data)
     try:
         size = read(data) if read else None
-    except (struct.error, IndexError):  # it ends within its header
+    except (struct.error, IndexError):  # the data end within the header
         return None
     return size if size and min(size) > 0 else None
 
 
 def known(head: bytes) -> bool:
-    """Whether a file that begins like that (16 bytes or more) has a format that is read."""
+    """Whether a file that begins with `head` (at least 16 bytes) has a supported format."""
     return _reader(head) is not None
 
 
@@ -99,7 +101,7 @@ def _tiff(data: bytes) -> Size:
 
 
 def _jp2(data: bytes) -> Size | None:
-    """The size that the codestream has: the box before it may say anything."""
+    """The size stated in the codestream; the header box before it may state any other size."""
     for kind, start, _ in _boxes(data):
         if kind == b"jp2c":
             return _codestream(data[start : start + 64])
@@ -107,14 +109,14 @@ def _jp2(data: bytes) -> Size | None:
 
 
 def _codestream(data: bytes) -> Size | None:
-    if data[:4] != b"\xff\x4f\xff\x51":  # start of codestream, and the size right after it
+    if data[:4] != b"\xff\x4f\xff\x51":  # start of codestream (SOC), followed by the size (SIZ)
         return None
     width, height, left, top = struct.unpack_from(">IIII", data, 8)
     return width - left, height - top
 
 
 def _avif(data: bytes) -> Size | None:
-    """The largest of all that the items claim, whichever is decoded."""
+    """The largest of the sizes of all items, whichever of them is decoded."""
     meta = next((data[start:end] for kind, start, end in _boxes(data) if kind == b"meta"), b"")
     sizes = [struct.unpack_from(">II", meta, m.end() + 4) for m in re.finditer(b"ispe", meta)]
     return max(sizes, key=lambda s: s[0] * s[1], default=None)

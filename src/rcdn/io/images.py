@@ -1,4 +1,5 @@
-"""Pictures and videos as grey arrays: one policy, for files and for arrays (docs/conventions.md, "Grey")."""
+"""Pictures and videos as grey arrays, converted in the same way from files and from arrays (docs/conventions.md,
+"Grey")."""
 
 from __future__ import annotations
 
@@ -23,48 +24,52 @@ from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
 _STRETCH_SAMPLES = 1 << 22
-MOST_VALUES = 1 << 31  # of an array, all channels counted
+MOST_VALUES = 1 << 31  # of an array, over all channels
 _LARGEST = 1e30  # sums and differences of larger floats could overflow
-_HEAD = 32  # bytes that say which format it is
+_HEAD = 32  # bytes that determine the format
 _BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
-_PIECE = 1 << 24  # bytes that are read at once
+_PIECE = 1 << 24  # bytes read at once
 
 
 def read_image(path: str | Path) -> Real[Array, "h w"]:
     """Read a picture file as grey (H, W): uint8 from 8-bit files, else float32 in 0..255.
 
-    Pixels as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not composited; of
-    several pages the first. Deeper files are treated as `as_grey` treats their array: 16 bits are stretched.
-    Raises ImageError, naming the path and the fix: not there, a folder, may not be read, empty, truncated, not a
-    picture, damaged (as far as that shows: docs/decisions/0025-damaged-pictures.md), over 250 megapixels (or what the environment
-    variable RCDN_MAX_MEGAPIXELS allows). (A JPEG without its end marker, or a PNG without its last chunk, counts as truncated.) A pipe
-    is read to its end.
+    Pixels are returned as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not
+    composited; of several pages the first is read. Files with more than 8 bits are converted as their array by
+    `as_grey`: 16 bits are stretched. A pipe is read to its end.
+
+    Raises ImageError, naming the path and the fix, if the file doesn't exist, is a folder, may not be read, is empty,
+    truncated (a JPEG without its end marker, or a PNG without its last chunk), not a picture, damaged (as far as that
+    can be detected: docs/decisions/0025-damaged-pictures.md), or over 250 megapixels (or the limit set by the
+    environment variable RCDN_MAX_MEGAPIXELS).
     """
     return as_grey(decode(_read_bytes(path), path), str(path))
 
 
 def read_pixels(path: str | Path) -> Real[Array, "h w"]:
-    """A picture file as it is stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as `read_image`."""
+    """The pixels of a picture file as stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as
+    `read_image`."""
     return _channels(decode(_read_bytes(path), path), str(path))
 
 
 def read_named_image(path: str | Path) -> Array:
-    """`read_image` for a name that stands in a file: files only. A pipe or a device there could block or never end, and is refused."""
+    """`read_image` for a name given in a file. Raises ImageError for a pipe or a device, too, which could block or
+    never end."""
     if is_special(path):
         raise ImageError(f"{path}: a pipe or a device, not a file; check the name")
     return read_image(path)
 
 
 def as_grey(image: Any, name: str = "image") -> Shaped[Array, "h w"]:
-    """An image array as grey (H, W): uint8, or float32 in 0..255. `name` is what errors call it.
+    """An image array as grey (H, W): uint8, or float32 in 0..255. `name` is its name in error messages.
 
-    `image`: (H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA, as cv2.imread gives it; colour → Rec. 601 luma, alpha
-    dropped. By dtype: uint8 stays (without a copy where that's possible); bool → 0 and 255; uint16 is stretched;
-    floats within [0, 1] are scaled by 255, within [0, 255] taken as they are, else stretched; other integers within
-    0..255 become uint8, else are stretched. Stretched: the 0.1 % and 99.9 % percentiles go to 0 and 255, linearly,
-    clipped; a constant image becomes zeros. Above 4 million pixels the percentiles come from a regular subset.
-    Raises ImageError for None, what isn't an array, wrong shapes and dtypes, empty arrays, NaN and infinities.
+    `image`: (H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA, as from cv2.imread; colour → Rec. 601 luma, alpha is
+    dropped. By dtype: uint8 is unchanged (without a copy if possible); bool → 0 and 255; uint16 is stretched; floats
+    within [0, 1] are scaled by 255, within [0, 255] unchanged, else stretched; other integers within 0..255 become
+    uint8, else are stretched. Stretching maps the 0.1 % and 99.9 % percentiles linearly to 0 and 255 and clips; a
+    constant image becomes zeros. Above 4 million pixels the percentiles are computed from a regular subset. Raises
+    ImageError for None, objects that aren't arrays, wrong shapes and dtypes, empty arrays, NaN and infinities.
     """
     grey = _luma(_plain_dtype(_channels(image, name), name))
     if grey.dtype == np.uint8:
@@ -79,33 +84,34 @@ def as_grey(image: Any, name: str = "image") -> Shaped[Array, "h w"]:
 
 
 def grey_of(image: Any) -> Shaped[Array, "h w"]:
-    """A picture as grey (H, W), whatever it comes as: `read_image` of a path; `as_grey` of an array, whose colours are BGR, and of a PIL
-    image, whose colours are RGB, of any mode. Raises ImageError as these do."""
+    """A picture in any form as grey (H, W): `read_image` of a path; `as_grey` of an array with BGR colours, or of a PIL
+    image of any mode with RGB colours. Raises ImageError as these functions do."""
     if isinstance(image, str | os.PathLike):
         return read_image(Path(image))
     return as_grey(_of_pil(image) if _is_pil(image) else image)
 
 
 def _is_pil(image: Any) -> bool:
-    """Whether it's a PIL image; PIL itself is never imported."""
+    """Whether `image` is a PIL image, decided without importing PIL."""
     return isinstance(getattr(image, "mode", None), str) and callable(getattr(image, "convert", None))
 
 
 def _of_pil(image: Any) -> Array:
-    """The pixels of a PIL image as `as_grey` takes them: RGB becomes BGR; a palette, CMYK and the like first become RGB, alpha is dropped."""
+    """The pixels of a PIL image in the layout of `as_grey`: RGB becomes BGR; palette, CMYK and similar modes are first
+    converted to RGB; alpha is dropped."""
     try:
         if image.mode in _GREY_MODES:
             return np.asarray(image)
         return np.asarray(image if image.mode in ("RGB", "RGBA", "RGBX") else image.convert("RGB"))[:, :, 2::-1]
-    except (OSError, ValueError, SyntaxError) as error:  # the file is decoded only now
+    except (OSError, ValueError, SyntaxError) as error:  # PIL decodes the file only now
         raise ImageError(f"image: PIL can't decode it ({error}); save it again") from error
 
 
 def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     """The pictures in a file, as (name, grey): a picture itself, or every frame of a video (`clip.mp4#000012`).
 
-    Frames are numbered from 0, and given as stored (not turned by the video's orientation). Raises ImageError as
-    `read_image` does, and if a video can't be opened or holds no frame. A video that is cut short ends early.
+    Frames are numbered from 0, and returned as stored (not rotated by the video's orientation). Raises ImageError as
+    `read_image` does, and if a video can't be opened or contains no frame. A truncated video ends early.
     """
     if not is_video(path):
         yield str(path), read_image(path)
@@ -115,7 +121,7 @@ def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
 
 
 def colour_frames(path: str | Path) -> Iterator[tuple[str, Array]]:
-    """Every frame of a video as `frames` gives them, but as (H, W, 3) BGR uint8."""
+    """Every frame of a video as (name, frame), like `frames`, but as (H, W, 3) BGR uint8."""
     _open_check(path)
     if not Path(path).is_file():
         raise ImageError(f"{path}: a pipe or device, and videos are read from files only; save it as a file")
@@ -145,10 +151,11 @@ def _video(path: str) -> Iterator[Array]:
 
 
 def write_image(path: str | Path, image: Array, mark: Mark | None = None) -> None:
-    """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16 (TIFF: float32, too), in the format of the path's ending; whole or not at all.
+    """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16 (TIFF: float32, too), in the format of the path's ending;
+    whole or not at all.
 
-    `mark`: what a PNG or JPEG says in a comment, so that it isn't taken for a photograph again. Raises OutputError if the ending is no
-    picture's, the array can't be encoded, or the file can't be written.
+    `mark`: a comment written to a PNG or JPEG, so that it isn't taken for a photograph later. Raises OutputError if the
+    ending isn't that of a picture format, the array can't be encoded, or the file can't be written.
     """
     kinds = [np.uint8, np.uint16] + [np.float32] * (Path(path).suffix.lower() in (".tif", ".tiff"))
     if image.dtype not in kinds or image.size == 0:
@@ -164,14 +171,14 @@ def write_image(path: str | Path, image: Array, mark: Mark | None = None) -> Non
 
 
 def _no_picture(path: str | Path) -> str:
-    """What to do with a file that doesn't begin as a picture does."""
+    """The message for a file that doesn't begin like a picture."""
     if Path(path).suffix.lower() in _BAGS:
         return "a bag of ROS, by its ending, is not read; write the pictures of its topic to a folder first"
     return "not a picture that can be read, or a damaged one; convert it to PNG or JPEG"
 
 
 def _read_bytes(path: str | Path) -> bytes:
-    """The bytes of a picture: of a file, or what comes through a pipe, never more than a picture may have."""
+    """The bytes of a picture from a file or a pipe, up to the limit on a picture's size."""
     _open_check(path)
     try:
         with Path(path).open("rb") as file:
@@ -192,7 +199,7 @@ def _rest(file: BinaryIO, head: bytes, name: str) -> bytes:
     if os.fstat(file.fileno()).st_size > most:
         raise too_many_bytes(name)
     pieces, size = [head], len(head)
-    while piece := file.read(_PIECE):  # a pipe doesn't say how much there will be
+    while piece := file.read(_PIECE):  # the amount of data in a pipe isn't known in advance
         pieces.append(piece)
         size += len(piece)
         if size > most:
@@ -203,7 +210,7 @@ def _rest(file: BinaryIO, head: bytes, name: str) -> bytes:
 def _open_check(path: str | Path) -> None:
     try:
         there, folder = Path(path).exists(), Path(path).is_dir()
-    except (OSError, ValueError) as error:  # a folder that may not be entered, a name with a zero byte
+    except (OSError, ValueError) as error:  # a folder without access, a name with a null byte
         raise ImageError(f"{path}: can't be read ({error}); check the path and its permissions") from error
     if not there:
         raise ImageError(f"{path}: no such file; check the path")
@@ -212,7 +219,7 @@ def _open_check(path: str | Path) -> None:
 
 
 def _channels(image: Any, name: str) -> Array:
-    """`image` as (H, W) or (H, W, 3), or ImageError."""
+    """`image` as (H, W) or (H, W, 3). Raises ImageError if it isn't a valid image."""
     if image is None:
         raise ImageError(f"{name} is None: cv2.imread returns None when it cannot read the file; check the path")
     if isinstance(image, str | Path):
@@ -236,7 +243,7 @@ def _channels(image: Any, name: str) -> Array:
 
 
 def _plain_dtype(image: Array, name: str) -> Array:
-    """`image` as uint8, uint16 or finite float32, contiguous, values unchanged (but True → 255)."""
+    """`image` as uint8, uint16 or finite float32, contiguous, values unchanged (except True → 255)."""
     kind = image.dtype.kind
     if kind not in "buif":
         raise ImageError(f"{name} has dtype {image.dtype}; it must be uint8, uint16, another integer, float or bool")
@@ -244,7 +251,7 @@ def _plain_dtype(image: Array, name: str) -> Array:
     if kind == "b":
         return image.astype(np.uint8) * np.uint8(255)
     if kind == "f":
-        with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite, and is reported as that
+        with np.errstate(over="ignore"):  # values too large for float32 become infinite, and are reported as such
             image = np.ascontiguousarray(image, dtype=np.float32)
         if bad := int(image.size - (np.abs(image) <= _LARGEST).sum()):
             raise ImageError(
@@ -266,13 +273,13 @@ def _luma(image: Array) -> Shaped[Array, "h w"]:
 def _stretch(grey: Array) -> Array:
     step = max(1, int(np.ceil(np.sqrt(grey.size / _STRETCH_SAMPLES))))
     low, high = (float(v) for v in np.percentile(grey[::step, ::step], _STRETCH))
-    if high <= low:  # nearly all pixels are equal: keep what differs
+    if high <= low:  # nearly all pixels are equal: use the full range
         low, high = float(grey.min()), float(grey.max())
     span = np.float32(high - low)
     if span <= 0:
         return np.zeros(grey.shape, np.float32)
     out = grey.astype(np.float32)
-    with np.errstate(over="ignore"):  # a tiny span: what overflows is clipped
+    with np.errstate(over="ignore"):  # the range may be tiny: overflows are clipped
         out -= np.float32(low)
         out /= span
         out *= np.float32(255)

@@ -1,6 +1,6 @@
-"""JPEGs by a decoder that reports damaged picture data (simplejpeg, libjpeg-turbo); OpenCV's fills it in and goes on.
+"""Decoding JPEGs with a decoder that reports damaged data (simplejpeg, libjpeg-turbo); OpenCV's conceals the damage.
 
-Why, and what it sees and doesn't: docs/decisions/0025-damaged-pictures.md.
+Reasons, and what is and isn't detected: docs/decisions/0025-damaged-pictures.md.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from rcdn.types import Array
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _SCAN, _END, _ALONE = 0xDA, 0xD9, 0x01
-# What says how to decode: tables, the frame, restarts, and of the applications' segments those on colour.
+# Segments needed for decoding: tables, the frame, restart intervals, and those application segments that define colour.
 _NEEDED = _FRAMES | {0xC4, 0xCC, 0xDB, 0xDC, 0xDD, _SCAN, 0xE0, 0xEE}
 _SPACES = {1: "GRAY", 3: "BGR", 4: "CMYK"}
-# How libjpeg begins what it says of damaged data. Anything else it refuses is of a kind that simplejpeg doesn't take.
+# Prefixes of libjpeg's messages on damaged data. Other errors mean a kind of JPEG that simplejpeg doesn't support.
 _DAMAGE = ("Corrupt JPEG data", "Premature end of JPEG", "Inconsistent progression")
-_MOST_SEGMENTS = 1 << 16  # far beyond what pictures have
+_MOST_SEGMENTS = 1 << 16  # far more than pictures have
 
 
 class DamageError(Exception):
-    """The picture's data are damaged; the text is what the decoder says."""
+    """The picture's data are damaged; the text is the decoder's message."""
 
 
 def segments(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """(marker, start, end) of each segment up to the end marker, that included: `data[start:end]` with the marker, its data skipped by
-    their length, since an embedded thumbnail has markers of its own. What lies between is passed over, as decoders do."""
+    """(marker, start, end) of each segment up to and including the end marker; `data[start:end]` includes the marker.
+
+    Segments are skipped by their length, since an embedded thumbnail has markers of its own. Bytes between segments are
+    ignored, as decoders do."""
     pos = 2
     for _ in range(_MOST_SEGMENTS):
         if (found := _MARKER.search(data, pos)) is None:
@@ -44,12 +46,12 @@ def segments(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def is_whole(data: bytes) -> bool:
-    """True if the end marker is there."""
+    """True if the end marker (EOI) is present."""
     return any(code == _END for code, _, _ in segments(data))
 
 
 def frame(data: bytes) -> tuple[int, int, int] | None:
-    """(width, height, components) as the header says, or None without one."""
+    """(width, height, components) from the frame header, or None if there is none."""
     for code, start, end in segments(data):
         if code in _FRAMES and end - start >= 10 and end <= len(data):
             height, width = (int.from_bytes(data[k : k + 2], "big") for k in (start + 5, start + 7))
@@ -60,8 +62,9 @@ def frame(data: bytes) -> tuple[int, int, int] | None:
 
 
 def decode(data: bytes) -> tuple[Array | None, str]:
-    """The pixels (H, W, 1) or (H, W, 3) BGR of a JPEG, the same as OpenCV's; None and why for kinds that are for OpenCV: CMYK, unusual
-    sampling, more than 8 bits, no picture at all. Raises DamageError where data of the picture are missing or wrong."""
+    """The pixels (H, W, 1) or (H, W, 3) BGR of a JPEG, equal to OpenCV's; or (None, reason) for kinds that are left to
+    OpenCV: CMYK, unusual chroma sampling, more than 8 bits, no picture at all. Raises DamageError if data of the
+    picture are missing or wrong."""
     space = _SPACES.get((frame(data) or (0, 0, 0))[2])
     if space is None:
         return None, "no header that says what it is"
@@ -72,17 +75,18 @@ def decode(data: bytes) -> tuple[Array | None, str]:
         except (ValueError, KeyError) as error:  # KeyError: a sampling that simplejpeg has no name for
             reasons.append(str(error))
         else:
-            return (None, "CMYK") if space == "CMYK" else (pixels, "")  # its conversion differs
+            # CMYK is left to OpenCV, since simplejpeg converts it in another way
+            return (None, "CMYK") if space == "CMYK" else (pixels, "")
     if damage := next((r for r in reversed(reasons) if r.startswith(_DAMAGE)), ""):
         raise DamageError(damage)
     return None, reasons[0]
 
 
 def _tidied(data: bytes) -> bytes:
-    """The same picture without harmless oddities that cameras write, and a strict decoder minds.
+    """The same picture without harmless irregularities that cameras write and a strict decoder rejects.
 
-    Gone are bytes between segments, padding with zeros after a scan, and segments that don't say how to decode; a JFIF version is one that
-    libjpeg knows, and a sequential scan says that it is.
+    Removed are bytes between segments, zero padding after a scan, and segments not needed for decoding; the JFIF
+    version is set to one that libjpeg knows, and the spectral selection of a sequential scan to its standard values.
     """
     parts, sequential = [data[:2]], False
     for code, start, end in segments(data):
@@ -101,8 +105,8 @@ def _tidied(data: bytes) -> bytes:
 
 
 def _scan(data: bytes, start: int) -> bytes:
-    """The entropy-coded data from `start` on, without zeros that fill it up: encoders end it with ones."""
+    """The entropy-coded data from `start` on, without zero padding: valid data end with one bits."""
     found = _MARKER.search(data, start)
     scan = data[start : found.start() if found else len(data)]
     bare = scan.rstrip(b"\0")
-    return bare + b"\0" if bare.endswith(b"\xff") and len(bare) < len(scan) else bare  # FF00 stands for the byte FF
+    return bare + b"\0" if bare.endswith(b"\xff") and len(bare) < len(scan) else bare  # FF00 encodes the byte FF

@@ -1,4 +1,4 @@
-"""Maps that undistort, or rectify, a camera's pictures with cv2.remap, as NumPy's .npz."""
+"""Maps for undistorting or rectifying a camera's pictures with cv2.remap, as NumPy's .npz."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from rcdn.io.files import check_writable, write_bytes
 from rcdn.types import Array, Camera, StereoCalibration
 
 MOST_PIXELS = 1 << 28
-"""of a picture that is undistorted: its maps take 2 GB"""
+"""largest size of a picture with maps, which then take 2 GB"""
 
 
 def write_maps(path: str | Path, camera: Camera) -> None:
-    """Write `map_x` and `map_y` (H, W) float32, px, for `cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR)`, and the `K` (3, 3) of the
-    pinhole camera whose picture that gives, of the same size; whole or not at all. Pixels that the camera didn't see are far outside.
-    Raises OutputError as `write_bytes`.
+    """Write `map_x` and `map_y` (H, W) float32, px, for `cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR)`, and `K`
+    (3, 3) of the pinhole camera of the resulting picture, which has the same size; whole or not at all.
+
+    Pixels that the camera doesn't see are mapped far outside the picture. Raises OutputError as `write_bytes`.
     """
     _check_size(path, camera)
     flat = undistorted_camera(camera)
@@ -28,8 +29,8 @@ def write_maps(path: str | Path, camera: Camera) -> None:
 
 
 def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration) -> list[Path]:
-    """As `write_maps`, of two cameras: `path` with _left and _right, whose maps also rectify, with `R` (3, 3), `P` (3, 4) and `Q` (4, 4) as
-    OpenCV names them beside. Raises FormatError for a pair without rectification."""
+    """As `write_maps`, for two cameras: files `path` with _left and _right, whose maps also rectify; they also contain
+    `R` (3, 3), `P` (3, 4) and `Q` (4, 4) in OpenCV's notation. Raises FormatError for a pair without rectification."""
     found = StereoCameras.of(pair)
     if (turns := found.rectification) is None:
         raise FormatError(f"{path}: this pair has no rectification; calibrate it with `rcdn calibrate --stereo`")

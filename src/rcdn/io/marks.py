@@ -1,4 +1,4 @@
-"""Pictures that rcdn made of others say so in a comment: they are never taken for photographs again."""
+"""Comments that mark pictures derived by rcdn from others, so that they are never taken for photographs."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Literal, get_args
 Mark = Literal["rcdn overlay", "rcdn undistorted"]
 
 _HEAD = 512
-"""bytes in which the comment stands, right after what must come first"""
+"""number of bytes from the beginning within which the comment lies"""
 _PNG, _IHDR_END = b"\x89PNG\r\n\x1a\n", 33
 _SOI, _APP0, _COM = b"\xff\xd8", b"\xff\xe0", b"\xff\xfe"
 
 
 def marked(data: bytes, mark: Mark) -> bytes:
-    """The bytes of a PNG or JPEG with `mark` as its first comment; those of any other file as they are."""
+    """The bytes of a PNG or JPEG with `mark` as its first comment; those of any other file unchanged."""
     text = mark.encode("ascii")
     if data.startswith(_PNG):
         chunk = b"tEXt" + b"Comment\0" + text
@@ -29,7 +29,7 @@ def marked(data: bytes, mark: Mark) -> bytes:
 
 
 def mark_of(path: str | Path) -> Mark | None:
-    """The mark of a file, if it is a PNG or JPEG that has one and can be read; only its first bytes are."""
+    """The mark of a file, or None if it isn't a readable PNG or JPEG with a mark. Only its first bytes are read."""
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD)
@@ -39,13 +39,13 @@ def mark_of(path: str | Path) -> Mark | None:
 
 
 def mark_in(head: bytes) -> Mark | None:
-    """As `mark_of`, of the first bytes of a file."""
+    """As `mark_of`, given the first bytes of a file."""
     text = _first_comment(head)
     return next((mark for mark in get_args(Mark) if text == mark.encode("ascii")), None)
 
 
 def _first_comment(head: bytes) -> bytes:
-    """What stands where `marked` puts it; b"" if that is no comment."""
+    """The comment at the position where `marked` writes it; b"" if there is none."""
     if head.startswith(_PNG) and head[_IHDR_END + 4 : _IHDR_END + 8] == b"tEXt":
         start = _IHDR_END + 8
         return head[start : start + int.from_bytes(head[start - 8 : start - 4], "big")].removeprefix(b"Comment\0")
@@ -55,6 +55,6 @@ def _first_comment(head: bytes) -> bytes:
 
 
 def _jpeg_place(data: bytes) -> int:
-    """Where the first comment of a JPEG stands: after JFIF's segment, which must be first."""
+    """The position of the first comment of a JPEG: after the JFIF segment, which must be first."""
     at = len(_SOI)
     return at + 2 + int.from_bytes(data[at + 2 : at + 4], "big") if data[at : at + 2] == _APP0 else at

@@ -1,4 +1,4 @@
-"""OpenCV's own lines on stderr, held back while we use it: what went wrong is in our error."""
+"""Suppressing OpenCV's messages on stderr during calls: errors are reported by rcdn's exceptions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ _users, _before = 0, 0
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Silence OpenCV's log within the block, and give the program its level back after the last of several threads."""
+    """Silence OpenCV's log within the context; the previous log level is restored when the last of several threads
+    leaves."""
     global _users, _before
     with _lock:
         if _users == 0:

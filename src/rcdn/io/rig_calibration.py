@@ -1,4 +1,4 @@
-"""A calibrated rig as our JSON."""
+"""A calibrated rig as rcdn's JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from rcdn.types import RigCalibration
 
 
 def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
-    """Write a rig with all its views, whole or not at all; the same input gives the same bytes. Raises OutputError as `write_text`."""
+    """Write a rig with all its views, whole or not at all; the same input gives the same bytes. Raises OutputError as
+    `write_text`."""
     rig = found.rig
     places = {name: pose.T_cam_board.tolist() for name, pose in zip(rig.names, rig.poses, strict=True)}
     record = {

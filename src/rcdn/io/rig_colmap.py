@@ -1,7 +1,8 @@
-"""COLMAP's rig_config.json, as its `rig_configurator` and pycolmap read it: one rig, its lenses, and where its sensors stand.
+"""COLMAP's rig_config.json, as read by its `rig_configurator` and by pycolmap: one rig with its lenses and sensor
+poses.
 
-COLMAP takes the size of a camera from its pictures; `width` and `height` are beside it here, which COLMAP passes over, so that the file can be
-read back.
+COLMAP takes the image size of a camera from its pictures. This module adds the fields `width` and `height`, which
+COLMAP ignores, so that the file can be read back.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ TITLE = "COLMAP's rig_config.json"
 
 
 def text(names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array]) -> str:
-    """The file; pictures of a camera lie in the folder of its name, and the first camera is the reference. `places`: T_cam_rig (4, 4)."""
-    from scipy.spatial.transform import Rotation  # which detection must not load
+    """The file's text; pictures of a camera are in the folder of its name, and the first camera is the reference
+    sensor. `places`: T_cam_rig (4, 4) of each camera."""
+    from scipy.spatial.transform import Rotation  # imported late: detection must not load it
 
     first = np.linalg.inv(places[0])
     sensors = []
@@ -45,7 +47,7 @@ def text(names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array
 
 
 def rig_of(data: Any, where: str) -> Rig:
-    """The rig of a file's data. Raises FormatError if there are several, or a camera has no lens, place or size."""
+    """The rig in a file's data. Raises FormatError if there are several rigs, or a camera has no lens, pose or size."""
     if not isinstance(data, list) or len(data) != 1:
         many = len(data) if isinstance(data, list) else 0
         raise FormatError(f"{where}: holds {many} rigs; rcdn reads a rig_config.json of one")

@@ -1,6 +1,7 @@
-"""Files of rigs, written and read (docs/formats.md).
+"""Reading and writing files of rigs (docs/formats.md).
 
-Kalibr's camchain, TOML of aniposelib and caliscope, COLMAP's rig_config.json, one file a camera as OpenCV and ROS have them, and our JSON."""
+Kalibr's camchain, TOML of aniposelib and caliscope, COLMAP's rig_config.json, one file per camera in the formats of
+OpenCV and ROS, and rcdn's JSON."""
 
 from __future__ import annotations
 
@@ -33,17 +34,17 @@ _LENSES: dict[RigFormat, CameraFormat] = {
     "ros": "ros",
     "json": "json",
 }
-"""the format of camera files that holds the same lenses"""
+"""the format of camera files with the same lens models"""
 _HEADS = {"opencv": "---\n"}
-"""after which a file may have comments, where that isn't its beginning"""
+"""text after which comments are inserted, for formats where that isn't the beginning of the file"""
 
 
 def rig_format(path: str | Path, format: str | None = None) -> RigFormat:
-    """The format that a rig is written in at `path`: `format` if it is given, else what the name says.
+    """The format in which a rig is written to `path`: `format` if given, else determined by the file name.
 
-    `.toml` is aniposelib, but caliscope if the name holds `camera_array`; `.json` is ours, but COLMAP's if the name holds `rig_config`; YAML is
-    Kalibr's if the name holds `camchain`, ROS's if it holds `camera_info`, else OpenCV's. Raises FormatError for any other, naming those that hold
-    a rig.
+    `.toml` is aniposelib, or caliscope if the name contains `camera_array`; `.json` is rcdn's, or COLMAP's if the name
+    contains `rig_config`; YAML is Kalibr's if the name contains `camchain`, ROS's if it contains `camera_info`, else
+    OpenCV's. Raises FormatError for any other name, listing the formats that can hold a rig.
     """
     name, ending = Path(path).stem.lower(), Path(path).suffix.lower()
     if format is None and ending == ".toml":
@@ -58,17 +59,20 @@ def rig_format(path: str | Path, format: str | None = None) -> RigFormat:
 
 
 def rig_paths(path: str | Path, names: Sequence[str], format: str | None = None) -> list[Path]:
-    """The files that `write_rig` writes for cameras of these `names`: `path`, or one a camera (OpenCV, ROS), whose name is added to it."""
+    """The files that `write_rig` writes for cameras of these `names`: `path`, or one file per camera (OpenCV, ROS) with
+    the camera's name added to `path`."""
     kind = rig_format(path, format)
     return rig_folder.paths(Path(path), names, kind) if kind in ("opencv", "ros") else [Path(path)]
 
 
 def write_rig(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:
-    """Write the cameras of a rig and where they stand in the format of `rig_format(path, format)`; each of `rig_paths` whole or not at all.
+    """Write the cameras of a rig and their poses in the format of `rig_format(path, format)`; each file of `rig_paths`
+    is written whole or not at all.
 
-    Every digit is kept. A camera with a `correction` is written as it is to json only; for each camera it is returned how far the file's one is
-    off, None if it isn't; the file says so, too, where it may have comments. Names, order and lengths: docs/formats.md. Raises FormatError if the
-    format can't hold a camera's lens, naming the camera; OutputError as `write_text`.
+    All digits are kept. A camera with a `correction` is represented exactly in json only. Returns for each camera the
+    difference between the camera and its representation in the file, None if there is none; it is also written to the
+    file as a comment if the format allows comments. Names, order and units: docs/formats.md. Raises FormatError, naming
+    the camera, if the format can't hold its lens; OutputError as `write_text`.
     """
     kind, files, fits = rig_format(path, format), rig_paths(path, rig.names, format), lens_fits(path, rig, format)
     cameras = [c if f is None else f.held for c, f in zip(rig.cameras, fits, strict=True)]
@@ -84,7 +88,8 @@ def write_rig(path: str | Path, rig: Rig, format: str | None = None) -> list[Len
 
 
 def check_rig(path: str | Path, cameras: Mapping[str, Camera], format: str | None = None) -> None:
-    """Raise FormatError, naming the camera, if the format of `rig_format(path, format)` can't hold a rig of such `cameras`, by name."""
+    """Raise FormatError, naming the camera, if the format of `rig_format(path, format)` can't hold a rig of `cameras`
+    (by name)."""
     kind = rig_format(path, format)
     rig_paths(path, tuple(cameras), format)
     fits = [_fit(path, kind, name, camera) for name, camera in cameras.items()]
@@ -106,11 +111,13 @@ def _texts(kind: RigFormat, rig: Rig, cameras: list[Camera]) -> list[str]:
 
 
 def read_rig(path: str | Path, *others: str | Path) -> Rig:
-    """Read a rig: what `write_rig` or `rcdn calibrate --rig --json` wrote, or Kalibr, aniposelib, caliscope or COLMAP (rig_config.json).
+    """Read a rig from a file of `write_rig`, `rcdn calibrate --rig --json`, Kalibr, aniposelib, caliscope or COLMAP
+    (rig_config.json).
 
-    Of one file a camera (OpenCV; ROS, with that of the transforms): all of them, or the `path` that `write_rig` was given. Names are those of the
-    file; cameras without a place are left out. Poses are as the file has them, so the rig's frame need not be a camera's. Raises FormatError,
-    naming the file, the field and the fix.
+    For formats with one file per camera (OpenCV; ROS, including the file of transforms) give all files, or the `path`
+    that was given to `write_rig`. Names are those in the file; cameras without a pose are left out. Poses are those of
+    the file, so the rig's frame need not be that of a camera. Raises FormatError, naming the file, the field and the
+    fix.
     """
     paths = [Path(path), *map(Path, others)] if others else rig_folder.siblings(Path(path)) or [Path(path)]
     where = str(paths[0])
@@ -135,13 +142,13 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
 
 
 def lens_fits(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:
-    """What `write_rig` returns, without writing."""
+    """The result of `write_rig`, without writing."""
     kind = rig_format(path, format)
     return [_fit(path, kind, name, camera) for name, camera in zip(rig.names, rig.cameras, strict=True)]
 
 
 def _fit(path: str | Path, kind: RigFormat, name: str, camera: Camera) -> LensFit | None:
-    """What the format holds of a camera with a correction."""
+    """The representation of a camera with a correction in the format."""
     try:
         return lens_fit(path, camera, _LENSES[kind])
     except FormatError as error:
@@ -152,7 +159,7 @@ def _fit(path: str | Path, kind: RigFormat, name: str, camera: Camera) -> LensFi
 
 
 def rig_record(rig: Rig) -> dict[str, Any]:
-    """The fields of a rig but its cameras."""
+    """The fields of a rig except its cameras."""
     return {"names": list(rig.names), "cov": None if rig.covariance is None else nullable(rig.covariance)}
 
 
@@ -190,7 +197,7 @@ def _of_json(data: Any, where: str) -> Rig:
 
 
 def _chain(names: tuple[str, ...], cameras: list[Camera], places: list[Array]) -> list[str]:
-    """The entries of a camchain: each camera's place after the one before."""
+    """The entries of a camchain: the pose of each camera is relative to the previous one."""
     entries = []
     for k, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         T = places[k] @ np.linalg.inv(places[k - 1]) if k else None

@@ -1,4 +1,5 @@
-"""Rigs of one file a camera: OpenCV's YAML with the camera's place in it, and ROS camera_info beside a file of static transforms."""
+"""Rigs as one file per camera: OpenCV's YAML including the camera's pose, or ROS camera_info with a file of static
+transforms."""
 
 from __future__ import annotations
 
@@ -18,13 +19,13 @@ from rcdn.io.fields import number, numbers, rigid, take
 from rcdn.types import Array, Camera, Pose, Rig
 
 FRAME = "_optical_frame"
-"""ROS's suffix (REP 103) of frames whose z is forward, x right and y down"""
+"""ROS's suffix (REP 103) of frames with z forward, x right and y down"""
 TRANSFORMS = "transforms"
-"""what is added to the name of ROS's file of places"""
+"""suffix of the name of ROS's file of transforms"""
 
 
 def paths(path: Path, names: Sequence[str], kind: str) -> list[Path]:
-    """The files of a rig that is written to `path`: the cameras' names are added to it (ROS: and `transforms`)."""
+    """The files of a rig that is written to `path`: `path` with each camera's name added (ROS: also `transforms`)."""
     if odd := [name for name in names if not name or Path(name).name != name or "\0" in name or "\\" in name]:
         raise FormatError(
             f"{path}: one file a camera is named by it, and {odd[0]!r} can't be a part of a file's name; rename the camera, or write json"
@@ -36,7 +37,7 @@ def paths(path: Path, names: Sequence[str], kind: str) -> list[Path]:
 
 
 def texts(kind: str, names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array]) -> list[str]:
-    """What `paths` hold. `places`: T_cam_rig (4, 4)."""
+    """The contents of the files of `paths`. `places`: T_cam_rig (4, 4) of each camera."""
     of = ros.FORMAT if kind == "ros" else opencv.FORMAT
     out = []
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
@@ -58,17 +59,17 @@ def _text(of: Format, name: str, camera: Camera) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A string of YAML in double quotes, whose escapes are JSON's."""
+    """A YAML string in double quotes, which has the same escapes as JSON."""
     return json.dumps(text, ensure_ascii=False)
 
 
 def _transforms(names: Sequence[str], places: Sequence[Array]) -> str:
-    """A tf2_msgs/TFMessage: each camera's frame in that of the first one."""
-    from scipy.spatial.transform import Rotation  # which detection must not load
+    """A tf2_msgs/TFMessage with each camera's frame relative to that of the first camera."""
+    from scipy.spatial.transform import Rotation  # imported late: detection must not load it
 
     first, out = places[0], "transforms:\n"
     for name, T in zip(names[1:], places[1:], strict=True):
-        pose = first @ np.linalg.inv(T)  # takes the camera's coordinates to the first one's, as tf has it
+        pose = first @ np.linalg.inv(T)  # from the camera's coordinates to the first one's, as in tf
         quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
         turn, t = (
             "".join(f", {n}: {digits(v)}" for n, v in zip("xyzw", a, strict=False))[2:]
@@ -82,7 +83,7 @@ def _transforms(names: Sequence[str], places: Sequence[Array]) -> str:
 
 
 def siblings(path: Path) -> list[Path]:
-    """The files that `paths` made of `path`; [] if it is a file itself, or there are none."""
+    """The existing files whose names `paths` derives from `path`; [] if `path` is a file itself, or there are none."""
     if path.exists() or not path.suffix:
         return []
     start = f"{path.stem}_"
@@ -91,7 +92,8 @@ def siblings(path: Path) -> list[Path]:
 
 
 def rig_of(files: Sequence[tuple[Any, str]]) -> Rig:
-    """The rig of files (data, path), one a camera: OpenCV's, or ROS's with that of their transforms, in any order."""
+    """The rig in files (data, path), one per camera: OpenCV's, or ROS's including the file of transforms, in any
+    order."""
     trees = [(data, path) for data, path in files if isinstance(data, dict) and "transforms" in data]
     rest = [file for file in files if file not in trees] if trees else list(files)
     if not trees:
@@ -150,7 +152,7 @@ def _of_ros(files: Sequence[tuple[Any, str]], tree: Any, where: str) -> Rig:
 
 
 def _motion(record: dict[str, Any], where: str) -> Array:
-    """(4, 4) of a geometry_msgs/Transform."""
+    """The matrix (4, 4) of a geometry_msgs/Transform."""
     from scipy.spatial.transform import Rotation
 
     t, q = take(record, "translation", dict, where), take(record, "rotation", dict, where)

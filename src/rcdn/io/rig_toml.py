@@ -19,7 +19,8 @@ from rcdn.types import Array, Camera, Pose, Rig
 
 
 def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nested: bool) -> str:
-    """aniposelib's file, a table `cam_K` each, or (`nested`) caliscope's, `cameras.K`, which knows the cameras by their numbers."""
+    """The text of aniposelib's file with a table `cam_K` for each camera, or (`nested`) of caliscope's with tables
+    `cameras.K`, in which cameras have numbers instead of names."""
     width = len(str(len(names) - 1))
     lines = "" if nested else "[metadata]\nadjusted = false\nerror = 0.0\n"
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
@@ -48,7 +49,7 @@ def _distortion(camera: Camera) -> Array:
 
 
 def _quoted(name: str) -> str:
-    """A basic string of TOML, whose escapes are JSON's."""
+    """A basic string of TOML, which has the same escapes as JSON."""
     return json.dumps(name)
 
 
@@ -84,7 +85,7 @@ def _list(record: dict[str, Any], key: str, where: str) -> Array:
 
 
 def _place(record: dict[str, Any], where: str) -> Array:
-    """(4, 4) of a rotation vector, or of a matrix as older files of caliscope have it."""
+    """T_cam_rig (4, 4) from a rotation vector, or from a rotation matrix as in older files of caliscope."""
     turn, t = _list(record, "rotation", where), _list(record, "translation", where)
     if len(turn) not in (3, 9) or len(t) != 3:
         raise FormatError(f"{where}: 'rotation' must hold 3 or 9 numbers and 'translation' 3; export the file again")

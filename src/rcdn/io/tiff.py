@@ -1,4 +1,4 @@
-"""TIFFs as far as OpenCV's reader leaves something to do: their size, their orientation, and strips that are missing or damaged."""
+"""Parts of TIFF that OpenCV's reader doesn't cover: the size, the orientation, and missing or damaged strips."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import zlib
 WIDTH, HEIGHT, COMPRESSION, ORIENTATION = 256, 257, 259, 274
 STRIPS, STRIP_BYTES, TILES, TILE_BYTES = 273, 279, 324, 325
 _WANTED = frozenset({WIDTH, HEIGHT, COMPRESSION, STRIPS, STRIP_BYTES, TILES, TILE_BYTES})
-_VALUES = {3: "H", 4: "I", 16: "Q"}  # types of whole numbers
+_VALUES = {3: "H", 4: "I", 16: "Q"}  # integer types
 _DEFLATE = ([8], [32946])
 _MOST_TAGS = 4096
-_PIECE = 1 << 20  # bytes that are inflated at once
+_PIECE = 1 << 20  # bytes inflated at once
 
 
 def tags(data: bytes) -> dict[int, list[int]]:
-    """Whole numbers of the first page by tag: sizes and places; all of a tag that comes twice. Raises struct.error where the file is cut."""
+    """The integer values of the first page by tag: sizes and offsets; the values of a repeated tag are concatenated.
+    Raises struct.error if the file is truncated."""
     order = "<" if data[:2] == b"II" else ">"
     big = data[2:4] in (b"+\0", b"\0+")
     place, room, step = (f"{order}Q", 8, 20) if big else (f"{order}I", 4, 12)
@@ -39,15 +40,15 @@ def tags(data: bytes) -> dict[int, list[int]]:
 
 
 def damage(data: bytes) -> str:
-    """What is missing or damaged of the first page's pixels, as far as it shows: "" if nothing does.
+    """A description of missing or damaged pixel data of the first page; "" if none is detected.
 
-    libtiff passes over such strips. Looked at are their places and, where they are deflated, their data and checksums. LZW and raw strips
-    have none.
+    libtiff ignores such strips. Checked are the strips' offsets and, if they are deflated, their data and checksums;
+    LZW and uncompressed strips have no checksums.
     """
     try:
         found = tags(data)
     except struct.error:
-        return ""  # libtiff says what it makes of that
+        return ""  # libtiff reports the error
     places, sizes = (
         found.get(STRIPS, []) + found.get(TILES, []),
         found.get(STRIP_BYTES, []) + found.get(TILE_BYTES, []),
@@ -56,7 +57,7 @@ def damage(data: bytes) -> str:
     if any(place + size > len(data) for place, size in parts):
         return "strips lie beyond its end"
     if found.get(COMPRESSION) in _DEFLATE:
-        room = 32 * max(found.get(WIDTH, [0])) * max(found.get(HEIGHT, [0]))  # no pixel takes more bytes
+        room = 32 * max(found.get(WIDTH, [0])) * max(found.get(HEIGHT, [0]))  # no pixel has more bytes
         return next(
             (reason for place, size in parts if (reason := _uninflatable(data[place : place + size], room))), ""
         )
@@ -75,7 +76,7 @@ def _uninflatable(strip: bytes, room: int) -> str:
 
 
 def as_stored(data: bytes) -> bytes:
-    """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no switch to ignore it."""
+    """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no option to ignore it."""
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
     if order is None or len(data) < 8:
         return data

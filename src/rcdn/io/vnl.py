@@ -1,4 +1,4 @@
-"""mrcal's corners.vnl, described in docs/formats.md: written from boards, read as numbers or as boards."""
+"""mrcal's corners.vnl (docs/formats.md): written from boards, read as arrays or as boards."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from rcdn.types.arrays import Real
 from rcdn.types.ranges import POSITION
 
 DECIDED = 3.0
-"""The guess of the grid's columns stands if its lines are this many times straighter than any other guess's."""
+"""The best guess of the number of columns is accepted if its lines are at least this many times straighter than those
+of any other guess."""
 
 
 def write_vnl(
@@ -27,14 +28,18 @@ def write_vnl(
 ) -> tuple[int, int] | None:
     """Write mrcal's corners.vnl, whole or not at all. Returns the grid's (columns, rows), None if there are no boards.
 
-    One board an image, row by row over the full grid, `- - -` for a missing corner; an image without a board that
-    fits has the one line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
-    complete boards. A board fits if the box of its labels is the grid's, upright or turned a quarter; of several that
-    fit, the one with most corners is written. Of boards whose codes were read, if they are most, every part is written at its place on the
-    target, whose own grid it is (of a PuzzleBoard the part of it that any picture shows); AprilGrids have no equal steps and are left out.
-    Raises FormatError if `size` is None and boards were found but none is complete or has a place, and for paths that mrcal can't read (white space,
-    non-ASCII, a leading #); OutputError as `write_text`. `images` may be read from somewhere, so that they need not fit into memory: they are gone
-    through twice.
+    One board per image, row by row over the full grid, `- - -` for a missing corner; an image without a matching board
+    has the single line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
+    complete boards. A board matches if the bounding box of its labels has the size of the grid, upright or rotated by a
+    quarter turn; of several matching boards the one with the most corners is written.
+
+    If most boards have decoded codes, the grid is that of their target (of a PuzzleBoard the part that any picture
+    shows), and every visible part is written at its position on the target. AprilGrids have no uniform grid and are
+    left out.
+
+    `images` is iterated over twice; it may be a lazy iterable, so that the images need not fit into memory. Raises
+    FormatError if `size` is None and boards were found, but none is complete or has a known position on its target, and
+    for paths that mrcal can't read (white space, non-ASCII, a leading #); OutputError as `write_text`.
     """
     images = list(images) if isinstance(images, Iterator) else images
     grid = grid_for((image.boards for image in images), size)
@@ -43,10 +48,10 @@ def write_vnl(
 
 
 def read_vnl(path: str | Path) -> dict[str, Array]:
-    """Read a corners.vnl: for each image, in the file's order, (N, 3) rows x, y, level; NaN where a corner is missing.
+    """Read a corners.vnl: for each image, in the file's order, (N, 3) rows x, y, level; NaN for a missing corner.
 
-    An image without a board has shape (0, 3). The file doesn't hold the grid's size: `reshape(rows, columns, 3)`.
-    A missing fourth column reads as level 0. Raises FormatError, naming file and line.
+    An image without a board has shape (0, 3). The file doesn't contain the grid's size; with a known size use
+    `reshape(rows, columns, 3)`. A missing fourth column is read as level 0. Raises FormatError, naming file and line.
     """
     rows: dict[str, list[list[float]]] = {}
     for number, line in enumerate(read_text(path).splitlines(), 1):
@@ -70,15 +75,16 @@ def read_vnl(path: str | Path) -> dict[str, Array]:
 def read_vnl_boards(
     path: str | Path, size: tuple[int, int] | None = None, image_size: tuple[int, int] | None = None
 ) -> list[ImageResult]:
-    """Read a corners.vnl as the boards that it holds, one image result for each image, in the file's order.
+    """Read a corners.vnl as boards, one ImageResult for each image, in the file's order.
 
-    The file holds neither the grid's `size` (columns, rows) nor the pictures' `image_size` (width, height). Without `size` it is
-    guessed from the corners, whose lines are straight for one number of columns only; without `image_size` the pictures are
-    opened, from here or from the folder of the file. Labels run as in the file, from 0 in the part that was seen; if the file counts
-    rows against our hand in every image, they are counted from the other end. A level above 0 (found at a lower resolution)
-    gives the status `low_confidence`, a negative one or a negative position a missing corner. The file knows no colours:
-    `orientation` is ambiguous. Raises FormatError, naming file and image, for a grid that doesn't fit or
-    can't be guessed, for labels that are mirrored in some images only, and for pictures that can't be opened.
+    The file contains neither the grid's `size` (columns, rows) nor the pictures' `image_size` (width, height). If
+    `size` is None, it is guessed from the corners, whose lines are straight for only one number of columns. If
+    `image_size` is None, the pictures are opened, relative to the current folder or to that of the file. Labels are
+    those of the file, starting from 0 in the visible part; if the labels are left-handed in every image, the rows are
+    counted from the other end. A level above 0 (found at a lower resolution) gives the status `low_confidence`; a
+    negative level or position means a missing corner. The file doesn't record the squares' colours, so `orientation` is
+    ambiguous. Raises FormatError, naming file and image, for a grid that doesn't match or can't be guessed, for labels
+    that are mirrored in some images only, and for pictures that can't be opened.
     """
     table = {name: _present(rows) for name, rows in read_vnl(path).items()}
     seen = {name: rows for name, rows in table.items() if np.isfinite(rows[:, 0]).any()}
@@ -97,7 +103,7 @@ def read_vnl_boards(
 
 
 def _vnl_lines(image: ImageResult, grid: VnlGrid | None) -> bytes:
-    """The lines of one image: its largest board that fits, or that there is none."""
+    """The lines of one image: those of its largest matching board, or the line for none."""
     name = _vnl_name(image.path)
     missing = f"{name} - - -\n"
     grids = [g for board in image.boards if grid is not None and (g := grid.positions(board)) is not None]
@@ -118,13 +124,13 @@ def _vnl_name(path: str) -> str:
 
 
 def _present(rows: Array) -> Real[Array, "n 3"]:
-    """The rows (N, 3) with NaN for each corner that the file calls missing by a negative number."""
+    """The rows (N, 3) with NaN for each corner that the file marks as missing by a negative number."""
     bad = (rows[:, :2] < -0.5).any(axis=1) | (rows[:, 2] < 0) | ~np.isfinite(rows).all(axis=1)
     return np.where(bad[:, None], np.nan, rows)
 
 
 def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
-    """(columns, rows) of the grid, from how straight its lines are. Any, if there are no corners."""
+    """(columns, rows) of the grid, guessed from the straightness of its lines; arbitrary if there are no corners."""
     if not tables:
         return 2, 2
     many = len(tables[0])
@@ -136,14 +142,15 @@ def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
 
 
 def _bend(grids: list[Array]) -> float:
-    """Root mean square second difference along rows and columns of grids (rows, columns, 2), px; infinite without any."""
+    """Root mean square second difference along rows and columns of grids (rows, columns, 2), px; infinite if there is
+    none."""
     bends = np.concatenate([np.diff(grid, 2, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
     bends = bends[np.isfinite(bends).all(axis=1)]
     return float(np.sqrt((bends**2).sum(axis=1).mean())) if len(bends) else np.inf
 
 
 def _right_handed(path: str | Path, grids: dict[str, Array]) -> dict[str, Array]:
-    """The grids, their rows counted from the other end if every image shows them mirrored."""
+    """The grids, with the order of the rows reversed if the labels of every image are mirrored."""
     hands = {name: _hand(grid[..., :2]) for name, grid in grids.items()}
     mirrored = [name for name, hand in hands.items() if hand < 0]
     if mirrored and len(mirrored) < sum(hand != 0 for hand in hands.values()):
@@ -152,7 +159,8 @@ def _right_handed(path: str | Path, grids: dict[str, Array]) -> dict[str, Array]
 
 
 def _hand(grid: Array) -> float:
-    """1 if columns × rows turns like x × y, −1 if the other way, 0 if nothing tells."""
+    """The handedness of a grid: 1 if columns × rows has the orientation of x × y, −1 if the opposite, 0 if
+    undetermined."""
     right, down = np.diff(grid, axis=1)[:-1], np.diff(grid, axis=0)[:, :-1]
     return float(np.sign(np.nansum(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])))
 

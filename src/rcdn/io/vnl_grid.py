@@ -1,6 +1,7 @@
-"""The one grid that a corners.vnl holds, and which corner of each board stands where in it.
+"""The single grid of a corners.vnl, and the positions of each board's corners in it.
 
-Boards whose codes were read have a place on the target, so that each part of it that is seen is written there. Other boards are written whole.
+Boards with decoded codes have a known position on the target, so that each visible part is written there. Other boards
+are written only if their size is that of the grid.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ Key = tuple[object, ...]
 
 @dataclass(frozen=True)
 class VnlGrid:
-    """A grid of `size` (columns, rows), of whole boards if `key` is None; else of boards of that target, whose corner `first` (i, j) is the first one
-    before it is `turned` by a quarter, if it is."""
+    """A grid of `size` (columns, rows). If `key` is None, it is for whole boards; else for boards of that target, with
+    the target's corner `first` (i, j) as its first corner before the grid is `turned` by a quarter turn, if it is."""
 
     size: Size
     key: Key | None = None
@@ -32,7 +33,8 @@ class VnlGrid:
     turned: bool = False
 
     def positions(self, board: Board) -> Array | None:
-        """The board's corners on this grid (rows, columns, 2), NaN where none is; None if it isn't one of this grid's boards."""
+        """The board's corners on this grid (rows, columns, 2), NaN for missing ones; None if the board doesn't
+        match."""
         if self.key is None:
             return None if board.pattern == "aprilgrid" else board.grid_of(self.size)
         if key_of(board) != self.key:
@@ -48,7 +50,8 @@ class VnlGrid:
 
 @dataclass
 class _Seen:
-    """What is seen of one target: how many `boards`, their `low`est and `high`est labels; how often it was so many `rows` of corners high."""
+    """Statistics of one target: the number of `boards`, their lowest (`low`) and highest (`high`) labels, and how often
+    each number of `rows` of corners occurred."""
 
     boards: int = 0
     low: list[int] = field(default_factory=lambda: [BOX, BOX])
@@ -64,20 +67,22 @@ class _Seen:
 
 
 def key_of(board: Board) -> Key | None:
-    """What boards with places on the same plane of equal squares have in common; None of one that has no such place."""
+    """A key equal for boards of the same target with a uniform grid; None for a board without a position on such a
+    target."""
     target = board.target
     if target is None or isinstance(target, AprilGrid):
         return None
     if isinstance(target, Charuco):
-        family = re.sub("_[0-9]+$", "", target.dictionary)  # of parts of a board the smaller dictionaries are known
+        family = re.sub("_[0-9]+$", "", target.dictionary)  # a part of a board may be read with a smaller dictionary
         return target.kind, family, target.columns, target.first_id, target.legacy, target.inverted
     return (target.kind,)
 
 
 def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid | None:
-    """The grid of most of the boards of `pictures`; `size` (columns, rows): the one it must have, if that is known. None if there are no boards.
+    """The grid of the majority of the boards in `pictures`; `size` (columns, rows): its required size, or None. Returns
+    None if there are no boards.
 
-    Raises FormatError if it can't be told.
+    Raises FormatError if the grid can't be determined.
     """
     seen: dict[Key, _Seen] = {}
     whole: Counter[Size] = Counter()
@@ -108,7 +113,8 @@ def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid 
 
 
 def _of_target(key: Key, seen: _Seen, size: Size | None) -> VnlGrid | None:
-    """The whole grid of a target as far as it is known: of ChArUco boards from their first corner, of a PuzzleBoard what was seen of it."""
+    """The grid of a target, as far as it is known: of ChArUco boards from their first corner, of a PuzzleBoard the
+    visible part; None if it contradicts `size`."""
     if key[0] == "charuco":
         first = (0, 0)
         rows = seen.rows.most_common(1)[0][0] if seen.rows else seen.high[1] + 1

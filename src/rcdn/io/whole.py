@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and leave nothing behind when their process is killed."""
+"""Atomic writing: files appear whole or not at all, and no temporary files accumulate when a process is killed."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 PIECE = 1 << 20
-"""bytes that are copied at once"""
+"""bytes copied at once"""
 TRIES = 100
-"""how often a file is named anew while other processes write the same target"""
+"""attempts at naming a file while other processes write the same target"""
 
 
 def replace(target: Path, chunks: Iterable[bytes], durable: bool = True) -> None:
-    """Put a file with the bytes of all `chunks` where `target` is, or isn't yet: a reader sees the old file, if there was one, or the new one.
+    """Create or replace the file `target` with the bytes of all `chunks`: a reader sees the old file, if any, or the
+    new one.
 
-    It is written to a file without a name, which takes its name at the end, or its place over the temporary name of that target, where the next
-    run finds and replaces what a killed one left. Where the file system knows no files without names, all is written under that temporary name.
-    The old file's mode is kept. `durable`: on the disk before the old file goes. Raises OSError, and leaves no temporary file.
+    The bytes are written to an unnamed file. At the end it is linked as `target`; if that exists, it is linked under
+    the temporary name of that target and renamed. A file that a killed process left under the temporary name is
+    replaced by the next run. If the file system doesn't support unnamed files, the bytes are written under the
+    temporary name. The old file's mode is kept. `durable`: the data are flushed to the disk before the old file is
+    replaced. Raises OSError, and leaves no temporary file.
     """
     folder = _open_folder(target.parent)
     if folder is None:
@@ -46,8 +49,8 @@ def replace(target: Path, chunks: Iterable[bytes], durable: bool = True) -> None
 
 
 def temporary_name(target: Path, written: bool = False) -> str:
-    """The one name under which a new `target` waits in its folder for its place, or (`written`) is written: what a killed process left there,
-    the next one replaces."""
+    """The temporary name, unique to `target`, of the complete new file before it is renamed, or (`written`) while it is
+    being written. A file that a killed process left there is replaced by the next one."""
     return f".{hashlib.sha256(os.fsencode(target.name)).hexdigest()[:16]}.{'part' if written else 'tmp'}"
 
 
@@ -60,27 +63,27 @@ def _fill(file: IO[bytes], chunks: Iterable[bytes], target: Path, durable: bool)
         os.chmod(file.fileno() if os.chmod in os.supports_fd else file.name, stat.S_IMODE(target.stat().st_mode))
 
 
-# ---- files without a name (Linux)
+# ---- unnamed files (Linux)
 
 
 def _open_folder(folder: Path) -> int | None:
-    """The folder, to name files in; None where nameless files can't be named."""
+    """A descriptor of the folder, for linking files in it; None if the system can't link unnamed files."""
     if not hasattr(os, "O_TMPFILE") or not os.path.isdir("/proc/self/fd"):
         return None
     return os.open(folder, os.O_PATH | os.O_DIRECTORY)
 
 
 def _nameless(folder: Path) -> IO[bytes] | None:
-    """A file without a name on the disk of `folder`; None if its file system has none."""
+    """An unnamed file on the disk of `folder`; None if its file system doesn't support them."""
     try:
         return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o666), "w+b")
-    except OSError:  # for whatever reason: what is wrong with the place is told by the file with a name
+    except OSError:  # for whatever reason: creating the named file reports errors of the folder
         return None
 
 
 def _linked(file: IO[bytes], folder: int, target: Path) -> bool:
-    """Name the nameless `file` as `target`; False if that can't be done: not on this file system, or not any more, since another process that
-    writes the same target took its temporary name away."""
+    """Link the unnamed `file` as `target`; False if that is impossible: the file system doesn't support it, or another
+    process that writes the same target has removed the temporary name."""
     waiting = temporary_name(target)
     for _ in range(TRIES):
         with contextlib.suppress(FileExistsError):
@@ -89,15 +92,15 @@ def _linked(file: IO[bytes], folder: int, target: Path) -> bool:
             if not _link(file, folder, waiting):
                 return False
             os.replace(waiting, target.name, src_dir_fd=folder, dst_dir_fd=folder)
-        except FileExistsError:  # of a process that was killed, or of one that will then see that its name is gone
+        except FileExistsError:  # left by a killed process, or in use by one that will notice the removal
             _unlink(waiting, folder)
-        except FileNotFoundError:  # another process took the name away
+        except FileNotFoundError:  # another process removed the temporary name
             pass
         except BaseException:
             _unlink(waiting, folder)
             raise
         if _is(file, folder, target.name):
-            if _is(file, folder, waiting):  # another process had put this file in its place: renaming did nothing
+            if _is(file, folder, waiting):  # another process has already renamed this file: the rename did nothing
                 _unlink(waiting, folder)
             return True
     return False
@@ -109,7 +112,7 @@ def _unlink(name: str, folder: int) -> None:
 
 
 def _link(file: IO[bytes], folder: int, name: str) -> bool:
-    """Give `file` a name; False if the file system can't. Raises FileExistsError."""
+    """Link `file` under `name`; False if the file system can't. Raises FileExistsError."""
     try:
         os.link(f"/proc/self/fd/{file.fileno()}", name, dst_dir_fd=folder, follow_symlinks=True)
     except FileExistsError:
@@ -120,14 +123,14 @@ def _link(file: IO[bytes], folder: int, name: str) -> bool:
 
 
 def _is(file: IO[bytes], folder: int, name: str) -> bool:
-    """True if `name` is a name of `file`."""
+    """True if `name` in `folder` is a link to `file`."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), os.stat(name, dir_fd=folder, follow_symlinks=False))
     except OSError:
         return False
 
 
-# ---- files with a name
+# ---- named files
 
 
 def _by_name(target: Path, chunks: Iterable[bytes], durable: bool) -> None:
@@ -135,9 +138,10 @@ def _by_name(target: Path, chunks: Iterable[bytes], durable: bool) -> None:
     try:
         with file:
             _fill(file, chunks, target, durable)
-            if fcntl is not None:  # while it is locked, nobody takes it for a dead process's
+            # renamed while locked, so that no other process takes it for a file left by a killed process
+            if fcntl is not None:
                 os.replace(temporary, target)
-        if fcntl is None:  # Windows moves no open file
+        if fcntl is None:  # Windows can't rename an open file
             os.replace(temporary, target)
     except BaseException:  # an interrupt, too, must not leave a temporary file
         with contextlib.suppress(OSError):
@@ -146,7 +150,8 @@ def _by_name(target: Path, chunks: Iterable[bytes], durable: bool) -> None:
 
 
 def _named(target: Path) -> tuple[Path, IO[bytes]]:
-    """A new file to write, and its name: the temporary name of `target`, or one of its own while another process uses that."""
+    """(path, file) of a new temporary file: under the temporary name of `target`, or under a random name while another
+    process uses that."""
     if fcntl is not None:
         path = target.with_name(temporary_name(target, written=True))
         file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+b")
@@ -155,7 +160,7 @@ def _named(target: Path) -> tuple[Path, IO[bytes]]:
             if os.path.samestat(os.fstat(file.fileno()), os.stat(path)):
                 file.truncate()
                 return path, file
-        except OSError:  # it is locked, or gone, or the file system has no locks
+        except OSError:  # it is locked or removed, or the file system has no locks
             pass
         file.close()
     path = target.with_name(f".{secrets.token_hex(8)}.tmp")

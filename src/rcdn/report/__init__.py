@@ -1,1 +1,2 @@
-"""Pictures for people: overlays of what was found (`overlay`) and boards to print (`target`)."""
+"""Graphical output: overlays of detections (`overlay`), boards to print (`target`), and HTML reports
+(`calibration`)."""

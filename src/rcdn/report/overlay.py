@@ -1,9 +1,9 @@
-"""What was found, drawn over the picture, so that a person can judge it at a glance.
+"""Overlays: detections drawn over the picture, for visual inspection.
 
-Each board has its colour: thin lines along rows and columns (of a deltille along its three families of lines), a thicker
-outline, and one mark a corner whose shape tells its status. The first corner is a filled disc with its label; a red arrow
-shows +i, a green one +j (with letters, for those who can't tell the colours apart). Corners of boards whose codes were read have their numbers.
-Corners that belong to no board are small yellow dots.
+Each board has a colour of its own: thin lines along rows and columns (of a deltille along its three families of lines),
+a thicker outline, and a mark at each corner whose shape shows its status. The first corner is a filled disc with its
+label; a red arrow shows +i, a green one +j (with letters, for readers who can't distinguish the colours). Corners of
+boards with decoded codes are labelled with their ids. Corners that belong to no board are small yellow dots.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ PALETTE: tuple[Colour, ...] = (
     (0, 110, 230),  # vermilion
     (210, 140, 40),  # blue
 )
-"""BGR; after Okabe and Ito, lightened for a dark ground, without yellow (loose corners), red and green (arrows)."""
+"""BGR; after Okabe and Ito, lightened for a dark background, without yellow (corners outside boards), red and green
+(arrows)."""
 YELLOW, RED, GREEN, WHITE, BLACK = (66, 228, 240), (80, 70, 245), (90, 215, 60), (255, 255, 255), (20, 20, 20)
 SMALL, COMFORTABLE = 800, 1200
-"""A picture whose longer side is below SMALL px is enlarged by a whole number, to COMFORTABLE px or just above."""
+"""A picture whose longer side is below SMALL px is enlarged by an integer factor, to COMFORTABLE px or just above."""
 SHIFT = 4
-"""Binary digits of sub-pixel positions in OpenCV's drawing calls."""
+"""Number of fractional bits of sub-pixel positions in OpenCV's drawing functions."""
 SMALL_TEXT = 0.72
-"""Size of the corners' numbers over that of other text."""
+"""Font size of the corners' ids relative to other text."""
 SAME = 0.75
-"""A corner this close to a board's corner is that corner, px."""
+"""Distance up to which a corner is identified with a board's corner, px."""
 LEGEND = {
     Status.REFINED: "refined",
     Status.SEED: "not refined",
@@ -50,7 +51,7 @@ def draw_overlay(image: Array, corners: Corners, boards: Sequence[Board]) -> Arr
     """Draw `corners` and `boards` (px, pixel centres at integers) over `image`.
 
     `image` (H, W) grey or (H, W, 3) BGR, any numeric type. Returns (s·H, s·W, 3) BGR uint8; s is 1 unless the picture
-    is small (see `enlargement`). A position x lands at (x + 0.5)·s − 0.5. Raises ImageError for other shapes.
+    is small (see `enlargement`). A position x is drawn at (x + 0.5)·s − 0.5. Raises ImageError for other shapes.
     """
     grey = _dimmed(image)
     scale = enlargement(grey.shape[1], grey.shape[0])
@@ -65,7 +66,7 @@ def draw_overlay(image: Array, corners: Corners, boards: Sequence[Board]) -> Arr
             _draw_board(canvas, board, PALETTE[k % len(PALETTE)])
     _draw_legend(canvas, boards)
     everything = np.concatenate([loose, *(canvas.to_canvas(b.xy) for b in boards)])
-    for k, board in enumerate(boards):  # captions last: no line crosses them
+    for k, board in enumerate(boards):  # captions last, so that no line crosses them
         if len(board):
             xy = canvas.to_canvas(board.xy)
             _draw_caption(canvas, _caption(k + 1, board), xy, everything, PALETTE[k % len(PALETTE)])
@@ -73,7 +74,7 @@ def draw_overlay(image: Array, corners: Corners, boards: Sequence[Board]) -> Arr
 
 
 def enlargement(width: int, height: int) -> int:
-    """The whole number by which a picture of that size, px, is enlarged before drawing."""
+    """The integer factor by which a picture of this size, px, is enlarged before drawing."""
     longer = max(width, height)
     return 1 if longer >= SMALL else min(16, -(-COMFORTABLE // longer))
 
@@ -89,23 +90,24 @@ class _Canvas:
         self.taken: list[tuple[int, int, int, int]] = []
 
     def to_canvas(self, xy: Array) -> Array:
-        """(N, 2) positions of the picture as positions of the canvas: pixel centres stay pixel centres."""
+        """Positions (N, 2) in the picture as positions on the canvas, where pixel centres are at integers, too."""
         return (np.asarray(xy, dtype=np.float64).reshape(-1, 2) + 0.5) * self.scale - 0.5
 
     def lines(self, segments: Array, colour: Colour, width: int) -> None:
-        """(N, 2, 2) segments, each from its first to its second point."""
+        """Draw segments (N, 2, 2), each from its first to its second point."""
         fixed = _fixed(np.asarray(segments).reshape(-1, 2, 2))
         cv2.polylines(self.image, list(fixed), False, colour, width, cv2.LINE_AA, SHIFT)
 
     def disc(self, xy: Array, radius: float, colour: Colour, edge: Colour = BLACK) -> None:
-        """A filled disc with a thin edge."""
+        """Draw a filled disc with a thin edge."""
         at = _point(xy)
         cv2.circle(self.image, at, _length(radius + 0.8 * self.unit), edge, -1, cv2.LINE_AA, SHIFT)
         cv2.circle(self.image, at, _length(radius), colour, -1, cv2.LINE_AA, SHIFT)
 
     def mark(self, xy: Array, radius: float, status: int, colour: Colour) -> None:
-        """One corner: ring (refined), half ring (low confidence), cross (seed) or diamond (completed)."""
-        for ink, width in ((BLACK, 3 * self.unit), (colour, self.unit)):  # a dark halo keeps it legible on white
+        """Draw the mark of a corner: ring (refined), half ring (low confidence), cross (seed) or diamond
+        (completed)."""
+        for ink, width in ((BLACK, 3 * self.unit), (colour, self.unit)):  # the dark halo makes it legible on white
             self._mark(xy, radius, status, ink, width)
 
     def _mark(self, xy: Array, radius: float, status: int, colour: Colour, width: int) -> None:
@@ -122,17 +124,18 @@ class _Canvas:
                 cv2.ellipse(self.image, _point(xy), axes, 0, start, end, colour, width, cv2.LINE_AA, SHIFT)
 
     def arrow(self, start: Array, end: Array, colour: Colour) -> None:
-        """An arrow from `start` to `end`."""
+        """Draw an arrow from `start` to `end`."""
         length = max(float(np.hypot(*(end - start))), 1e-9)
         tip = min(0.35, 9 * self.unit / length)
         for ink, width in ((BLACK, 4 * self.unit), (colour, 2 * self.unit)):
             cv2.arrowedLine(self.image, _point(start), _point(end), ink, width, cv2.LINE_AA, SHIFT, tip)
 
     def text(self, text: str, xy: Array, colour: Colour, centred: bool = False, size: float = 1.0) -> None:
-        """Text with a dark halo; `xy` is the left end of the baseline, or the middle if `centred`; `size` of the usual one."""
+        """Draw text with a dark halo; `xy` is the left end of the baseline, or the centre if `centred`; `size` relative
+        to the usual one."""
         width, height = self.text_size(text, size)
         x, y = (int(v) for v in np.round(xy - (np.array([width, -height]) / 2 if centred else 0)))
-        u = self.unit  # shifted copies make the halo: a thicker stroke is a wider font in OpenCV 5
+        u = self.unit  # shifted copies form the halo: in OpenCV 5 a thicker stroke widens the font
         for dx, dy, ink in ((-u, -u, BLACK), (u, -u, BLACK), (-u, u, BLACK), (u, u, BLACK), (0, 0, colour)):
             cv2.putText(
                 self.image, text, (x + dx, y + dy), cv2.FONT_HERSHEY_SIMPLEX, size * self.font, ink, u, cv2.LINE_AA
@@ -140,22 +143,22 @@ class _Canvas:
 
     @property
     def font(self) -> float:
-        """OpenCV's font scale: letters stay legible when the whole picture is looked at."""
+        """OpenCV's font scale, chosen so that letters are legible when the whole picture is displayed."""
         return 0.5 * max(self.unit, self.extent)
 
     def text_size(self, text: str, size: float = 1.0) -> tuple[int, int]:
-        """(width, height) px without what hangs below the baseline."""
+        """(width, height) of a text, px, without descenders."""
         (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size * self.font, self.unit)
         return width, height
 
     def shade(self, x: int, y: int, width: int, height: int) -> None:
-        """Darken a rectangle, as the ground for text."""
+        """Darken a rectangle, as a background for text."""
         part = self.image[max(y, 0) : y + height, max(x, 0) : x + width]
         part[:] = part // 4
 
 
 def _fixed(xy: Array) -> Any:
-    """Positions as fixed-point integers; far outside the picture they are clipped, so that they fit 32 bits."""
+    """Positions as fixed-point integers, clipped far outside the picture so that they fit into 32 bits."""
     return np.round(np.clip(xy, -1e6, 1e6) * (1 << SHIFT)).astype(np.int32)
 
 
@@ -169,7 +172,8 @@ def _length(value: float) -> int:
 
 
 def _dimmed(image: Array) -> Array:
-    """(H, W) uint8, grey, between dark and mid grey so that colours stand out; very dark pictures are lifted."""
+    """The picture as grey (H, W) uint8, mapped to dark and medium grey so that colours stand out; very dark pictures
+    are brightened."""
     grey = as_grey(image).astype(np.float32)
     high = float(np.percentile(grey[:: max(1, grey.shape[0] // 500)], 99.5))
     white = 255.0 if 100 <= high <= 255 else max(high * 1.15, 1e-6)
@@ -177,7 +181,7 @@ def _dimmed(image: Array) -> Array:
 
 
 def _loose(corners: Corners, boards: Sequence[Board]) -> Array:
-    """(K, 2) corners that are in no board."""
+    """The corners (K, 2) that belong to no board."""
     used = np.concatenate([np.zeros((0, 2)), *(b.xy for b in boards)])
     if not len(used) or not len(corners):
         return corners.xy
@@ -209,8 +213,8 @@ def _draw_board(canvas: _Canvas, board: Board, colour: Colour) -> None:
 
 
 def _draw_numbers(canvas: _Canvas, board: Board, xy: Array, radius: float) -> None:
-    """The corners' numbers, above and to the right of them; where they stand too close, those of every k-th column and row, and of the four
-    corners of the board."""
+    """Draw the corners' ids, above and to the right of them; if there isn't enough room, those of every k-th column and
+    row, and of the four corners of the board."""
     ids = np.asarray(board.ids)
     sizes = [canvas.text_size(str(n), SMALL_TEXT) for n in ids.tolist()]
     width, height = (max(size[k] for size in sizes) for k in (0, 1))
@@ -222,7 +226,8 @@ def _draw_numbers(canvas: _Canvas, board: Board, xy: Array, radius: float) -> No
 
 
 def _apart(grid: Array, width: float, height: float) -> int:
-    """Every how many-th column and row of corners `grid` (rows, columns, 2) has room for labels of that size, px."""
+    """The smallest step between labelled columns and rows of corners `grid` (rows, columns, 2) at which labels of that
+    size, px, don't overlap."""
     steps = [d[np.isfinite(d[..., 0])] for d in (np.diff(grid, axis=1), np.diff(grid, axis=0))]
     across, down = (np.median(d, axis=0) if len(d) else np.array([width, height]) for d in steps)
     nearest = np.abs([across, down, across + down, across - down])
@@ -231,32 +236,34 @@ def _apart(grid: Array, width: float, height: float) -> int:
 
 
 def _shortened(segments: Array, lengths: Array, radius: float) -> Array:
-    """Segments that end at the marks, so that the picture shows inside them; never shorter than a fifth."""
+    """Segments cut off at the marks, so that the picture is visible inside these; at least a fifth of each remains."""
     cut = np.minimum(radius / np.maximum(lengths, 1e-9), 0.4)[:, None] * (segments[:, 1] - segments[:, 0])
     return np.stack([segments[:, 0] + cut, segments[:, 1] - cut], axis=1)
 
 
 def _neighbours(at: dict[tuple[int, int], int], pattern: Pattern) -> list[tuple[int, int]]:
-    """Pairs of row numbers of corners next to each other along i or along j, of a deltille also along j − i."""
+    """Pairs of indices of neighbouring corners along i or j, of a deltille also along j − i."""
     steps = ((1, 0), (0, 1), (-1, 1)) if pattern == "deltille" else ((1, 0), (0, 1))
     return [(k, at[n]) for (i, j), k in at.items() for d, e in steps if (n := (i + d, j + e)) in at]
 
 
 def _cells_beside(at: dict[tuple[int, int], int], a: Array, b: Array) -> int:
-    """How many whole squares lie beside the edge from label `a` to label `b`: fewer than two make it an outline."""
+    """The number of complete squares adjacent to the edge from label `a` to label `b`; an edge with fewer than two is
+    part of the outline."""
     (i, j), (di, dj) = (int(v) for v in a), (int(v) for v in b - a)
-    sides = ((dj, di), (-dj, -di))  # square to the edge
+    sides = ((dj, di), (-dj, -di))  # perpendicular to the edge
     return sum((i + si, j + sj) in at and (i + di + si, j + dj + sj) in at for si, sj in sides)
 
 
 def _triangles_beside(at: dict[tuple[int, int], int], a: Array, b: Array) -> int:
-    """How many whole triangles lie beside the edge from label `a` to label `b`: a sixth of a turn to either side leads to their third corners."""
+    """The number of complete triangles adjacent to the edge from label `a` to label `b`: rotating the edge by 60° to
+    either side gives their third corners."""
     (i, j), (di, dj) = (int(v) for v in a), (int(v) for v in b - a)
     return ((i - dj, j + di + dj) in at) + ((i + di + dj, j - di) in at)
 
 
 def _draw_origin(canvas: _Canvas, board: Board, xy: Array, radius: float, colour: Colour) -> None:
-    """The first corner, or the seen one nearest to it, with its label, and arrows along +i and +j."""
+    """Draw the first corner, or the visible one nearest to it, with its label, and arrows along +i and +j."""
     first = int(np.lexsort((board.ij[:, 0], board.ij.sum(axis=1)))[0])
     start, middle = xy[first], xy.mean(axis=0)
     ahead = board.ij - board.ij[first]
@@ -270,7 +277,7 @@ def _draw_origin(canvas: _Canvas, board: Board, xy: Array, radius: float, colour
             canvas.text(letter, start + along / 2 + outwards * 11 * canvas.unit, ink, centred=True)
     canvas.disc(start, 1.3 * radius + canvas.unit, colour, WHITE)
     canvas.disc(start, 0.8 * canvas.unit, BLACK)
-    if board.ids is None:  # else it has its number beside it
+    if board.ids is None:  # otherwise its id is drawn beside it
         i, j = board.ij[first]
         outside = start + _unit_vector(start - middle) * (2 * radius + 16 * canvas.unit)
         canvas.text(f"{i},{j}", outside, colour, centred=True)
@@ -281,7 +288,8 @@ def _unit_vector(v: Array) -> Array:
 
 
 def _caption(number: int, board: Board) -> str:
-    """For example `board 1: 9x6 complete, unique`. Plain ASCII: OpenCV's older fonts have nothing else."""
+    """The caption of a board, such as `board 1: 9x6 complete, unique`, in ASCII: OpenCV's older fonts have no other
+    characters."""
     if board.target is not None:
         return f"board {number}: {board.target}, {many(len(board), 'corner')}"
     if board.pattern != "checker":
@@ -292,7 +300,8 @@ def _caption(number: int, board: Board) -> str:
 
 
 def _draw_caption(canvas: _Canvas, text: str, xy: Array, others: Array, colour: Colour) -> None:
-    """A caption by the board with corners `xy` (M, 2), where it hides no caption and few of the corners `others`."""
+    """Draw the caption of the board with corners `xy` (M, 2) near it, where it hides no other caption and few of the
+    corners `others`."""
     width, height = canvas.text_size(text)
     pad = 4 * canvas.unit
     box = width + 2 * pad, height + 2 * pad
@@ -303,7 +312,7 @@ def _draw_caption(canvas: _Canvas, text: str, xy: Array, others: Array, colour: 
 
 
 def _places(canvas: _Canvas, xy: Array, box: tuple[int, int]) -> list[tuple[int, int]]:
-    """Top-left corners for a caption, best first: above, below, then step by step away from the board."""
+    """Candidate positions (top-left corner) for a caption, best first: above, below, then farther from the board."""
     low, high = xy.min(axis=0), xy.max(axis=0)
     limits = canvas.image.shape[1] - box[0], canvas.image.shape[0] - box[1]
     columns = (low[0], high[0] - box[0], (low[0] + high[0] - box[0]) / 2)
@@ -315,7 +324,8 @@ def _places(canvas: _Canvas, xy: Array, box: tuple[int, int]) -> list[tuple[int,
 
 
 def _covered(canvas: _Canvas, box: tuple[int, int, int, int], xy: Array) -> int:
-    """How much a caption at `box` (x, y, width, height) would hide: corners, and captions by far the dearest."""
+    """The cost of a caption at `box` (x, y, width, height): the number of hidden corners, plus a large penalty for each
+    overlapped caption."""
     x, y, width, height = box
     margin = 6 * canvas.unit
     inside = (np.abs(xy - [x + width / 2, y + height / 2]) < [width / 2 + margin, height / 2 + margin]).all(axis=1)
@@ -327,7 +337,7 @@ def _overlap(a: tuple[int, int, int, int], b: tuple[int, int, int, int]) -> bool
 
 
 def _draw_legend(canvas: _Canvas, boards: Sequence[Board]) -> None:
-    """The marks in use, at the lower left; left out where there are only refined corners."""
+    """Draw the legend of the marks in use at the lower left, unless there are only refined corners."""
     found = {Status(int(s)) for b in boards for s in b.status}
     if found <= {Status.REFINED}:
         return

@@ -1,4 +1,4 @@
-"""A target to print at true scale: the page laid out once, in millimetres, and two thin writers (PDF, SVG).
+"""A target to print at true scale: the layout of the page in millimetres, and its output as PDF or SVG.
 
 Coordinates are millimetres on the page, origin at its top-left corner, x right, y down.
 """
@@ -26,18 +26,18 @@ PAPERS = {
     "legal": (215.9, 355.6),
     "tabloid": (279.4, 431.8),
 }
-"""Sheet sizes, (width, height) mm, upright."""
+"""Paper sizes, (width, height) mm, portrait."""
 
 QUIET = 10.0
-"""Least white around the squares, mm. It also keeps them off the edge, where printers can't print."""
+"""Minimum white margin around the squares, mm. It also covers the unprintable margin of printers."""
 QUIET_SQUARES = 0.25
-"""Least white around the squares, as a part of a square (or tag): large squares need more of it."""
+"""Minimum white margin around the squares, as a fraction of a square (or tag): large squares need a larger margin."""
 FOOTER = 14.0
-"""Height of the band at the foot of the page for a line of text and the ruler, mm."""
+"""Height of the footer with a line of text and the ruler, mm."""
 LINE = 4.5
 """Distance of lines of text, mm."""
 EDGE = 6.0
-"""The ruler's ticks end this far above the page's lower edge, mm."""
+"""Distance of the ruler's base line from the page's lower edge, mm."""
 RULER = 100.0
 """Length of the ruler between the centres of its first and last tick, mm."""
 HAIR = 0.2
@@ -57,7 +57,8 @@ class Label:
 
 @dataclass(frozen=True)
 class Page:
-    """A page with one target. `size` (width, height) mm; `shapes` are the target's, `ruler` and `labels` the foot of the page."""
+    """A page with one target. `size` (width, height) mm; `shapes` are those of the target, `ruler` and `labels` form
+    the footer."""
 
     printed: Printed
     size: tuple[float, float]
@@ -67,9 +68,10 @@ class Page:
 
 
 def make_page(printed: Printed, paper: str = "a4") -> Page:
-    """Lay out a target on a sheet of `paper`, which lies or stands, whichever takes the larger squares.
+    """Lay out a target on a sheet of `paper`, in landscape or portrait, whichever allows larger squares.
 
-    Raises ConfigError if the target or the `paper` can't be used, or if the target doesn't fit; that message says which spacing does.
+    Raises ConfigError if the target or the `paper` can't be used, or if the target doesn't fit; the message then gives
+    a spacing that fits.
     """
     target, spacing = printed.target, printed.spacing
     if paper not in PAPERS:
@@ -94,16 +96,16 @@ def make_page(printed: Printed, paper: str = "a4") -> Page:
 
 
 def largest_spacing(target: Print, paper: str) -> float:
-    """The largest spacing, metres, at which a target fits on `paper`; 0 if none does."""
+    """The largest spacing, m, at which a target fits on `paper`; 0 if none does."""
     width, height = PAPERS[paper]
     return max(_largest(target, (width, height)), _largest(target, (height, width)), 0.0) / 1000
 
 
 def orientation_note(size: tuple[int, int]) -> str | None:
-    """What to know about boards of `size` that look the same when turned, or None if this one never does.
+    """A note on boards of `size` that are symmetric under rotation, or None if this one isn't.
 
-    Half a turn maps square (a, b) to (columns − a, rows − b): colours agree if columns + rows is even. A quarter turn
-    of a board with columns = rows maps (a, b) to (b, columns − a): colours agree if columns is even.
+    A rotation by half a turn maps square (a, b) to (columns − a, rows − b): colours agree if columns + rows is even. A
+    quarter turn of a board with columns = rows maps (a, b) to (b, columns − a): colours agree if columns is even.
     """
     cols, rows = size
     if (cols + rows) % 2:
@@ -117,7 +119,7 @@ def orientation_note(size: tuple[int, int]) -> str | None:
 
 
 def to_svg(page: Page) -> str:
-    """`page` as SVG text, one user unit a millimetre."""
+    """`page` as SVG text; one user unit is a millimetre."""
     width, height = (_number(v) for v in page.size)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -136,7 +138,7 @@ def to_svg(page: Page) -> str:
 
 
 def to_pdf(page: Page) -> bytes:
-    """`page` as a one-page PDF 1.4 that asks the viewer not to scale it when printing."""
+    """`page` as a one-page PDF 1.4 that requests printing without scaling."""
     width, height = (v * 72 / 25.4 for v in page.size)
     content = _pdf_content(page)
     objects = [
@@ -151,7 +153,7 @@ def to_pdf(page: Page) -> bytes:
 
 
 _LEAST = {"aprilgrid": 2}
-"""columns and rows of a printed target, at least; others have 3"""
+"""minimum number of columns and rows of a printed target; 3 for kinds not listed"""
 
 
 def _counted(target: Print) -> str:
@@ -159,12 +161,12 @@ def _counted(target: Print) -> str:
 
 
 def _footer(target: Print) -> float:
-    """Height of the foot of the page, mm: codes need a second line of text."""
+    """Height of the footer, mm: coded targets need a second line of text."""
     return FOOTER + LINE * (not isinstance(target, (Checkerboard, Deltille)))
 
 
 def _largest(target: Print, page: tuple[float, float]) -> float:
-    """The largest spacing, mm, that fits on a page of that width and height (below 0: none)."""
+    """The largest spacing, mm, that fits on a page of this width and height (negative: none)."""
     fits = [
         min((room - 2 * QUIET) / count, room / (count + 2 * QUIET_SQUARES))
         for room, count in zip((page[0], page[1] - _footer(target)), extent(target), strict=True)
@@ -181,11 +183,11 @@ def _too_large(printed: Printed, paper: str, most: float) -> str:
     board = f"a {target.kind} of {target.columns}x{target.rows} {_counted(target)}"
     if not isinstance(target, Charuco):
         board += f" is {wide:g} {unit}"
-    most = math.floor(most * 10) / 10  # rounded down: the advice must fit
+    most = math.floor(most * 10) / 10  # rounded down, so that the suggested spacing fits
     if most < 1:
         return f"size: {board}, too many for {paper} paper; take a larger paper or a smaller size"
     advice = f"the largest spacing that fits is {most / 1000:g} m ({most:g}mm)"
-    sheets = (p for p in PAPERS if (p[0] == "a") == (paper[0] == "a"))  # of one country's
+    sheets = (p for p in PAPERS if (p[0] == "a") == (paper[0] == "a"))  # of the same standard
     if wider := [p for p in sheets if largest_spacing(target, p) >= spacing]:
         advice += f"; or take {min(wider, key=lambda p: PAPERS[p][0] * PAPERS[p][1])} paper"
     if spacing >= 1 and spacing <= most:
@@ -194,7 +196,7 @@ def _too_large(printed: Printed, paper: str, most: float) -> str:
 
 
 def _text(printed: Printed) -> tuple[str, ...]:
-    """What the page says of the target: all that has to be known to use it."""
+    """The description of the target on the page: all that is needed to use it."""
     target, side = printed.target, printed.spacing * 1000
     many = f"{target.columns}×{target.rows}"
     how = "print at 100 %"
@@ -211,7 +213,7 @@ def _text(printed: Printed) -> tuple[str, ...]:
 
 
 def _ruler(x: float, y: float) -> tuple[Rect, ...]:
-    """A base line and a tick every centimetre; positions are those of the ticks' centres."""
+    """The ruler: a base line and a tick every centimetre; positions are those of the ticks' centres."""
     base = Rect(x - HAIR / 2, y - HAIR, RULER + HAIR, HAIR)
     heights = {0: 3.0, 5: 2.5, 10: 3.0}
     ticks = [(x + 10 * k, heights.get(k, 1.5)) for k in range(11)]
@@ -219,7 +221,7 @@ def _ruler(x: float, y: float) -> tuple[Rect, ...]:
 
 
 def _number(value: float) -> str:
-    """Up to a hundredth of a micrometre, never in exponent form (PDF doesn't know that)."""
+    """A number to a hundredth of a micrometre, never in exponent notation, which PDF doesn't allow."""
     return f"{value:.5f}".rstrip("0").rstrip(".")
 
 
@@ -238,7 +240,8 @@ def _svg_shape(shape: Shape) -> str:
 
 
 def _pdf_content(page: Page) -> bytes:
-    """Drawing operators. `cm` makes the unit a millimetre; PDF's y goes up, so it is turned round here."""
+    """The page as PDF drawing operators. `cm` sets the unit to a millimetre; PDF's y axis points up, so y is
+    flipped."""
     height = page.size[1]
     lines = [f"{72 / 25.4:.9f} 0 0 {72 / 25.4:.9f} 0 0 cm", "0 g"]
     lines += [_pdf_shape(shape, height) for shape in (*page.shapes, *page.ruler)]
@@ -249,7 +252,7 @@ def _pdf_content(page: Page) -> bytes:
 
 
 def _pdf_shape(shape: Shape, height: float) -> str:
-    """Operators that fill a shape on a page of that height, mm."""
+    """The operators that fill a shape on a page of this height, mm."""
     if isinstance(shape, Rect):
         x, y, w, h = map(_number, (shape.x, height - shape.y - shape.height, shape.width, shape.height))
         return f"{x} {y} {w} {h} re f"
@@ -263,7 +266,7 @@ def _pdf_shape(shape: Shape, height: float) -> str:
 
 
 def _pdf_circle(disc: Disc, height: float) -> str:
-    """Four Bézier arcs, which leave the circle by less than 3/10,000 of its radius."""
+    """A circle as four Bézier arcs, which deviate from it by less than 3/10,000 of its radius."""
     handle = 4 / 3 * (math.sqrt(2) - 1)
     x, y, r = disc.x, height - disc.y, disc.radius
     at = lambda u, v: f"{_number(x + r * u)} {_number(y + r * v)}"  # noqa: E731
@@ -274,8 +277,9 @@ def _pdf_circle(disc: Disc, height: float) -> str:
 
 
 def _pdf_file(objects: list[bytes]) -> bytes:
-    """Number the objects from 1 and add the table of their byte offsets. The first object is the catalogue."""
-    out = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n")  # four high bytes: tells transfer programs that it is binary
+    """A PDF file of the `objects`, numbered from 1, with the table of their byte offsets. The first is the
+    catalogue."""
+    out = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n")  # four bytes above 127 mark the file as binary
     offsets = []
     for number, body in enumerate(objects, start=1):
         offsets.append(len(out))

@@ -1,4 +1,4 @@
-"""Camera files of other programs, written and read: OpenCV, ROS, Kalibr, COLMAP, mrcal and our own JSON (docs/formats.md)."""
+"""Reading and writing camera files: OpenCV, ROS, Kalibr, COLMAP, mrcal and rcdn's JSON (docs/formats.md)."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ _ENDINGS: dict[str, CameraFormat] = {
 
 
 def camera_format(path: str | Path, format: CameraFormat | None = None) -> CameraFormat:
-    """The format that `path` is written in: `format` if it is given, else what the name says.
+    """The format in which `path` is written: `format` if given, else determined by the file name.
 
-    `.cameramodel` is mrcal, `.txt` COLMAP, `.json` ours; `.yaml` and `.yml` are OpenCV, but ROS if the name holds `camera_info` and
-    Kalibr if it holds `camchain`. Raises FormatError for any other name.
+    `.cameramodel` is mrcal, `.txt` COLMAP, `.json` rcdn's; `.yaml` and `.yml` are OpenCV, or ROS if the name contains
+    `camera_info`, or Kalibr if it contains `camchain`. Raises FormatError for any other name.
     """
     if format is not None:
         return _known(format)
@@ -73,9 +73,10 @@ def camera_format(path: str | Path, format: CameraFormat | None = None) -> Camer
 def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
     """Write a camera in the format of `camera_format(path, format)`, whole or not at all.
 
-    Every digit is kept. A camera with a `correction` is written as it is to json only, and to the others as `lens_fit` says, which is
-    returned and stands in the file as a comment; None if the file holds the camera as it is. Raises FormatError if the format can't
-    hold the lens model, naming those that can; OutputError as `write_text`.
+    All digits are kept. A camera with a `correction` is represented exactly in json only; to other formats the result
+    of `lens_fit` is written, which is also returned and added to the file as a comment. Returns None if the file
+    represents the camera exactly. Raises FormatError if the format can't hold the lens model, listing those that can;
+    OutputError as `write_text`.
     """
     kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format)
     write_text(path, noted(kind.head, kind.text(camera if fit is None else fit.held), _texts([fit])))
@@ -83,7 +84,8 @@ def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None =
 
 
 def check_lens(path: str | Path, camera: Camera, format: CameraFormat | None = None, stereo: bool = False) -> None:
-    """Raise FormatError if the format of `camera_format(path, format)` can't hold a camera with such a lens, or (`stereo`) no pair."""
+    """Raise FormatError if the format of `camera_format(path, format)` can't hold a camera with this lens model, or
+    (`stereo`) a pair of cameras."""
     kind = _FORMATS[camera_format(path, format)]
     if stereo and kind.stereo_texts is None:
         raise _no_pair(kind)
@@ -95,10 +97,11 @@ def _no_pair(kind: Format) -> FormatError:
 
 
 def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
-    """What a file in the format of `camera_format(path, format)` holds of a camera with a `correction`: the best fit of the format's lens
-    models (mrcal: of its splined stereographic one) over the frame, and how far it is off; None if it holds the camera as it is.
+    """The approximation of a camera with a `correction` in the format of `camera_format(path, format)`: the best fit of
+    the format's lens models (mrcal: of its splined stereographic model) over the frame, and its error; None if the
+    format represents the camera exactly.
 
-    Raises FormatError if no lens of the format can show what the camera sees.
+    Raises FormatError if no lens model of the format can approximate the camera.
     """
     kind = _FORMATS[camera_format(path, format)]
     if camera.correction is None or kind.fit is None:
@@ -114,16 +117,17 @@ def _texts(fits: Sequence[LensFit | None]) -> list[str]:
 
 
 def noted(head: str, text: str, notes: Iterable[str | None]) -> str:
-    """The text of a file with `notes` as comments after its `head`."""
+    """The text of a file with `notes` inserted as comments after its `head`."""
     lines = [f"# {note}\n" for note in dict.fromkeys(notes)]
     return text.replace(head, head + "".join(lines), 1) if lines else text
 
 
 def read_camera(path: str | Path, format: CameraFormat | None = None, name: str | None = None) -> Camera:
-    """Read a camera; the format is recognised by what is in the file, unless it is given.
+    """Read a camera; the format is recognised from the contents of the file, unless it is given.
 
-    `name`: which camera of a file with several (`cam1`; `left`; COLMAP's number). Distortion that is all zero reads as a pinhole.
-    Raises FormatError, naming the file, the field and the fix, if the file holds none, several without a `name`, or a lens that rcdn doesn't know.
+    `name`: the camera to read from a file with several (`cam1`; `left`; COLMAP's number). A distortion of zeros is read
+    as a pinhole. Raises FormatError, naming the file, the field and the fix, if the file contains no camera, several
+    cameras and no `name` is given, or a lens model that rcdn doesn't support.
     """
     cameras = read_cameras(path, format)
     if name is None and len(cameras) == 1:
@@ -137,7 +141,7 @@ def read_camera(path: str | Path, format: CameraFormat | None = None, name: str 
 
 
 def is_rig(path: str | Path) -> bool:
-    """Whether a file is our JSON of a rig, or COLMAP's. Raises FormatError as `read_cameras` if it can't be read."""
+    """Whether a file is rcdn's or COLMAP's JSON of a rig. Raises FormatError as `read_cameras` if it can't be read."""
     text = read_text(path).lstrip()
     if text.startswith("["):
         return True
@@ -145,7 +149,8 @@ def is_rig(path: str | Path) -> bool:
 
 
 def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[str, Camera]:
-    """All cameras of a file by name, in its order; see `read_camera`. A file for one camera names it `camera`."""
+    """All cameras of a file by name, in its order; see `read_camera`. In formats for a single camera its name is
+    `camera`."""
     found, data = _load(path, format)
     return _FORMATS[found].cameras(data, str(path))
 
@@ -153,10 +158,11 @@ def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[s
 def write_stereo(
     path: str | Path, pair: StereoCameras | StereoCalibration, format: CameraFormat | None = None
 ) -> list[Path]:
-    """Write two cameras and where they stand; returns the files, which are two for ROS and mrcal: `path` with _left and _right.
+    """Write two cameras and their relative pose; returns the files, which are two for ROS and mrcal: `path` with _left
+    and _right.
 
-    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt has no place for a pose, for ROS without a rectification,
-    and as `write_camera`, naming the camera that the format can't hold.
+    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt can't hold a pose, for ROS without a
+    rectification, and as `write_camera`, naming the camera that the format can't hold.
     """
     kind = _FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:
@@ -178,7 +184,8 @@ def write_stereo(
 def _side(
     path: str | Path, kind: Format, side: tuple[str, Camera], format: CameraFormat | None
 ) -> tuple[Camera, LensFit | None]:
-    """What a file holds of the camera of a side, and `lens_fit`; raises FormatError, naming the side, if the format can't hold it."""
+    """The representation of one camera of a pair in the file, and its `lens_fit`. `side`: (name, camera). Raises
+    FormatError, naming the side, if the format can't hold it."""
     name, camera = side
     try:
         fit = lens_fit(path, camera, format)
@@ -190,10 +197,11 @@ def _side(
 
 
 def read_stereo(left: str | Path, right: str | Path | None = None, format: CameraFormat | None = None) -> StereoCameras:
-    """Read two cameras and where they stand, from one file (OpenCV, Kalibr, JSON) or from the `left` and the `right` one (ROS, mrcal).
+    """Read two cameras and their relative pose, from one file (OpenCV, Kalibr, JSON) or from those of the `left` and
+    the `right` camera (ROS, mrcal).
 
-    OpenCV's stereo sample writes two, too: intrinsics.yml and extrinsics.yml. The rectification is None where the
-    file has none (Kalibr, mrcal). Raises FormatError, naming the file, the field and the fix.
+    The two files of OpenCV's stereo sample, intrinsics.yml and extrinsics.yml, are also accepted. The rectification is
+    None if the file has none (Kalibr, mrcal). Raises FormatError, naming the file, the field and the fix.
     """
     paths = [left] if right is None else [left, right]
     found = [_load(path, format) for path in paths]
@@ -224,11 +232,11 @@ def _known(format: str) -> CameraFormat:
 
 
 MOST = 4_000_000
-"""characters of a camera file that isn't JSON: what is larger is none, and its YAML would take minutes to read"""
+"""largest number of characters of a camera file that isn't JSON: YAML of a larger file would take minutes to parse"""
 
 
 def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
-    """The format of a file, by what is in it, and its data."""
+    """(format, data) of a file; the format is recognised from its contents unless it is given."""
     text = read_text(path)
     if format is not None:
         return format, parsed(_known(format), path, text)
@@ -237,23 +245,24 @@ def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, 
     for kind, sign in _SIGNS.items():
         if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
             return _known(kind), parsed(kind, path, text)
-    data = parsed("opencv", path, text) if text.strip() else None  # YAML, whatever its kind
+    data = parsed("opencv", path, text) if text.strip() else None  # YAML of any of the formats
     return _yaml_kind(data, path), data
 
 
 def parsed(kind: str, path: str | Path, text: str) -> Any:
-    """The data of a file of a format. Raises FormatError for what is far too large to be one, and as its reader."""
+    """The data of a file in the format `kind`. Raises FormatError if it is too large for a camera file, and as the
+    format's reader."""
     if len(text) > MOST and kind != "json":
         raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")
     return _FORMATS[kind].load(str(path), text)
 
 
-# what the first line that isn't a comment begins with
+# patterns of the beginning of the first line that isn't a comment
 _SIGNS = {"mrcal": r"\{", "json": r"\{", "colmap": r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\b"}
 
 
 def _yaml_kind(data: Any, path: str | Path) -> CameraFormat:
-    """Which YAML: Kalibr has cam0, ROS plain mappings, OpenCV tagged matrices."""
+    """The format of YAML data: Kalibr has cam0, ROS plain mappings, OpenCV tagged matrices."""
     keys = {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
     if kalibr.names(data):
         return "kalibr"

@@ -1,4 +1,4 @@
-"""What the camera formats share: how one is described, and the checks that all of them need."""
+"""Common parts of the camera formats: the description of a format, and checks that all of them need."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ HOLDERS = {
     "fisheye": "opencv, ros, kalibr, colmap or json",
     "division": "colmap or json",
 }
-"""formats that hold any camera of a model"""
+"""formats that can hold any camera of a lens model"""
 
 
 @dataclass(frozen=True, eq=False)
 class LensFit:
-    """What a file holds of a camera with a `correction` that its format has no place for: `held`, the nearest camera of a lens model of the
-    format (mrcal: the nearest spline), `model` its name, and the difference over the frame, RMS and `largest`, px."""
+    """The approximation of a camera with a `correction` in a format that can't represent it: `held`, the nearest camera
+    of a lens model of the format (mrcal: the nearest spline), `model` its name, and the difference over the frame, RMS
+    and `largest`, px."""
 
     held: Any
     model: str
@@ -50,10 +51,11 @@ class LensFit:
 class Format:
     """One format of camera files.
 
-    `load(path, text)` gives the file's data; `cameras(data, path)` the cameras in it by name; `text(camera)` a file;
-    `stereo_texts(pair)` the one file of a pair, or the left and the right one; `stereo([(data, path), …])` the pair that
-    one or two files hold. Without a place for stereo these two are None. `fit(camera)`: what it holds of a camera with a correction, None
-    if that is everything; `text` and `stereo_texts` take its `held`. `head`: the text after which a file may have a comment, `# …`.
+    `load(path, text)` returns the file's data; `cameras(data, path)` the cameras in it by name; `text(camera)` the text
+    of a file; `stereo_texts(pair)` the text of the single file of a pair, or of the left and the right one;
+    `stereo([(data, path), …])` the pair in one or two files. The last two are None for formats without stereo.
+    `fit(camera)`: the approximation of a camera with a correction, whose `held` is passed to `text` and `stereo_texts`;
+    None for a format that represents the correction. `head`: the text after which comments, `# …`, may be inserted.
     """
 
     title: str
@@ -67,7 +69,7 @@ class Format:
 
 
 def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit]:
-    """`Format.fit` of a format that has coefficients of these models, each with their number, the simplest first."""
+    """`Format.fit` for a format with these lens models: (model, number of coefficients), the simplest first."""
 
     def fit(camera: Camera) -> LensFit:
         held, rms, largest = nearest(camera, models)
@@ -77,7 +79,7 @@ def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit
 
 
 def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], model: CameraModel) -> Camera:
-    """A camera from the numbers of a file, checked."""
+    """A camera from the numbers in a file. Raises FormatError if they aren't those of a calibrated camera."""
     lower = np.array([K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1])
     if not np.isfinite(K).all() or K[0, 0] <= 0 or K[1, 1] <= 0 or lower.any():
         raise FormatError(
@@ -93,19 +95,20 @@ def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], mo
 
 
 def usable(camera: Camera, where: str) -> Camera:
-    """The camera of a file, if something can be computed with it."""
+    """`camera` itself, if its lens model is usable. Raises FormatError otherwise."""
     if trouble := lens_trouble(camera):
         raise FormatError(f"{where}: {trouble}; calibrate it again")
     return camera
 
 
 def matrix(fx: float, fy: float, cx: float, cy: float) -> Real[Array, "3 3"]:
-    """(3, 3) K."""
+    """The camera matrix K (3, 3)."""
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
 
 
 def opencv_lens(where: str, values: Sequence[float] | Array) -> tuple[CameraModel, Array]:
-    """Model and distortion of OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]], none of them, or all zero (a pinhole)."""
+    """Lens model and distortion from OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]]; a pinhole if there are
+    none or all are zero."""
     d = np.asarray(values, float).ravel()
     if len(d) not in (0, 4, 5, 8, 12, 14):
         raise FormatError(f"{where}: the distortion must hold 0, 4, 5, 8, 12 or 14 numbers, not {len(d)}")
@@ -119,7 +122,8 @@ def opencv_lens(where: str, values: Sequence[float] | Array) -> tuple[CameraMode
 
 
 def pinhole_numbers(camera: Camera, title: str) -> Real[Array, " 4"]:
-    """(4,) fx, fy, cx, cy for a format that knows no more. Raises FormatError for skew, and for numbers that aren't finite."""
+    """(4,) fx, fy, cx, cy for a format without skew. Raises FormatError for skew, and for numbers that aren't
+    finite."""
     if camera.K[0, 1] != 0:
         raise FormatError(
             f"{title} has no place for skew (K[0, 1] = {camera.K[0, 1]:g}); write json, or calibrate without it"
@@ -137,7 +141,7 @@ def unheld(camera: Camera, title: str) -> FormatError:
 
 
 def pair_of(cameras: dict[str, Camera], path: str) -> tuple[Camera, Camera]:
-    """The two cameras of a file, in its order."""
+    """The two cameras of a file, in its order. Raises FormatError if there aren't two."""
     if len(cameras) != 2:
         raise FormatError(f"{path}: holds {len(cameras)} cameras, not a pair; give a file with two")
     left, right = cameras.values()
@@ -145,7 +149,7 @@ def pair_of(cameras: dict[str, Camera], path: str) -> tuple[Camera, Camera]:
 
 
 def size_of(data: Any, width: str, height: str, where: str) -> tuple[int, int]:
-    """(width, height) of two fields."""
+    """(width, height) from two fields. Raises FormatError if they are missing."""
     if isinstance(data, dict) and (width not in data or height not in data):
         raise FormatError(f"{where}: has no {width!r} and {height!r}; add the size of the pictures, px")
     return take(data, width, int, where), take(data, height, int, where)

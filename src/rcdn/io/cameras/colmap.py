@@ -1,4 +1,5 @@
-"""COLMAP's cameras.txt. Its pixels have (0.5, 0.5) at the centre of the top-left one: half a pixel is added and taken off here."""
+"""COLMAP's cameras.txt. Its pixel coordinates are (0.5, 0.5) at the centre of the top-left pixel: half a pixel is added
+on writing and subtracted on reading."""
 
 from __future__ import annotations
 
@@ -14,11 +15,12 @@ from rcdn.types import Array, Camera
 
 TITLE = "COLMAP's cameras.txt"
 HALF = 0.5
-"""COLMAP's coordinate of the centre of the top-left pixel; ours is 0"""
+"""COLMAP's coordinate of the centre of the top-left pixel; rcdn's is 0"""
 _HEAD = "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
 LINE = re.compile(r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+(\s+[-+.\deE]+)+")
 
-# (numbers of the focal length, numbers of the lens, our model; None: OpenCV's numbers, which may turn out zero)
+# (number of focal lengths, number of distortion coefficients, rcdn's model; None: OpenCV's coefficients, possibly all
+# zero)
 _MODELS: dict[str, tuple[int, int, str | None]] = {
     "SIMPLE_PINHOLE": (1, 0, None),
     "PINHOLE": (2, 0, None),
@@ -52,7 +54,7 @@ def _text(camera: Camera) -> str:
 
 
 def model_and_params(camera: Camera) -> tuple[str, list[float]]:
-    """COLMAP's name of a camera's model, and its PARAMS[]."""
+    """COLMAP's name of a camera's lens model, and its PARAMS[]."""
     fx, fy, cx, cy = pinhole_numbers(camera, TITLE)
     name, d = _model(camera)
     return name, [fx, fy, cx + HALF, cy + HALF, *map(float, d)]
@@ -65,7 +67,7 @@ def _load(path: str, text: str) -> list[tuple[str, list[str]]]:
 
 
 def camera_of(fields: list[str], where: str) -> Camera:
-    """The camera of `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, as texts."""
+    """The camera of the fields `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, given as strings."""
     if not LINE.fullmatch(" ".join(fields)):
         raise FormatError(f"{where} must be `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`, not {shown(' '.join(fields))}")
     name = fields[1]
@@ -84,7 +86,7 @@ def camera_of(fields: list[str], where: str) -> Camera:
     if model == "division":
         return make_camera(where, K, d, (width, height), "division")
     if lens < 4:
-        d = np.concatenate([d, np.zeros(4 - lens)])  # COLMAP's short models stop after k1 or k2
+        d = np.concatenate([d, np.zeros(4 - lens)])  # COLMAP's short models end after k1 or k2
     if model == "fisheye":
         return make_camera(where, K, d, (width, height), "fisheye")
     found, distortion = opencv_lens(where, d if d[5:].any() else d[:5] if d[4:].any() else d[:4])

@@ -50,9 +50,10 @@ def _lens(camera: Camera, others: str) -> tuple[str, Array]:
 def entry(
     camera: Camera, index: int, overlaps: Sequence[int], T: Real[Array, "4 4"] | None = None, others: str = _OTHERS
 ) -> str:
-    """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) takes the frame of the one before it to its own.
+    """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) transforms from the frame
+    of the previous camera to its own.
 
-    Raises FormatError for a lens that a camchain can't hold, with the `others` to write instead."""
+    Raises FormatError for a lens that a camchain can't hold, listing the formats `others` to use instead."""
     kind, d = _lens(camera, others)
     pose = "" if T is None else "  T_cn_cnm1:\n" + "".join(f"  - {flow(row)}\n" for row in T)
     return (
@@ -68,7 +69,7 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
 
 
 def names(data: Any) -> list[str]:
-    """Names of the cameras in a camchain, in its order."""
+    """Names of the cameras in a camchain, in numerical order."""
     found = (
         [k for k in data if isinstance(k, str) and re.fullmatch(r"cam[0-9]{1,9}", k)] if isinstance(data, dict) else []
     )

@@ -1,4 +1,4 @@
-"""mrcal's .cameramodel, one camera a file; a pair is two files whose reference is the left camera."""
+"""mrcal's .cameramodel, one camera per file; a pair is two files whose reference frame is that of the left camera."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _file(camera: Camera | Splined, rt: Array) -> str:
 
 
 def _lens(camera: Camera) -> tuple[str, list[float], str]:
-    """Name, numbers, and what the numbers after the first four are."""
+    """Name of the lens model, its parameters, and a description of those after the first four."""
     core = pinhole_numbers(camera, TITLE)
     if camera.model in ("fisheye", "division"):
         raise unheld(camera, TITLE)
@@ -69,7 +69,7 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
 
 
 def _rotation_vector(R: Array) -> Real[Array, " 3"]:
-    """(3,) of a rotation (3, 3): exact near no turn and near half a turn, where cv2.Rodrigues isn't."""
+    """Rotation vector (3,) of a rotation (3, 3), accurate for angles near 0 and π, where cv2.Rodrigues isn't."""
     a, b, c = R
     # the quaternion (x, y, z, w) is the eigenvector of the largest eigenvalue
     K = np.array([
@@ -106,7 +106,7 @@ def _camera(data: Any, path: str) -> Camera:
 
 
 def _numbers(data: Any, path: str, many: int) -> tuple[Array, tuple[int, int]]:
-    """The intrinsics (many,) and the image size."""
+    """The intrinsics (many,) and the image size (width, height)."""
     data = {k: list(v) if isinstance(v, tuple) else v for k, v in data.items()}
     values = numbers(data, "intrinsics", path, finite=True, shape=(many,))
     return values, two_whole_numbers(data, "imagersize", path)
@@ -119,7 +119,7 @@ def _splined_camera(data: Any, path: str, numbers_of_name: list[int]) -> Camera:
             f"{path}: rcdn reads splines of order 3 with Nx and Ny of 4 or more only; calibrate with those"
         )
     values, size = _numbers(data, path, 4 + 2 * rows * columns)
-    make_camera(path, matrix(*values[:4]), [], size, "pinhole")  # checks
+    make_camera(path, matrix(*values[:4]), [], size, "pinhole")  # only for its checks
     try:
         return camera_of(Splined(values[:4], values[4:].reshape(rows, columns, 2), fov, size))
     except RcdnError as error:

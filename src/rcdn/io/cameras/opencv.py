@@ -1,4 +1,4 @@
-"""OpenCV's YAML, as cv2.FileStorage and OpenCV's calibration samples write and read it."""
+"""OpenCV's YAML, as written and read by cv2.FileStorage and OpenCV's calibration samples."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _matrix(key: str, array: Array) -> str:
 
 
 def _lens(camera: Camera) -> Real[Array, "n 1"]:
-    """(N, 1) distortion; five zeros for a pinhole, which OpenCV's programs expect."""
+    """Distortion (N, 1); five zeros for a pinhole, as OpenCV's programs expect."""
     pinhole_numbers(camera, TITLE)
     if camera.model == "division":
         raise unheld(camera, TITLE)
@@ -43,7 +43,8 @@ def _lens(camera: Camera) -> Real[Array, "n 1"]:
 
 
 def _head(camera: Camera, other: Camera | None = None) -> str:
-    """Picture size and lens flag; a flag for each camera where only one of a pair is a fisheye: a reader of one flag must not take it for both."""
+    """Picture size and lens flag. If only one camera of a pair is a fisheye, each has a flag of its own, so that no
+    reader applies a single flag to both."""
     width, height = camera.image_size
     flags = [int(c.model == "fisheye") for c in (camera, other or camera)]
     names = (_FLAG,) if flags[0] == flags[1] else _FLAGS
@@ -68,7 +69,7 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
 
 
 def _get(data: dict[str, Any], key: str, shape: tuple[int, int] | None, where: str) -> Array:
-    """The matrix of `key`, upper or lower case (older samples write Camera_Matrix)."""
+    """The matrix of `key` in any case (older samples write Camera_Matrix)."""
     value = data.get(key.lower())
     array = value.array(f"{where}: {key!r}") if isinstance(value, Matrix) else None
     if array is None or (shape and array.shape != shape):
@@ -80,7 +81,8 @@ def _get(data: dict[str, Any], key: str, shape: tuple[int, int] | None, where: s
 def _camera(
     data: dict[str, Any], keys: tuple[str, str], size: tuple[int, int], where: str, own_flag: str = _FLAG
 ) -> Camera:
-    """The camera of the matrix and the distortion `keys`; the lens flag is `own_flag`, or else that of all."""
+    """The camera from the `keys` of the camera matrix and the distortion; the lens flag is `own_flag` if present, else
+    the common one."""
     K, values = _get(data, keys[0], (3, 3), where), _get(data, keys[1], None, where).ravel()
     where = f"{where}: {keys[1]!r}"
     flag = own_flag if own_flag in data else _FLAG
@@ -111,7 +113,7 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
 
 
 def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
-    """From one file, or from intrinsics.yml and extrinsics.yml of OpenCV's stereo sample."""
+    """The pair in one file, or in intrinsics.yml and extrinsics.yml of OpenCV's stereo sample."""
     path = " and ".join(name for _, name in files)
     data = {key: value for part, _ in files for key, value in _lower(part).items()}
     left, right = pair_of(_cameras(data, path), path)

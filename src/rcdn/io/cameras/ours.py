@@ -1,4 +1,5 @@
-"""Our JSON of a camera or a pair: every lens model, every digit. A whole calibration (rcdn.io.calibration) has the same fields, and more."""
+"""rcdn's JSON of a camera or a pair: all lens models, all digits. A complete calibration (rcdn.io.calibration) has the
+same fields, and more."""
 
 from __future__ import annotations
 
@@ -66,12 +67,12 @@ def _corrected(camera: Camera, record: dict[str, Any], where: str) -> Camera:
 
 
 def to_text(kind: str, record: dict[str, Any]) -> str:
-    """A JSON file: one field a line, and one view a line."""
+    """The text of a JSON file: one field per line, and one view per line."""
     return _block({"version": VERSION, "kind": kind, **record}) + "\n"
 
 
 def load(path: str, text: str) -> Any:
-    """The data of a file that this version can read."""
+    """The data of a file. Raises FormatError if it isn't JSON of a version that can be read."""
     data = read_json(path, text, "write it with `rcdn calibrate --json`")
     version = data.get("version") if isinstance(data, dict) else None
     if version != VERSION:
@@ -82,7 +83,7 @@ def load(path: str, text: str) -> Any:
 
 
 def cameras(data: Any, path: str) -> dict[str, Camera]:
-    """The cameras of a camera file, a pair, a rig, or a calibration of any of them."""
+    """The cameras by name, of a file of a camera, a pair, a rig, or a calibration of any of them."""
     if "camera" in data:
         return {"camera": camera_of(data, path)}
     if data.get("kind") == "rig":
@@ -110,7 +111,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 
 
 def _pair(data: Any, path: str) -> StereoCameras:
-    """The pair of a pair's file or of a stereo calibration."""
+    """The pair in a file of stereo cameras or of a stereo calibration."""
     left, right = pair_of(cameras(data, path), path)
     T = rigid(data, "T_right_left", path)
     if "R_left" not in data:

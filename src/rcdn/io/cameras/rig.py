@@ -1,4 +1,4 @@
-"""Two cameras and where they stand, as far as a camera file tells."""
+"""Two cameras and their relative pose, with the data that a camera file contains."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from rcdn.types.arrays import Real
 
 @dataclass(frozen=True, eq=False)
 class Rectification:
-    """Turns that make two cameras parallel, as OpenCV names them: `R_left`, `R_right` (3, 3), `P_left`, `P_right` (3, 4), `Q` (4, 4)."""
+    """The rectification of two cameras in OpenCV's notation: `R_left`, `R_right` (3, 3), `P_left`, `P_right` (3, 4),
+    `Q` (4, 4)."""
 
     R_left: Array
     R_right: Array
@@ -28,9 +29,10 @@ class Rectification:
 
     @classmethod
     def without_q(cls, R_left: Array, R_right: Array, P_left: Array, P_right: Array) -> Rectification:
-        """For a file that has no place for Q (4, 4), which takes (x, y, disparity, 1) to a point in the rectified left camera."""
+        """A rectification from a format without Q (4, 4), which maps (x, y, disparity, 1) to a point in the rectified
+        left camera; Q is computed from P."""
         f, shift = P_right[0, 0], P_right[:2, 3]
-        along = int(abs(shift[1]) > abs(shift[0]))  # cameras above each other have their disparity in y
+        along = int(abs(shift[1]) > abs(shift[0]))  # cameras above each other have a disparity along y
         baseline = shift[along] / f
         if not np.isfinite(baseline) or baseline == 0:
             raise RcdnError("Rectification.P_right must have a baseline in its fourth column")
@@ -45,7 +47,8 @@ class Rectification:
 
 @dataclass(frozen=True, eq=False)
 class StereoCameras:
-    """`T_right_left` (4, 4) takes left camera coordinates to right ones, m; `rectification` None if the file has none."""
+    """Two cameras. `T_right_left` (4, 4) transforms left camera coordinates to right ones, m; `rectification` is None
+    if the file has none."""
 
     left: Camera
     right: Camera
@@ -65,7 +68,7 @@ class StereoCameras:
 
 
 def motion(R: Array, t: Array) -> Real[Array, "4 4"]:
-    """(4, 4) of a rotation (3, 3) and a translation (3,)."""
+    """The rigid transformation (4, 4) with a rotation (3, 3) and a translation (3,)."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, np.ravel(t)
     return T

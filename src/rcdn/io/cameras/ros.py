@@ -1,4 +1,4 @@
-"""ROS camera_info YAML, one camera a file; a pair's pose follows from the rectification of both."""
+"""ROS camera_info YAML, one camera per file; the relative pose of a pair is computed from the rectification of both."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _file(camera: Camera, name: str, R: Array, P: Array) -> str:
         raise unheld(camera, TITLE)
     D = camera.distortion
     if _NAMES[camera.model] == "plumb_bob":
-        D = np.concatenate([D, np.zeros(5 - len(D))])  # ROS wants all five
+        D = np.concatenate([D, np.zeros(5 - len(D))])  # ROS requires all five
     width, height = camera.image_size
     return (
         f"image_width: {width}\nimage_height: {height}\ncamera_name: {name}\n"

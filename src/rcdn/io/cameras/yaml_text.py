@@ -1,4 +1,5 @@
-"""YAML in and out: PyYAML reads, also OpenCV's dialect; the few forms that are written are plain text."""
+"""Reading and writing YAML: PyYAML reads it, including OpenCV's dialect; the few written forms are generated as
+text."""
 
 from __future__ import annotations
 
@@ -14,11 +15,12 @@ from rcdn.types import Array
 from rcdn.types.ranges import LARGEST
 
 MOST = 1_000_000
-"""values in a file: a short text can say any number of them by aliases"""
+"""largest number of values in a file: with aliases, a short text can expand to any number of them"""
 
 
 class Matrix(dict[str, Any]):
-    """A matrix of OpenCV's YAML as it stands in the file; `array()` (rows, cols), or FormatError that opens with `where`."""
+    """A matrix of OpenCV's YAML with its fields as in the file. `array()` returns (rows, cols), or raises FormatError
+    with a message that begins with `where`."""
 
     def array(self, where: str) -> Array:
         try:
@@ -31,7 +33,7 @@ class Matrix(dict[str, Any]):
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML's plain values, and OpenCV's matrices."""
+    """A loader of plain YAML values and OpenCV's matrices."""
 
 
 def _matrix(loader: Any, node: Any) -> Matrix:
@@ -42,8 +44,8 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
 
 
 def load(path: str, text: str) -> Any:
-    """The value of a YAML file, OpenCV's matrices as `Matrix`. Raises FormatError with the line of the trouble."""
-    plain = re.sub(r"\A%YAML[: ]1\.\d[^\n]*\n", "", text)  # OpenCV's head is not YAML's
+    """The value of a YAML file, OpenCV's matrices as `Matrix`. Raises FormatError with the line of the error."""
+    plain = re.sub(r"\A%YAML[: ]1\.\d[^\n]*\n", "", text)  # OpenCV's first line isn't valid YAML
     try:
         value = yaml.load(plain, _Loader)
     except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
@@ -55,7 +57,7 @@ def load(path: str, text: str) -> Any:
 
 
 def _holds(value: Any) -> int:
-    """How many values there are, those behind an alias counted wherever it stands; not beyond MOST."""
+    """The number of values, with those of an alias counted at each occurrence; counting stops above MOST."""
     many, waiting = 0, [value]
     while waiting and many <= MOST:
         many += 1
@@ -68,18 +70,18 @@ def _holds(value: Any) -> int:
 
 
 def digits(value: float) -> str:
-    """A number with every digit that it needs to come back the same, in a form that YAML 1.1 takes for a number."""
+    """A number with all digits needed to read back the same value, in a form that YAML 1.1 parses as a number."""
     text = repr(float(value) + 0.0)  # + 0.0: no "-0.0"
     return text if "." in text else text.replace("e", ".0e")
 
 
 def flow(values: Iterable[float]) -> str:
-    """`[a, b, c]`."""
+    """A flow sequence, `[a, b, c]`."""
     return "[" + ", ".join(digits(v) for v in values) + "]"
 
 
 def block_matrix(key: str, array: Array, tag: str = "") -> str:
-    """A matrix with rows, cols and data, as ROS writes it, or with OpenCV's tag as OpenCV does; one row a line."""
+    """A matrix with rows, cols and data, as ROS writes it, or with a `tag` as OpenCV does; one row per line."""
     array = np.atleast_2d(array)
     rows = (", " if array.shape[1] == 1 else ",\n      ").join(", ".join(digits(v) for v in row) for row in array)
     depth = "   dt: d\n" if tag else ""

@@ -1,4 +1,4 @@
-"""The HTML report of a calibration: can this camera be trusted, and if not, why."""
+"""The HTML report of a calibration: whether the result is reliable, and if not, why."""
 
 from rcdn.report.calibration.page import write_report
 from rcdn.report.calibration.rigs import write_rig_report

@@ -1,4 +1,4 @@
-"""Charts as SVG: bars of each view, residuals against the radius. Widths are in units of which a chart has WIDTH."""
+"""Charts as SVG: bars of each view, residuals against the radius. A chart is WIDTH user units wide."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from rcdn.types import Array, Calibration
 WIDTH, HEIGHT = 440, 280
 LEFT, RIGHT, TOP, BOTTOM = 46, 8, 24, 40
 MOST = 6000
-"""dots of one drawing; beyond, they are thinned evenly"""
+"""largest number of dots in a drawing; more are thinned evenly"""
 WORSE = 1.5
-"""× the RMS of all: a view's bar stands out"""
+"""multiple of the overall RMS above which a view's bar is highlighted"""
 BAND, FEWEST = 18, 8
-"""bands of the radius; corners in one that give a mean"""
+"""number of bins of the radius, and smallest number of corners in a bin for a mean"""
 
 
 def plot(label: str, *children: object, height: float = HEIGHT, width: float = WIDTH, most: str | None = None) -> Html:
-    """An SVG of `width` × `height` units with a description for those who can't see it; `most`: its largest CSS width."""
+    """An SVG of `width` × `height` units with `label` as its description for screen readers; `most`: its maximum CSS
+    width."""
     return tag(
         "svg",
         *children,
@@ -35,19 +36,19 @@ def plot(label: str, *children: object, height: float = HEIGHT, width: float = W
 
 
 def legend(*entries: tuple[str, Html]) -> Html:
-    """Words beside the marks (18 × 14 units) that they explain."""
+    """A legend: (description, mark of 18 × 14 units) for each entry."""
     svg = [(word, tag("svg", mark, viewBox="0 0 18 14", class_="plot", aria_hidden="true")) for word, mark in entries]
     return tag("ul", each([tag("li", mark, word) for word, mark in svg]), class_="legend")
 
 
 def ticks(low: float, high: float, most: int) -> Array:
-    """Round numbers from `low` to `high`, about `most` steps of 1, 2 or 5 times a power of ten."""
+    """Round tick values from `low` to `high`, in about `most` steps of 1, 2 or 5 times a power of ten."""
     step = nice((high - low) / most)
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
 
 
 def nice(value: float) -> float:
-    """The least of 1, 2, 5 × 10ⁿ that isn't below `value`; 1 for what has no such number."""
+    """The smallest of 1, 2, 5 × 10ⁿ that isn't below `value`; 1 if `value` isn't positive and finite."""
     if not np.isfinite(value) or value <= 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
@@ -56,7 +57,7 @@ def nice(value: float) -> float:
 
 @dataclass(frozen=True)
 class Axes:
-    """From data to units: x in `left`..`right`, y in `low`..`high`."""
+    """The mapping from data to drawing units: x in `left`..`right`, y in `low`..`high`."""
 
     left: float
     right: float
@@ -64,15 +65,15 @@ class Axes:
     high: float
 
     def x(self, value: Array | float) -> Array:
-        """Units across."""
+        """Horizontal position in units."""
         return LEFT + (np.asarray(value) - self.left) / (self.right - self.left) * (WIDTH - LEFT - RIGHT)
 
     def y(self, value: Array | float) -> Array:
-        """Units down."""
+        """Vertical position in units, downwards."""
         return HEIGHT - BOTTOM - (np.asarray(value) - self.low) / (self.high - self.low) * (HEIGHT - TOP - BOTTOM)
 
     def rows(self, name: str) -> Html:
-        """Horizontal grid with numbers, the axis' name above."""
+        """Horizontal grid lines with numbers, and the axis' name above."""
         out = [tag("text", name, x=0, y=11)]
         for value in ticks(self.low, self.high, 5):
             y = float(self.y(value))
@@ -82,7 +83,7 @@ class Axes:
         return each(out)
 
     def columns(self, name: str, values: Array) -> Html:
-        """Numbers below, and the axis' name below them."""
+        """The horizontal axis with numbers at `values`, and the axis' name below them."""
         y = HEIGHT - BOTTOM
         out = [tag("path", class_="axis", d=f"M{LEFT} {y}H{WIDTH - RIGHT}")]
         out += [
@@ -95,7 +96,8 @@ class Axes:
 
 @dataclass(frozen=True)
 class Bar:
-    """One view: its `value` (NaN: no bar), whether it was left `out`, what is `told` when pointed at, and the anchor it leads to."""
+    """The bar of a view: its `value` (NaN: no bar), whether the view was left `out`, the tooltip (`told`), and the
+    anchor of its link."""
 
     value: float
     out: bool
@@ -104,8 +106,8 @@ class Bar:
 
 
 def view_bars(calibration: Calibration, key: str = "") -> Html:
-    """RMS of each view in the order of the input; views left out are dashed and crossed. Each bar leads to its picture, whose
-    anchor begins with `key`."""
+    """RMS of each view in the order of the input; views left out are dashed and crossed. Each bar links to its picture,
+    whose anchor contains `key`."""
     bars = []
     for k, view in enumerate(calibration.views, start=1):
         told = f"view {k}: {view.name}, {pixels(view.rms)}" + (f", left out: {view.reason}" if view.reason else "")
@@ -114,8 +116,8 @@ def view_bars(calibration: Calibration, key: str = "") -> Html:
 
 
 def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Html:
-    """Bars in the order given, with a dashed line at `overall`; `name` of the values, `what` one bar stands for. Bars left out don't
-    stretch the axis: they end at its top with a mark."""
+    """Bars in the given order, with a dashed line at `overall`; `name` of the values; `what` a bar represents. Bars of
+    views left out don't extend the axis: they are cut off at its top with a mark."""
     values = np.array([b.value for b in bars], float)
     within = values[[np.isfinite(b.value) and not b.out for b in bars]] if bars else values
     top = 1.15 * float(within.max() if len(within) else np.nanmax(values, initial=0.0)) or 1.0
@@ -131,7 +133,7 @@ def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Html:
 
 
 def _bar_legend(bars: list[Bar], overall: float) -> Html:
-    """The kinds of bars that there are."""
+    """The legend of the kinds of bars that occur."""
     box = "M2 2h14v12h-14z"
     marks = [("used", tag("path", class_="bar", d=box))]
     if any(not b.out and b.value > WORSE * overall for b in bars):
@@ -143,7 +145,7 @@ def _bar_legend(bars: list[Bar], overall: float) -> Html:
 
 
 def _bar_names(many: int, slot: float) -> Array:
-    """The numbers below the bars: as many as have room."""
+    """The numbers shown below the bars, as many as there is room for."""
     room = 36 / slot
     every = next(s for s in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10**9) if s >= room)
     return np.array([k for k in range(1, many + 1) if k == 1 or (k % every == 0 and k - 1 >= room)], float)
@@ -157,13 +159,13 @@ def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Html:
     if bar.out:
         h = min(max(wide / 2, 2.0), 5.0)
         marks.append(tag("path", class_="cross", d=crosses(np.array([[x, base - 9]]), h)))
-    if np.isfinite(bar.value) and bar.value > axes.high:  # it goes on beyond the chart
+    if np.isfinite(bar.value) and bar.value > axes.high:  # cut off at the top of the chart
         marks.append(tag("path", class_="cross", d=f"M{coordinate(x - 3)} {TOP - 1}l3-4 3 4"))
     return tag("a", tag("title", bar.told), *marks, href=bar.leads_to, tabindex="-1")
 
 
 def radius_chart(calibration: Calibration) -> tuple[Html, str]:
-    """The residuals' part that points outwards, against the distance from the principal point; and a sentence on it."""
+    """The radial component of the residuals against the distance from the principal point; and a sentence on it."""
     _, outward, radius = _outward(calibration)
     camera = calibration.camera
     width, height = camera.image_size
@@ -172,8 +174,8 @@ def radius_chart(calibration: Calibration) -> tuple[Html, str]:
 
 
 def angle_chart(calibration: Calibration) -> tuple[Html, str]:
-    """The same against the angle between the corner's ray and the axis, in which the lens models are written; up to the widest angle
-    of a corner."""
+    """As `radius_chart`, against the angle between the corner's ray and the optical axis, the variable of the lens
+    models; up to the largest angle of a corner."""
     xy, outward, _ = _outward(calibration)
     angle = off_axis(calibration.camera, xy)
     seen = np.isfinite(angle)
@@ -182,7 +184,8 @@ def angle_chart(calibration: Calibration) -> tuple[Html, str]:
 
 
 def _outward(calibration: Calibration) -> tuple[Array, Array, Array]:
-    """Used corners (N, 2), their residuals' part (N,) away from the principal point, and their distance from it (N,), px."""
+    """Used corners (N, 2), the component (N,) of their residuals away from the principal point, and their distance (N,)
+    from it, px."""
     xy, residuals = used_residuals(calibration)
     away = xy - calibration.camera.K[:2, 2]
     radius = np.hypot(*away.T)
@@ -190,7 +193,8 @@ def _outward(calibration: Calibration) -> tuple[Array, Array, Array]:
 
 
 def _against(position: Array, outward: Array, far: float, what: str, name: str) -> tuple[Html, str]:
-    """Dots of `outward` (N,) at `position` (N,) up to `far`, with their running mean; `what` that is, `name` of its axis."""
+    """A scatter plot of `outward` (N,) over `position` (N,) up to `far`, with the running mean; `what` the position is,
+    `name` of its axis."""
     reach = float(np.quantile(np.abs(outward), 0.995)) * 1.15 if len(outward) else 1.0
     axes = Axes(0.0, far, -reach or -1.0, reach or 1.0)
     some = thinned(len(position), MOST)
@@ -215,7 +219,7 @@ def _against(position: Array, outward: Array, far: float, what: str, name: str) 
 
 
 def _running(radius: Array, values: Array, far: float) -> tuple[Array, Array, Array]:
-    """Middles, means and standard deviations in bands of the radius that hold enough corners."""
+    """Mean radius, mean and standard deviation of the values in each bin of the radius with enough corners."""
     band = np.minimum((radius / far * BAND).astype(int), BAND - 1)
     rows = [
         (radius[band == b].mean(), values[band == b].mean(), values[band == b].std())
@@ -239,5 +243,5 @@ def _ribbon(axes: Axes, middle: Array, mean: Array, spread: Array) -> Html | Non
 
 
 def thinned(many: int, most: int) -> Array:
-    """Indices of at most `most` of `many` rows, evenly spread and always the same."""
+    """Indices of at most `most` of `many` rows, evenly spaced and deterministic."""
     return np.arange(many) if many <= most else np.linspace(0, many - 1, most).astype(int)

@@ -1,4 +1,4 @@
-"""The page of two cameras compared: the difference over the frame, and beside what both state."""
+"""The report of a comparison of two cameras: the difference over the frame, also relative to their uncertainty."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from rcdn.report.calibration.page import page, pair
 from rcdn.types import Array, Calibration, Camera
 
 LONGEST = 26.0
-"""units: how long the 95th percentile of the arrows is drawn"""
+"""drawn length of the 95th percentile of the vectors, units"""
 EVERY = 5
-"""one arrow for each square of so many grid points"""
+"""spacing of the arrows, in grid points"""
 WORDS = (
     (
         "Difference",
@@ -60,8 +60,8 @@ def write_comparison_report(
 ) -> None:
     """Write the page of `found` to `path`: one HTML file that needs no network and no script.
 
-    `names` of the two cameras, as of their files; `sources`: what was compared, for their standard deviations. Raises OutputError if it
-    can't be written.
+    `names` of the two cameras, such as those of their files; `sources`: the compared cameras or calibrations, for their
+    standard deviations. Raises OutputError if it can't be written.
     """
     width, height = found.cameras[0].image_size
     first, second = (sections.short(n) for n in names)
@@ -79,7 +79,8 @@ def write_comparison_report(
 
 
 def statistics(found: Comparison) -> dict[str, float]:
-    """RMS, median and largest length over the area, px; the share of the frame's points in it; the rotation's angle, degrees."""
+    """RMS, median and largest length of the difference over the area, px; the fraction of the frame's points in the
+    area; the angle of the rotation, degrees."""
     lengths = found.over_area.lengths
     return {
         "rms": found.over_area.rms,
@@ -100,7 +101,7 @@ def area_of(found: Comparison) -> str:
 
 
 def figures(found: Comparison) -> list[tuple[str, str]]:
-    """Name and value of each figure, the area's first."""
+    """(name, value) of each figure, those over the area first."""
     values = statistics(found)
     area = found.over_area
     x, y = area.points[int(np.argmax(area.lengths))]
@@ -121,7 +122,7 @@ def figures(found: Comparison) -> list[tuple[str, str]]:
 
 
 def judgement(found: Comparison) -> list[str]:
-    """Sentences on whether they agree within what both state; none if not both state anything."""
+    """Sentences on whether the cameras agree within their stated uncertainty; none unless both have one."""
     stated = found.agreement
     if stated is None:
         return []
@@ -137,7 +138,7 @@ def judgement(found: Comparison) -> list[str]:
 
 
 def _banner(found: Comparison) -> Html:
-    """What the comparison comes to, in a line and a sentence."""
+    """The result of the comparison as a heading and sentences."""
     stated = found.agreement
     told = judgement(found)
     level = "" if stated is None else "good" if stated.agree else "fair"
@@ -213,7 +214,8 @@ def _ratio_figure(found: Comparison) -> Html:
 
 
 def _field(found: Comparison, values: Array, sensor: Sensor) -> tuple[Array, Array, Array]:
-    """`values` (N,) of the grid's points as a field (rows, cols), NaN between them; a cell's size in units; and each point's (row, column)."""
+    """`values` (N,) of the grid's points as an array (rows, cols), NaN where there is no point; the size of a cell in
+    units; and the (row, column) of each point."""
     points = found.found.points
     pitch = float(np.min(np.diff(np.unique(points[:, 0])))) if len(np.unique(points[:, 0])) > 1 else 1.0
     width, height = found.cameras[0].image_size
@@ -240,7 +242,7 @@ def _bands(field: Array, levels: Array, step: Array) -> Html:
 
 
 def _vectors(found: Comparison, sensor: Sensor, grid: Array) -> tuple[Html, float]:
-    """Arrows at every EVERY-th point, and units a px."""
+    """Arrows at every EVERY-th point, and their scale in units per px."""
     lengths = found.found.lengths
     stretch = LONGEST / max(float(np.nanquantile(lengths, 0.95)), 1e-12)
     some = ((grid % EVERY) == EVERY // 2).all(axis=1) & np.isfinite(lengths)
@@ -265,7 +267,7 @@ def _figures_table(found: Comparison) -> Html:
 def _parameters_table(
     cameras: tuple[Camera, Camera], sources: tuple[Camera | Calibration, Camera | Calibration] | None
 ) -> Html:
-    """Both cameras' parameters by name, with standard deviations where they are known."""
+    """The parameters of both cameras by name, with standard deviations if known."""
     columns = []
     for camera, source in zip(cameras, sources or cameras, strict=True):
         std = source.std if isinstance(source, Calibration) else np.full(len(camera.parameters), np.nan)

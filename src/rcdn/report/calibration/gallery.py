@@ -1,4 +1,4 @@
-"""Every picture with what was found in it, and one with the lens undone."""
+"""All pictures with their detections, and one picture undistorted."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from rcdn.types import Calibration, Camera
 
 
 def gallery(calibration: Calibration, show: Pictures | None, budget: int, key: str = "", level: int = 3) -> Html:
-    """Thumbnails with what was found: left out first, then used; and a word on what the page leaves away."""
+    """Thumbnails with detections: views left out first, then used ones; and a sentence on pictures that aren't
+    shown."""
     every = pictures.shots(calibration)
     chosen = pictures.with_jpegs(pictures.worth_showing(every), show, budget)
     most = pictures.DOTS // max(len(chosen), 1)
@@ -95,7 +96,7 @@ def _thumbnail(shot: Shot, names: Sequence[str], most: int, key: str) -> Html:
 
 
 def _table(calibration: Calibration, key: str, shown: set[int]) -> Html:
-    """Every view; those whose numbers aren't `shown` have their anchors here."""
+    """A table of all views; those whose numbers aren't `shown` in thumbnails have their anchors here."""
     rows = []
     every = [v.name for v in calibration.views]
     for k, v in enumerate(calibration.views, start=1):
@@ -132,7 +133,7 @@ def leaving_out(names: Sequence[str], number: int) -> Html:
 
 
 def before_after(found: Sample | None, camera: Camera, asked: bool) -> Html:
-    """One picture as it was taken and with the lens undone."""
+    """One picture as taken and undistorted."""
     if found is None:
         if camera.model == "pinhole" and camera.correction is None:
             return tag("p", "The pinhole model has no distortion to undo.", class_="soft")

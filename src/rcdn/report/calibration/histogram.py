@@ -1,4 +1,4 @@
-"""Residuals against what the calibration holds of them: a histogram beside the normal curve, and their dependence on the angle."""
+"""Residuals compared with their model: a histogram with the normal density, and their dependence on the angle."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from rcdn.report.calibration.sections import figure
 from rcdn.types import Array, Calibration
 
 REACH, BINS = 5.0, 50
-"""standard deviations to each side, and bars over both"""
+"""range of the histogram to each side, in standard deviations, and total number of bins"""
 FAR, FAR_SHARE = 3.0, 0.0027
-"""standard deviations, and the share of a normal distribution beyond them"""
+"""number of standard deviations, and the fraction of a normal distribution beyond it"""
 HEAVY, CORE = 2.0, 0.85
-"""× FAR_SHARE, beyond which tails are heavy; × the model's quartile, below which the middle is narrow"""
+"""multiple of FAR_SHARE above which tails are heavy; fraction of the model's quartile below which the centre is
+narrow"""
 QUARTILE = 0.6745
-"""standard deviations within which half of a normal distribution lies"""
+"""number of standard deviations that contains half of a normal distribution"""
 
 
 def model_figures(calibration: Calibration, whose: str = "") -> tuple[Html, Html]:
-    """The histogram, and residuals against the angle; `whose` ends the titles."""
+    """The histogram, and the residuals against the angle; `whose` is appended to the titles."""
     art, sentence = histogram(calibration)
     marks = legend(
         ("residuals", tag("path", class_="bar", d="M2 2h14v12h-14z")),
@@ -34,7 +35,8 @@ def model_figures(calibration: Calibration, whose: str = "") -> tuple[Html, Html
 
 
 def whitened(calibration: Calibration) -> Array:
-    """(2N,) residuals of the used corners, each axis, ÷ √(σ² + s²): σ of the corner's detection, s the scatter beyond it."""
+    """Whitened residuals (2N,) of the used corners, both axes: divided by √(σ² + s²), with σ of the corner's detection
+    and s the additional noise of the calibration."""
     parts = [np.zeros(0)]
     for view in calibration.used_views:
         residuals = view.residuals[view.used]
@@ -44,7 +46,7 @@ def whitened(calibration: Calibration) -> Array:
 
 
 def histogram(calibration: Calibration) -> tuple[Html, str]:
-    """Bars of the whitened residuals with the standard normal curve; and a sentence on how they differ."""
+    """A histogram of the whitened residuals with the standard normal density; and a sentence on the difference."""
     values = whitened(calibration)
     width = 2 * REACH / BINS
     count = np.histogram(np.clip(values, -REACH, REACH), bins=BINS, range=(-REACH, REACH))[0]
@@ -78,7 +80,7 @@ def _bars(axes: Axes, density: Array, width: float) -> str:
 
 
 def _sentence(values: Array) -> str:
-    """How the residuals' distribution differs from the normal one: in its tails, in its middle, or not."""
+    """A sentence on how the residuals' distribution differs from a normal one: in its tails, at its centre, or not."""
     if not len(values):
         return "There are no residuals to look at."
     beyond, half = int((np.abs(values) > FAR).sum()), float(np.median(np.abs(values)))

@@ -1,4 +1,4 @@
-"""Drawings over the sensor: where corners were, which way residuals point, where projections are loose."""
+"""Maps over the sensor: positions of corners, residual vectors, and projection uncertainty."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rcdn.report.calibration.markup import Html, coordinate, counted, dots, each
 from rcdn.types import Array, Calibration
 
 TYPICAL = 20.0
-"""units: how long the 90th percentile of the vectors is drawn"""
+"""drawn length of the 90th percentile of the vectors, units"""
 BANDS, FEWEST_BANDS = 7, 3
 STEPS = ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7))
-"""limits of bands, times powers of ten"""
+"""limits of bands, to be multiplied by powers of ten; the second set is used if the first gives too few"""
 BROKEN = "the lens model has no ray here"
 
 
 class Sensor:
-    """The frame, `width` × `height` units, and what is below it."""
+    """The frame of `width` × `height` units, with `below` units for a scale bar."""
 
     def __init__(self, image_size: tuple[int, int], below: float = 0.0) -> None:
         across, down = image_size
@@ -32,22 +32,23 @@ class Sensor:
         self.below = below
 
     def to(self, xy: Array) -> Array:
-        """Pixels (…, 2) in units: the first pixel's outer edge is 0."""
+        """Pixel coordinates (…, 2) in drawing units; the outer edge of the first pixel is at 0."""
         return (np.asarray(xy, float) + 0.5) * self.scale
 
     def clipped(self, *children: object) -> Html:
-        """What may not leave the frame."""
+        """`children`, clipped to the frame."""
         return tag("svg", *children, width=self.width, height=self.height)
 
     def draw(self, label: str, *children: object) -> Html:
-        """The frame with `children` on it."""
+        """The frame with `children` drawn on it."""
         frame = tag("rect", class_="sensor", x=0.5, y=0.5, width=self.width - 1, height=self.height - 1)
         most = f"{coordinate(self.width * 1.3, 0)}px" if self.width < WIDTH else None
         return plot(label, frame, *children, width=self.width, height=self.height + self.below, most=most)
 
 
 def coverage_map(calibration: Calibration, facts: Facts) -> Html:
-    """All used corners over the sensor; cells without one are hatched, cells out of the lens's sight grey. With its legend."""
+    """All used corners over the sensor, with a legend; cells without a corner are hatched, cells outside the lens's
+    field of view are grey."""
     sensor = Sensor(calibration.camera.image_size)
     rows, cols = facts.coverage.shape
     size = np.array([sensor.width / cols, sensor.height / rows])
@@ -84,7 +85,7 @@ def _boxes(corner: Array, size: Array) -> str:
 
 
 def _hatching(corner: Array, size: Array, gap: float = 7.0) -> str:
-    """Slanting lines in boxes of `size` at `corner` (N, 2); they meet those of the next box."""
+    """Diagonal hatching in boxes of `size` at `corner` (N, 2), continuous across adjacent boxes."""
     out = []
     w, h = size
     for x, y in corner:
@@ -97,7 +98,7 @@ def _hatching(corner: Array, size: Array, gap: float = 7.0) -> str:
 
 
 def residual_map(calibration: Calibration) -> Html:
-    """One line a corner, from the corner along its residual, much enlarged."""
+    """One line per corner, from the corner along its residual, strongly enlarged."""
     sensor = Sensor(calibration.camera.image_size, below=30)
     xy, residuals = used_residuals(calibration)
     longer = np.hypot(*residuals.T)
@@ -116,7 +117,8 @@ def residual_map(calibration: Calibration) -> Html:
 
 
 def mean_map(calibration: Calibration, cells: Cells) -> tuple[Html, str]:
-    """Mean residuals in `cells` of the sensor as arrows; those that chance doesn't explain stand out. And a sentence on them."""
+    """Mean residuals in `cells` of the sensor as arrows, with statistically significant ones highlighted; and a
+    sentence on them."""
     sensor = Sensor(calibration.camera.image_size, below=30)
     where, mean, systematic = cells.where, cells.mean, cells.systematic
     size = np.hypot(*mean.T)
@@ -156,7 +158,8 @@ def mean_map(calibration: Calibration, cells: Cells) -> tuple[Html, str]:
 
 
 def arrows(start: Array, end: Array) -> str:
-    """Arrows from `start` to `end` (N, 2), units; the head is a fixed size, or shorter than half of a short arrow."""
+    """Arrows from `start` to `end` (N, 2), units; the head has a fixed size, but at most half the length of the
+    arrow."""
     along = end - start
     length = np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     back = along / length * np.minimum(4.5, 0.5 * length)
@@ -165,7 +168,7 @@ def arrows(start: Array, end: Array) -> str:
 
 
 def scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
-    """A bar of a round number of px below the frame, as long as an enlarged residual of that size, and `words`."""
+    """A scale bar below the frame for a residual of a round number of px, and `words`."""
     value = nice(45 / stretch)
     value = value if value * stretch < sensor.width / 3 else nice(18 / stretch)
     y, right = sensor.height + 19, 1 + value * stretch
@@ -175,7 +178,8 @@ def scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
 
 
 def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
-    """Bands of the projection uncertainty over the sensor, values in the middle and in the corners, and the hull of the used corners."""
+    """Bands of the projection uncertainty over the sensor, with values at the centre and in the corners, and the convex
+    hull of the used corners."""
     sensor = Sensor(calibration.camera.image_size)
     field = facts.uncertainty
     levels = band_levels(field)
@@ -203,8 +207,8 @@ def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
 
 
 def band_levels(field: Array) -> Array:
-    """Round limits (1, 2, 5 × 10ⁿ, or closer ones where those are too few) inside the range of `field`, at most BANDS − 1; the largest
-    are left away first, for a rim that blows up tells nothing that the words `more than` don't."""
+    """Round limits (1, 2, 5 × 10ⁿ, or more closely spaced ones if those are too few) inside the range of `field`, at
+    most BANDS − 1; the largest are dropped first, since very large values at the rim need no finer distinction."""
     known = field[np.isfinite(field) & (field > 0)]
     if not len(known):
         return np.array([1.0])
@@ -217,12 +221,12 @@ def band_levels(field: Array) -> Array:
 
 
 def shade(band: int, levels: int) -> str:
-    """Opacity of a band among `levels` limits."""
+    """Opacity of band number `band` for `levels` limits."""
     return coordinate(0.04 + 0.78 * band / max(levels, 1), 2)
 
 
 def runs(mask: Array, step: Array) -> str:
-    """Boxes that fill the true cells of `mask`, one for each run in a row."""
+    """A path of boxes that cover the true cells of `mask`, one for each run in a row."""
     out = []
     edge = np.diff(np.pad(mask.astype(int), ((0, 0), (1, 1))), axis=1)
     tall = coordinate(step[1], 2)
@@ -234,7 +238,7 @@ def runs(mask: Array, step: Array) -> str:
 
 
 def _values(sensor: Sensor, facts: Facts) -> Html:
-    """The number in the middle, and in each corner."""
+    """The values at the centre and in each corner."""
     w, h = sensor.width, sensor.height
     (a, b), (c, d) = facts.corners
     spots = [
@@ -249,7 +253,7 @@ def _values(sensor: Sensor, facts: Facts) -> Html:
 
 
 def band_marks(levels: Array, unit: str = " px") -> list[tuple[str, Html]]:
-    """Entries of a legend, one for each band between `levels`."""
+    """Legend entries, one for each band between `levels`."""
     edges = [coordinate(v, 9) for v in levels]
     words = [
         f"below {edges[0]}{unit}",

@@ -1,4 +1,4 @@
-"""HTML that can't be broken by what is written into it, and numbers as people read them."""
+"""Generation of HTML with escaping of all text, and formatting of numbers for readers."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from rcdn.types import Array
 
 VOID = frozenset({"img", "meta", "link", "br"})
 DASH = "–"
-"""stands for a number that isn't known"""
+"""placeholder for an unknown number"""
 _UNSEEN = re.compile(
     "[\x00-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufdd0-\ufdef\ufffe\uffff]"
 )
 
 
 class Html(str):
-    """Text that is HTML already; every other text is escaped on its way into a tag."""
+    """Text that is already HTML; all other text is escaped when it is put into a tag."""
 
     __slots__ = ()
 
 
 def escape(text: object) -> Html:
-    """`text` as HTML, in an element or between quotes. What can't be seen is made visible (a line break is ␊), so that a file's
-    name can't hide or turn round its letters; halves of surrogate pairs, as in names that aren't UTF-8, are written as \\udcff."""
+    """`text` as HTML, for an element or a quoted attribute. Invisible characters are made visible (a line break is ␊),
+    so that a file's name can't hide or reverse its letters; unpaired surrogates, as in names that aren't UTF-8, are
+    written as \\udcff."""
     if isinstance(text, Html):
         return text
     seen = _UNSEEN.sub(lambda m: _visible(m[0]), str(text))
@@ -38,8 +39,8 @@ def _visible(letter: str) -> str:
 
 
 def tag(name: str, /, *children: object, **attributes: object) -> Html:
-    """An element: children are escaped unless they are `Html`. `class_` is class, `aria_label` aria-label; None and False leave an
-    attribute out, True names it only."""
+    """An element; children are escaped unless they are `Html`. `class_` gives the attribute class, `aria_label`
+    aria-label; None and False omit an attribute, True gives one without a value."""
     words = []
     for key, value in attributes.items():
         if value is None or value is False:
@@ -52,24 +53,25 @@ def tag(name: str, /, *children: object, **attributes: object) -> Html:
 
 
 def join(*children: object) -> Html:
-    """Children one after another, escaped unless they are `Html`; None is nothing."""
+    """The concatenated children, escaped unless they are `Html`; None is omitted."""
     return Html("".join(escape(c) for c in children if c is not None))
 
 
 def each(items: list[Html]) -> Html:
-    """The elements one after another, one a line."""
+    """The concatenated elements, one per line."""
     return Html("\n".join(items))
 
 
 def coordinate(value: float, decimals: int = 1) -> str:
-    """A number for a drawing, short: 12.0 is 12, −0.0 is 0."""
+    """A number for a drawing in its shortest form: 12.0 is 12, −0.0 is 0."""
     text = f"{float(value):.{decimals}f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text in ("-0", "") else text
 
 
 def number(value: float, digits: int = 3, sign: bool = False) -> str:
-    """A number of about `digits` digits, never with an exponent between 0.001 and a million; a dash if it isn't finite."""
+    """A number with about `digits` digits, without an exponent between 0.001 and a million; a dash if it isn't
+    finite."""
     value = float(value)
     if not np.isfinite(value):
         return DASH
@@ -82,20 +84,20 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
 
 
 def pixels(value: float) -> str:
-    """A length in pixels: to a thousandth from 0.1 to 1, else to three digits."""
+    """A length in pixels: three decimals from 0.1 to 1, else three digits."""
     if np.isfinite(value) and 0.1 <= abs(value) < 1:
         return f"{value:.3f} px".replace("-", "−")
     return f"{number(value)} px" if np.isfinite(value) else DASH
 
 
 def percent(share: float) -> str:
-    """A share as per cent: two digits below ten."""
+    """A fraction as a percentage, with two digits below ten."""
     share = 100 * float(share)
     return f"{number(share, 2) if not abs(share) >= 10 else round(share)} %"
 
 
 def value_and_std(value: float, std: float) -> tuple[str, str]:
-    """A value and its standard deviation: two digits of the deviation, and the value to the same place."""
+    """A value and its standard deviation: two digits of the deviation, and the value to the same decimal place."""
     if not np.isfinite(std) or std <= 0:
         return f"{value:.6g}".replace("-", "−"), DASH
     decimals = int(np.clip(1 - np.floor(np.log10(std)), 0, 12))
@@ -103,22 +105,23 @@ def value_and_std(value: float, std: float) -> tuple[str, str]:
 
 
 def counted(many: int, one: str, more: str = "") -> str:
-    """`1 board`, `2 boards`, `1,234 corners`."""
+    """A count with its noun: `1 board`, `2 boards`, `1,234 corners`."""
     return f"{many:,} {one if many == 1 else more or one + 's'}"
 
 
 def data_uri(jpeg: bytes) -> str:
-    """A JPEG as the address of itself."""
+    """A JPEG as a data URI."""
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
 
 
 def dots(xy: Array, decimals: int = 1) -> str:
-    """Path of one point for each row of (N, 2): drawn as discs with round line ends, a fifth of a circle's letters."""
+    """A path with one point for each row of (N, 2), drawn as discs by round line caps; a fifth of the length of
+    circles."""
     return "".join(f"M{coordinate(x, decimals)} {coordinate(y, decimals)}h0" for x, y in xy)
 
 
 def crosses(xy: Array, half: float, decimals: int = 1) -> str:
-    """Path of a slanting cross, `half` wide to each side, for each row of (N, 2)."""
+    """A path with a diagonal cross of half width `half` for each row of (N, 2)."""
     h, t = coordinate(half, decimals), coordinate(2 * half, decimals)
     return "".join(
         f"M{coordinate(x, decimals)} {coordinate(y, decimals)}m-{h} -{h}l{t} {t}m0-{t}l-{t} {t}" for x, y in xy
@@ -126,13 +129,13 @@ def crosses(xy: Array, half: float, decimals: int = 1) -> str:
 
 
 def rings(xy: Array, radius: float, decimals: int = 1) -> str:
-    """Path of a circle of `radius` around each row of (N, 2)."""
+    """A path with a circle of `radius` around each row of (N, 2)."""
     r, d = coordinate(radius, decimals), coordinate(2 * radius, decimals)
     arc = f"a{r} {r} 0 1 0 {d} 0a{r} {r} 0 1 0-{d} 0"
     return "".join(f"M{coordinate(x - radius, decimals)} {coordinate(y, decimals)}{arc}" for x, y in xy)
 
 
 def segments(start: Array, end: Array, decimals: int = 1) -> str:
-    """Path of a straight line for each row, from `start` (N, 2) to `end` (N, 2)."""
+    """A path with a straight line for each row, from `start` (N, 2) to `end` (N, 2)."""
     f = lambda v: coordinate(v, decimals)  # noqa: E731
     return "".join(f"M{f(a)} {f(b)}L{f(c)} {f(d)}" for (a, b), (c, d) in zip(start, end, strict=True))

@@ -1,4 +1,4 @@
-"""Where to hold the board for the next picture, drawn over the frame."""
+"""The suggested pose of the board for the next picture, drawn over the frame."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rcdn.report.calibration.sections import figure
 from rcdn.types import Array, Calibration, Plane
 
 STEPS = 3
-"""parts of a square's edge: lenses bend them"""
+"""segments per edge of a square, which lens distortion bends"""
 CELLS = (32, 24)
 
 
 def next_figure(calibration: Calibration, found: NextView) -> Html:
-    """The suggested board over the frame, as the camera would see it, among the corners seen so far; and what to do, in words."""
+    """The suggested board as the camera would see it, with the corners seen so far; and an instruction in words."""
     sensor = Sensor(calibration.camera.image_size)
     xy, _ = used_residuals(calibration)
     seen = dots(sensor.to(xy[thinned(len(xy), MOST // 2)]))
@@ -46,7 +46,8 @@ def next_figure(calibration: Calibration, found: NextView) -> Html:
 
 
 def _squares(calibration: Calibration, found: NextView) -> tuple[list[Array], list[Array]]:
-    """Outlines (K, 2) px of the dark and of the light squares that the camera sees; a deltille's cells are all light."""
+    """Outlines (K, 2), px, of the dark and of the light squares that the camera sees; a deltille's cells are all
+    light."""
     cols, rows = found.size
     plane = plane_of(calibration)
     edge = np.linspace(0, 1, STEPS, endpoint=False)
@@ -62,7 +63,8 @@ def _squares(calibration: Calibration, found: NextView) -> tuple[list[Array], li
 
 
 def _seen(calibration: Calibration, found: NextView, ij: Array, plane: Plane) -> Array:
-    """(..., 2) px of places `ij` (..., 2) on the board; NaN farther off the axis than any ray of the frame."""
+    """Pixels (..., 2) of labels `ij` (..., 2) on the board; NaN at larger angles off the axis than any ray of the
+    frame."""
     flat = plane.points(ij) * calibration.spacing
     points = transform(found.pose, np.concatenate([flat, np.zeros((*flat.shape[:-1], 1))], axis=-1))
     camera = calibration.camera

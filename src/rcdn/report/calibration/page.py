@@ -1,4 +1,4 @@
-"""The report of one calibration: one HTML file that a person reads in a minute."""
+"""The report of one calibration: a single HTML file that can be read in a minute."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rcdn.report.calibration.pictures import Pictures
 from rcdn.types import Calibration
 
 LARGEST = 6_000_000
-"""bytes of the page; thumbnails take what the rest leaves, less SPARE"""
+"""maximum size of the page, bytes; thumbnails may use what the other parts leave, less SPARE"""
 SPARE = 100_000
 
 WORDS = (
@@ -70,16 +70,16 @@ def write_report(
 ) -> None:
     """Write the report of `calibration` to `path`: one HTML file that needs no network and no script.
 
-    `pictures(name)` gives the photograph (H, W) of a view's name, or None; it is called once for each picture that is shown,
-    and again for the sample. Without it the drawings stand alone. The page stays below 6 MB for a hundred views: thumbnails shrink,
-    and what doesn't fit is left away and named. Written whole or not at all; the same input gives the same bytes but for the
-    date. Raises OutputError if it can't be written.
+    `pictures(name)` returns the photograph (H, W) of a view by its name, or None; it is called once for each picture
+    that is shown, and again for the sample. Without it there are only drawings. The page stays below 6 MB for a hundred
+    views: thumbnails are reduced in size, and pictures that don't fit are left out with a note. Written whole or not at
+    all; the same input gives the same bytes except for the date. Raises OutputError if it can't be written.
     """
     write_text(path, report(calibration, pictures, title))
 
 
 def report(calibration: Calibration, pictures: Pictures | None = None, title: str = "Camera calibration") -> str:
-    """The page that `write_report` writes."""
+    """The text of the page that `write_report` writes."""
     facts = measure(calibration)
     found = calibration.verdict or judge(calibration, facts)
     why = verdict.reasons(
@@ -108,7 +108,7 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
     ]
     meaning = ("meaning", "What the figures mean", sections.definitions(WORDS))
     rest = sum(len(html.encode()) for _, _, html in [*parts, meaning]) + len(head.encode()) + len(style.SHEET)
-    views = gallery.gallery(calibration, pictures, 0)  # without photographs: what the overlays take
+    views = gallery.gallery(calibration, pictures, 0)  # without photographs, for the size of the overlays
     budget = max(LARGEST - SPARE - rest - len(views.encode()), 0)
     views = gallery.gallery(calibration, pictures, budget)
     parts += [("views", "Every picture", views), meaning]
@@ -116,7 +116,7 @@ def report(calibration: Calibration, pictures: Pictures | None = None, title: st
 
 
 def pose_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
-    """Where to hold the board next, and where it was; no part without a pose."""
+    """The part on poses: the suggested next pose of the board, and its poses so far; empty if there are none."""
     found = next_view(calibration)
     suggested = None
     if found is not None:
@@ -130,7 +130,7 @@ def pose_part(calibration: Calibration) -> list[tuple[str, str, Html]]:
 
 
 def subtitle(calibration: Calibration) -> str:
-    """What was calibrated from what, in a line."""
+    """The camera and the number of boards and pictures, in a line."""
     names = {v.name for v in calibration.views}
     width, height = calibration.camera.image_size
     return (
@@ -140,18 +140,18 @@ def subtitle(calibration: Calibration) -> str:
 
 
 def told(calibration: Calibration, facts: Facts) -> str:
-    """What went in, for the foot of the page."""
+    """The numbers of pictures, boards and corners of the input, for the footer."""
     names = {v.name for v in calibration.views}
     return f"From {counted(len(names), 'picture')} with {counted(len(calibration.views), 'board')} and {counted(facts.seen, 'corner')}."
 
 
 def pair(*children: Html) -> Html:
-    """Side by side on a wide screen."""
+    """`children` side by side on a wide screen."""
     return tag("div", each(list(children)), class_="two")
 
 
 def section(key: str, title: str, content: Html, lead: str = "") -> Html:
-    """A part of the page with its heading."""
+    """A section of the page with its heading."""
     return tag(
         "section",
         tag("h2", title, id=key),
@@ -162,7 +162,7 @@ def section(key: str, title: str, content: Html, lead: str = "") -> Html:
 
 
 def page(title: str, line: str, head: Html, parts: Sequence[tuple[str, str, Html]], told: str) -> str:
-    """The whole document."""
+    """The complete HTML document."""
     links = each([tag("li", tag("a", name, href=f"#{key}")) for key, name, _ in parts])
     body = join(
         tag(

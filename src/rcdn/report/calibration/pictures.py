@@ -1,4 +1,4 @@
-"""Thumbnails of all pictures with what was found in them, and one picture with the lens undone; in a page of bounded size."""
+"""Thumbnails of all pictures with their detections, and one undistorted picture, in a page of bounded size."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, 
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 Pictures = Callable[[str], Array | None]
-"""The photograph (H, W) of a view's name, or None. An attribute `left_out` of it is a sentence for the page, on what it doesn't give."""
+"""Returns the photograph (H, W) of a view by its name, or None. Its attribute `left_out`, if any, is a sentence for the
+page on photographs that aren't shown."""
 
 WIDTHS = (960, 760, 560, 480, 400, 320, 240, 180, 128)
-"""px that thumbnails may be wide; the widest that fits is taken"""
+"""possible widths of thumbnails, px; the largest that fits is used"""
 MOST = 120
-"""pictures that are shown"""
+"""largest number of pictures that are shown"""
 DOTS = 40_000
-"""corners that are drawn into all thumbnails together"""
+"""largest number of corners drawn in all thumbnails together"""
 THUMB_QUALITY, SAMPLE_QUALITY, SAMPLE_WIDTH = 70, 80, 760
 TRIES = 5
-"""pictures that are tried for the sample until one can be read"""
+"""largest number of pictures tried for the sample until one can be read"""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One picture: its `views` with their numbers (from 1), its `size` (width, height) px, and a small JPEG if it is shown."""
+    """One picture: its `views` with their numbers (from 1), its `size` (width, height) px, and a small JPEG if it is
+    shown."""
 
     name: str
     views: tuple[tuple[int, BoardView], ...]
@@ -41,7 +43,7 @@ class Shot:
 
     @property
     def out(self) -> bool:
-        """No board of this picture was used."""
+        """Whether no board of this picture was used."""
         return all(v.reason for _, v in self.views)
 
 
@@ -54,7 +56,8 @@ def shots(calibration: Calibration) -> list[Shot]:
 
 
 def worth_showing(every: list[Shot], most: int = MOST) -> list[Shot]:
-    """At most `most` of them: first what was left out, then the worst, then evenly what remains; in the order of the input."""
+    """At most `most` of the pictures: first those with views left out, then those with the largest RMS, then an even
+    selection of the others; in the order of the input."""
     if len(every) <= most:
         return every
     out = [k for k, s in enumerate(every) if any(v.reason for _, v in s.views)][: most // 2]
@@ -68,15 +71,15 @@ def worth_showing(every: list[Shot], most: int = MOST) -> list[Shot]:
 
 
 def with_jpegs(chosen: list[Shot], pictures: Pictures | None, budget: int) -> list[Shot]:
-    """The shots with JPEGs of one width, the widest whose data fit in `budget` bytes of the page; where even the narrowest don't,
-    the last ones stay without."""
+    """The shots with JPEGs of one width, the largest whose data fit into `budget` bytes of the page; if even the
+    smallest don't fit, the last shots have no JPEG."""
     if pictures is None or not chosen:
         return chosen
     read = [(shot, _small(pictures(shot.name), WIDTHS[0])) for shot in chosen]
     for width in WIDTHS:
         few = [_with_jpeg(shot, picture, width) for shot, picture in read[:: max(len(read) // 8, 1)]]
         if width > WIDTHS[-1] and sum(map(_in_page, few)) * len(read) / len(few) > 1.5 * budget:
-            continue  # surely too much
+            continue  # certainly too large
         done = [_with_jpeg(shot, picture, width) for shot, picture in read]
         if sum(_in_page(s) for s in done) <= budget:
             return done
@@ -85,7 +88,7 @@ def with_jpegs(chosen: list[Shot], pictures: Pictures | None, budget: int) -> li
 
 
 def _small(picture: Array | None, width: int) -> tuple[Array, tuple[int, int]] | None:
-    """A picture (8 bits, no more than `width` wide), and its full size."""
+    """A picture reduced to at most `width` px (8 bits), and its full size (width, height)."""
     if picture is None:
         return None
     grey = as_grey(picture)
@@ -96,7 +99,7 @@ def _small(picture: Array | None, width: int) -> tuple[Array, tuple[int, int]] |
 
 
 def shrunk(grey: Array, size: tuple[int, int]) -> Array:
-    """A grey picture at `size` (width, height), no larger than its own; 8 bits."""
+    """A grey picture reduced to `size` (width, height); 8 bits."""
     small = grey if size == grey.shape[::-1] else cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
     return np.asarray(np.clip(small, 0, 255).astype(np.uint8))
 
@@ -118,7 +121,8 @@ def _in_page(shot: Shot) -> int:
 
 
 def framed(shot: Shot, overlay: Html, alt: str, lazy: bool = True) -> Html:
-    """A picture, or a grey field of its shape, with an SVG in the picture's pixels over it (pixel centres at integers)."""
+    """A picture, or a grey rectangle of its shape, overlaid with an SVG in the picture's pixel coordinates (pixel
+    centres at integers)."""
     wide, high = shot.size
     picture = None
     if shot.jpeg is not None:
@@ -136,7 +140,8 @@ def _seen_as(alt: str, picture: Html | None) -> dict[str, str]:
 
 
 def corners_overlay(shot: Shot, most: int) -> Html:
-    """Marks of the corners: dots (used), crosses (outliers), rings (views left out), at most `most` of them, with a dark edge."""
+    """Marks of the corners, at most `most`, with a dark edge: dots (used), crosses (outliers), rings (views left
+    out)."""
     views = [v for _, v in shot.views]
     decimals = 0 if max(shot.size) > 1500 else 1
     size = max(shot.size) / 110
@@ -168,15 +173,16 @@ def corners_overlay(shot: Shot, most: int) -> Html:
 
 
 def _dot(xy: Array, width: int) -> float:
-    """Size of a corner's dot, screen px, in a thumbnail of usual width: smaller where corners lie close together."""
+    """Diameter of a corner's dot, screen px, in a thumbnail of usual width; smaller if corners are close together."""
     pitch = float(np.sqrt(np.prod(np.ptp(xy, axis=0) + 1) / len(xy))) * 240 / width
     return float(np.clip(0.28 * pitch, 1.6, 4.5))
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One picture before and after: JPEGs of `size` px, the board's outer lines (L, 2, 2) as chords in their pixels, the largest
-    distance of a corner from its chord, px, before and after, the shown horizontal angle, degrees."""
+    """One picture before and after undistortion: JPEGs of `size` px; the board's outer lines (L, 2, 2) as chords in
+    their pixels; the largest distance of a corner from its chord, px, before and after (`bow`); the horizontal field of
+    view of the undistorted picture, degrees (`angle`)."""
 
     number: int
     name: str
@@ -189,7 +195,8 @@ class Sample:
 
 
 def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None:
-    """The used view in which the lens bends the board's lines most, its picture before and after; None if no picture can be had."""
+    """The picture, before and after undistortion, of the used view in which the lens bends the board's lines most; None
+    if no picture can be read."""
     camera = calibration.camera
     if pictures is None or (camera.model == "pinhole" and camera.correction is None):
         return None
@@ -206,7 +213,7 @@ def sample(calibration: Calibration, pictures: Pictures | None) -> Sample | None
 
 
 def _inside(view: BoardView, camera: Camera, flat: Camera) -> bool:
-    """Nearly all corners are still in the undistorted picture."""
+    """Whether nearly all corners lie inside the undistorted picture."""
     xy = project(flat, unproject(camera, view.xy))
     return float(((xy > 0) & (xy < np.array(flat.image_size) - 1)).all(axis=1).mean()) > 0.95
 
@@ -233,14 +240,15 @@ def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample
 
 
 def undistort(picture: Array, camera: Camera, flat: Camera, R: Array | None = None) -> Array:
-    """`picture` of `camera` as `flat`, turned by `R` (takes camera axes to those of `flat`), would have seen it; grey where
-    nothing was seen."""
+    """`picture` of `camera` resampled to the camera `flat`, rotated by `R` (transforms camera axes to those of `flat`);
+    grey outside the original picture."""
     x, y = undistortion_maps(camera, flat, R)
     return cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=96)
 
 
 def _outer_lines(view: BoardView) -> list[list[int]]:
-    """Indices of the used corners along the board's first and last row and column, in order; only lines of at least three."""
+    """Indices of the used corners along the board's first and last row and column, in order; only lines of at least
+    three."""
     lines = []
     used = np.flatnonzero(view.used)
     for axis in (0, 1):
@@ -253,7 +261,7 @@ def _outer_lines(view: BoardView) -> list[list[int]]:
 
 
 def _bow(xy: Array, lines: list[list[int]]) -> float:
-    """Largest distance of a corner from the chord of its line, px; 0 without lines."""
+    """The largest distance of a corner from the chord of its line, px; 0 without lines."""
     worst = 0.0
     for line in lines:
         a, b = xy[line[0]], xy[line[-1]]
@@ -265,7 +273,7 @@ def _bow(xy: Array, lines: list[list[int]]) -> float:
 
 
 def chord_overlay(chords: Array, corners: Array) -> Html:
-    """Straight lines through the ends of the board's outer lines, and the corners on those lines."""
+    """Chords of the board's outer lines, and the corners on those lines."""
     line, points = segments(chords[:, 0], chords[:, 1]), dots(corners[np.isfinite(corners).all(axis=1)])
     return each([
         tag("path", class_="halo2", stroke_width=3.2, d=line),

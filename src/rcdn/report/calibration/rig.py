@@ -1,4 +1,4 @@
-"""Where two cameras stand: in numbers, and from above."""
+"""The relative pose of two cameras: in numbers, and as a view from above."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rcdn.types import Array, BoardView, Calibration, StereoCalibration
 
 
 def turn_angle(stereo: StereoCalibration) -> float:
-    """Degrees by which the right camera is turned against the left."""
+    """Rotation angle between the left and the right camera, degrees."""
     return float(np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1))))
 
 
 def section(stereo: StereoCalibration) -> Html:
-    """Baseline, translation and rotation with their standard deviations, and the cameras from above."""
+    """Baseline, translation and rotation with their standard deviations, and a view of the cameras from above."""
     std = baseline_std(stereo)
     T = stereo.T_right_left
     spread = np.sqrt(np.diag(stereo.cov))
@@ -58,14 +58,14 @@ def section(stereo: StereoCalibration) -> Html:
 
 
 def _rotation_vector(R: Array) -> Array:
-    """Rotation vector, rad."""
+    """Rotation vector (3,) of R (3, 3), rad."""
     axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     sine, cosine = float(np.linalg.norm(axis)), (np.trace(R) - 1) / 2
     return axis * (np.arctan2(sine, cosine) / sine if sine > 1e-9 else 1.0)
 
 
 def _from_above(stereo: StereoCalibration) -> Html:
-    """x to the right, z up the page, one scale for both."""
+    """The cameras and boards seen from above: x to the right, z upwards, with the same scale."""
     T = np.linalg.inv(stereo.T_right_left)
     boards = [_board_line(stereo.left, v) for v in stereo.left.views if not v.reason and v.pose is not None]
     lines = np.array(boards).reshape(-1, 2, 2)
@@ -87,7 +87,7 @@ def _from_above(stereo: StereoCalibration) -> Html:
 
 
 def _board_line(calibration: Calibration, view: BoardView) -> Array:
-    """The board's longer middle line from above, (2, 2): (x, z) of its ends, m."""
+    """The longer centre line of the board seen from above, (2, 2): (x, z) of its ends, m."""
     low, high = view.ij.min(axis=0), view.ij.max(axis=0)
     middle = (low + high) / 2
     across = high - low
@@ -101,7 +101,7 @@ def _board_line(calibration: Calibration, view: BoardView) -> Array:
 
 
 def _wedge(to: Callable[[Array], Array], T: Array, calibration: Calibration, reach: float, name: str) -> Html:
-    """A camera as a dot with the two edges of its field of view."""
+    """A camera as a dot with the two edges of its horizontal field of view."""
     camera = calibration.camera
     cy = camera.K[1, 2]
     rays = unproject(camera, np.array([[-0.5, cy], [camera.image_size[0] - 0.5, cy]]))

@@ -1,4 +1,5 @@
-"""A rig in space: who looks where, how surely each camera's place is known, and the boards, in the frame of the first camera."""
+"""A rig in space: the cameras' poses with the uncertainty of their positions, and the boards, in the frame of the first
+camera."""
 
 from __future__ import annotations
 
@@ -25,19 +26,20 @@ from rcdn.report.calibration.space import (
 from rcdn.types import Array, Pose, Rig, RigCalibration
 
 SIGMAS = 3.0
-"""standard deviations that an ellipsoid's half axes stand for"""
+"""semi-axes of an ellipsoid, in standard deviations"""
 SEEN = 0.05
-"""half axis of the largest ellipsoid, in the rig's size: smaller ones are drawn larger, by a round factor that is told"""
+"""smallest drawn semi-axis of the largest ellipsoid, relative to the rig's size: smaller ellipsoids are enlarged by a
+round factor, which the caption states"""
 LENGTH = 0.25
-"""length of the frusta, in the larger of the boards' and the neighbouring cameras' median distance"""
+"""length of the frusta, relative to the larger of the median distances of the boards and of neighbouring cameras"""
 BOARDS = 150
-"""boards that are drawn at most, evenly chosen"""
+"""largest number of boards drawn, evenly selected"""
 AROUND = 24
 """points of an ellipse"""
 
 
 def rig_figure(found: RigCalibration, weakest: str = "") -> Html:
-    """The drawing with its legend and a sentence; the frustum of the `weakest` camera stands out."""
+    """The drawing with its legend and a caption; the frustum of the `weakest` camera is highlighted."""
     rig = found.rig
     boards, every = _boards(found)
     length = _length(rig, boards)
@@ -69,7 +71,8 @@ def _kind(name: str, weakest: str) -> str:
 
 
 def _boards(found: RigCalibration) -> tuple[list[Array], int]:
-    """(4, 3) m in the rig's frame: the outlines of boards, each as the camera that saw most of it saw it; and how many there are."""
+    """The outlines (4, 3) of boards, m, in the rig's frame, each from the view with the most corners; and the total
+    number of boards."""
     largest: dict[bytes, tuple[int, Array]] = {}
     for name in found.rig.names:
         back = np.linalg.inv(found.rig.poses[found.rig.index(name)].T_cam_board)
@@ -85,12 +88,12 @@ def _boards(found: RigCalibration) -> tuple[list[Array], int]:
 
 
 def _in_rig(rig: Rig, name: str, points: Array) -> Array:
-    """Points (N, 3) in a camera's coordinates, in the rig's."""
+    """Points (N, 3), given in a camera's coordinates, in the rig's frame."""
     return transform(Pose(np.linalg.inv(rig.poses[rig.index(name)].T_cam_board)), points)
 
 
 def _length(rig: Rig, boards: list[Array]) -> float:
-    """How long frusta are, m."""
+    """The length of the frusta, m."""
     centres = np.array([rig.centre(name) for name in rig.names])
     apart = np.linalg.norm(centres[:, None] - centres[None], axis=2) + np.diag(np.full(len(rig), np.inf))
     near = float(np.median(apart.min(axis=1)))
@@ -102,8 +105,8 @@ def _length(rig: Rig, boards: list[Array]) -> float:
 
 
 def _ellipsoids(rig: Rig, size: float) -> tuple[float, dict[str, list[Array]]]:
-    """By how much ellipsoids are drawn larger than SIGMAS deviations, and of each camera but the first the three ellipses (AROUND, 3) in its
-    main planes."""
+    """The factor by which ellipsoids of SIGMAS standard deviations are enlarged, and for each camera but the first the
+    three ellipses (AROUND, 3) in the principal planes of its ellipsoid."""
     if rig.covariance is None:
         return 1.0, {}
     axes = {}

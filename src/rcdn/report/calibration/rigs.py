@@ -19,9 +19,9 @@ from rcdn.report.calibration.rig_space import rig_figure
 from rcdn.types import RigCalibration, RigPair
 
 OVERLAYS = 2_000_000
-"""bytes that drawings of every view may take; beyond, the page has none, and says so"""
+"""maximum size of the drawings of all views, bytes; above it they are left out with a note"""
 HIGH = 1.5
-"""× the RMS of all: a pair's RMS stands out"""
+"""multiple of the overall RMS above which a pair's RMS is highlighted"""
 
 WORDS = (
     (
@@ -45,14 +45,14 @@ def write_rig_report(
     shown: Mapping[str, Pictures] | None = None,
     title: str = "Calibration of a rig",
 ) -> None:
-    """Write the report of a rig to `path`: as `write_report`, with each camera's pictures by its name (`shown`)."""
+    """Write the report of a rig to `path`: as `write_report`; `shown`: the pictures of each camera, by its name."""
     write_text(path, report(found, shown, title))
 
 
 def report(
     found: RigCalibration, shown: Mapping[str, Pictures] | None = None, title: str = "Calibration of a rig"
 ) -> str:
-    """The page that `write_rig_report` writes."""
+    """The text of the page that `write_rig_report` writes."""
     judged = present(found.verdict or judged_rig(found).verdict, "the verdict")
     weakest, partner = least_known(found) or ("", "")
     facts = {name: measure(found.cameras[name]) for name in found.rig.names}
@@ -120,7 +120,7 @@ def _millimetres(found: RigCalibration, name: str) -> str:
 
 
 def _table(caption: str, heads: list[str], rows: list[Html]) -> Html:
-    """Names in the first column, numbers in the others."""
+    """A table with names in the first column and numbers in the others."""
     words = (tag("th", h, scope="col", class_="n" if k else None) for k, h in enumerate(heads))
     head = tag("thead", tag("tr", *words))
     return tag("div", tag("table", tag("caption", caption), head, tag("tbody", each(rows))), class_="card wide")
@@ -132,7 +132,7 @@ def _row(name: object, cells: list[str], mark: str = "") -> Html:
 
 
 def _places(found: RigCalibration, weakest: str, partner: str) -> Html:
-    """Where each camera stands, and what to film."""
+    """The position of each camera, and advice on further pictures."""
     rig, rows = found.rig, []
     for k, name in enumerate(rig.names):
         cov = None if rig.covariance is None else rig.covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
@@ -159,7 +159,7 @@ def _places(found: RigCalibration, weakest: str, partner: str) -> Html:
 
 
 def _pairs(found: RigCalibration) -> Html:
-    """A row for each two cameras that saw boards together."""
+    """A table with a row for each pair of cameras that share boards."""
     order = sorted(found.pairs, key=lambda p: -p.epipolar if np.isfinite(p.epipolar) else 0)
     rows = [
         _row(f"{p.first} – {p.second}", _pair_cells(found, p), "high" if p.rms > HIGH * found.rms else "")
@@ -178,7 +178,7 @@ def _pair_cells(found: RigCalibration, p: RigPair) -> list[str]:
     T, cov = found.rig.relative(p.first, p.second)
     far = float(np.linalg.norm(T[:3, 3]))
     along = T[:3, 3] / max(far, 1e-12)
-    # a small turn of the second camera moves t by ω × t, which is no change of its length
+    # a small rotation of the second camera changes t by ω × t, which doesn't change its length
     spread = float("nan") if cov is None else float(np.sqrt(max(float(along @ cov[3:, 3:] @ along), 0.0)))
     return [str(p.shared), str(p.used), rms, gap, *value_and_std(1000 * far, 1000 * spread)]
 
@@ -198,12 +198,12 @@ def _cameras(found: RigCalibration) -> Html:
 
 
 def _by_camera(found: RigCalibration, facts: Mapping[str, Facts], draw: Callable[..., tuple[Html, ...]]) -> Html:
-    """Drawings of each camera, a row for each."""
+    """Drawings of all cameras, a row for each camera."""
     return each([page.pair(*draw(found.cameras[name], facts[name], f", {name}")) for name in found.rig.names])
 
 
 def _galleries(found: RigCalibration, shown: Mapping[str, Pictures], room: int) -> Html:
-    """Every picture of every camera, as far as the page has room."""
+    """All pictures of all cameras, as far as they fit into `room` bytes."""
 
     def made(photographs: Mapping[str, Pictures], budget: int) -> Html:
         return each([

@@ -1,6 +1,7 @@
-"""The one script of the page, in parts; without it the page says the same, still.
+"""The script of the page, in parts; without it the page has the same content, but is static.
 
-Copy buttons appear, a picture opens in a dialog (Escape closes it, the arrow keys go on), boards in space turn under the finger or the arrow keys.
+It shows copy buttons, opens a picture in a dialog (Escape closes it, the arrow keys show the next one), and rotates the
+boards in space by dragging or with the arrow keys.
 """
 
 COPY = (
@@ -23,7 +24,7 @@ links.forEach(function(a,k){a.onclick=function(e){if(e.ctrlKey||e.metaKey||e.shi
 dialog.onclick=function(e){if(e.target===dialog)dialog.close()};
 dialog.onkeydown=function(e){var step={ArrowLeft:-1,ArrowRight:1}[e.key];if(step){e.preventDefault();show(at+step)}}})();
 """
-"""Opens a picture large, in a dialog that the browser closes on Escape."""
+"""Opens an enlarged picture in a dialog, which the browser closes on Escape."""
 
 TURN = """
 document.querySelectorAll('svg.space').forEach(function(svg){var look=svg.dataset.look.split(' ').map(Number),
@@ -46,6 +47,6 @@ svg.ondragstart=function(e){e.preventDefault()};
 svg.onkeydown=function(e){var step={ArrowLeft:[10,0],ArrowRight:[-10,0],ArrowUp:[0,-10],ArrowDown:[0,10]}[e.key];
 if(step){e.preventDefault();turn(step[0],step[1])}}});
 """
-"""Turns the boards in space: by dragging, or with the arrow keys. The projection is that of `space.Look`."""
+"""Rotates the boards in space, by dragging or with the arrow keys. The projection is that of `space.Look`."""
 
 SCRIPT = (COPY + ENLARGE + TURN).replace("\n", "")

@@ -1,4 +1,4 @@
-"""The parts of the page, each as HTML."""
+"""The sections of the page as HTML."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def summary_of(calibration: Calibration, facts: Facts) -> str:
 
 
 def key_figures(pairs: Sequence[tuple[str, str, str]]) -> Html:
-    """Name, figure, and a small word beside it."""
+    """A list of key figures: (name, figure, small annotation)."""
     return tag(
         "dl",
         each([tag("div", tag("dt", n), tag("dd", v, " ", tag("small", s) if s else None)) for n, v, s in pairs]),
@@ -59,7 +59,7 @@ def key_figures(pairs: Sequence[tuple[str, str, str]]) -> Html:
 
 
 def figures_of(calibration: Calibration, facts: Facts) -> Html:
-    """The figures that people ask for first."""
+    """The key figures of a calibration."""
     K, fov = calibration.camera.K, facts.fov
     return key_figures([
         ("RMS", pixels(calibration.rms), "reprojection error"),
@@ -72,21 +72,21 @@ def figures_of(calibration: Calibration, facts: Facts) -> Html:
 
 
 def field_of_view(fov: tuple[float, float, float]) -> tuple[str, str]:
-    """Horizontal × vertical, and diagonal."""
+    """The horizontal × vertical field of view, and the diagonal one, as text."""
     if not np.isfinite(fov[:2]).all():
         return "unknown", "the lens model ends inside the frame"
     return f"{number(fov[0])}° × {number(fov[1])}°", f"{number(fov[2])}° diagonal" if np.isfinite(fov[2]) else ""
 
 
 def numbers(calibration: Calibration, key: str = "") -> Html:
-    """Parameters, a block to copy, the models compared, and the board."""
+    """The parameters, a block of code to copy, the comparison of lens models, and the board."""
     left = tag("div", tag("div", parameters(calibration), class_="card wide"), _models(calibration), class_="column")
     copy = tag("div", copyable_camera(calibration.camera, key), class_="card")
     return tag("div", left, tag("div", copy, _board(calibration), class_="column"), class_="two loose")
 
 
 def parameters(calibration: Calibration) -> Html:
-    """Every parameter with its standard deviation."""
+    """A table of all parameters with their standard deviations."""
     camera = calibration.camera
     rows = []
     every = zip(camera.parameter_names, camera.parameters, calibration.std, strict=True)
@@ -147,7 +147,7 @@ def copyable_camera(camera: Camera, key: str) -> Html:
 def copyable(title: str, text: str, key: str) -> Html:
     """Lines of numbers with a button that copies them."""
     button = tag("button", "Copy", type="button", data_copy=key, hidden=True)
-    lines = Html("\n".join(escape(line) for line in text.split("\n")))  # here line breaks are meant
+    lines = Html("\n".join(escape(line) for line in text.split("\n")))  # line breaks are kept here
     return join(
         tag("div", tag("h3", title), button, class_="copyhead"),
         tag("pre", lines, id=key, tabindex="0", aria_label="Numbers to copy"),
@@ -155,8 +155,8 @@ def copyable(title: str, text: str, key: str) -> Html:
 
 
 def _models(calibration: Calibration) -> Html | None:
-    """The lens models as multiples of the chosen one's RMS: they were compared on one set of corners, of which the chosen model may leave
-    some out in the end."""
+    """The RMS of the lens models as multiples of that of the chosen one: they were compared on the same set of corners,
+    some of which the final calibration may leave out."""
     if not calibration.models:
         return None
     chosen = calibration.models[0].rms
@@ -208,7 +208,7 @@ def _side(calibration: Calibration) -> tuple[str, str]:
 
 
 def _shown_targets(calibration: Calibration) -> str:
-    """The targets of the used views, each with how many show it."""
+    """The targets of the used views, each with the number of views that show it."""
     shown = Counter(str(v.target or "no codes read") for v in calibration.used_views)
     return "; ".join(f"{name}, {counted(n, 'view')}" for name, n in shown.most_common())
 
@@ -219,7 +219,7 @@ def figure(title: str, art: Html, text: str) -> Html:
 
 
 def sensor_figures(calibration: Calibration, facts: Facts, whose: str = "") -> tuple[Html, Html]:
-    """Coverage, and projection uncertainty; `whose` ends the titles."""
+    """Coverage, and projection uncertainty; `whose` is appended to the titles."""
     guess = "Where there is none, the lens is only extrapolated."
     covered = figure(
         f"Where corners were seen{whose}", maps.coverage_map(calibration, facts),
@@ -285,17 +285,17 @@ def _left_out(calibration: Calibration, key: str) -> Html | None:
 
 
 def short(name: str) -> str:
-    """The file's own name."""
+    """The name of a file without its folder."""
     return name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1] or name
 
 
 def definitions(words: Sequence[tuple[str, str]]) -> Html:
-    """What each figure means."""
+    """A list of terms and their definitions."""
     return tag("dl", each([join(tag("dt", n), tag("dd", t)) for n, t in words]), class_="words")
 
 
 def footer(provenance: dict[str, Any], told: str) -> Html:
-    """Where the page comes from."""
+    """The footer with the origin of the page."""
     commit = str(provenance.get("commit", "unknown"))
     source = f", commit {commit[:12]}{'+' if commit.endswith('+') else ''}" if commit != "unknown" else ""
     text = f"Made by rcdn {provenance['rcdn']}{source} on {provenance['date'][:16].replace('T', ' ')} UTC. {told}"

@@ -1,4 +1,5 @@
-"""All boards before the camera, in space: an orthographic drawing that a script turns, and that stands still without one."""
+"""All boards in front of the camera, in space: an orthographic drawing that a script can rotate; without it, it is
+static."""
 
 from __future__ import annotations
 
@@ -16,21 +17,22 @@ from rcdn.report.calibration.sections import figure, short
 from rcdn.types import Array, BoardView, Calibration, Camera, Plane, Pose
 
 HEIGHT, MARGIN, BELOW = 330.0, 14.0, 26.0
-"""units: of the drawing, around what is drawn, and for the scale below it"""
+"""height of the drawing, its margin, and the space for the scale bar below it, units"""
 YAW, PITCH = 55.0, 20.0
-"""degrees by which the camera is turned away and seen from above, at first"""
+"""initial rotation about the vertical and elevation of the viewpoint, degrees"""
 FRUSTUM = 0.45
-"""length of the frustum's edges, in median distances of the boards"""
+"""length of the frustum's edges, relative to the median distance of the boards"""
 RIM = 8
-"""points along each side of the frustum's end"""
+"""points along each side of the frustum's base"""
 FAR_OUT = 1.5
-"""× the farthest used board: a board left out that stands beyond isn't drawn"""
+"""multiple of the distance of the farthest used board beyond which boards left out aren't drawn"""
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """An orthographic look at camera coordinates (x right, y down, z forward): turned by `yaw` about y, then by `pitch` about the screen's
-    x, degrees; `centre` (3,) m is in the drawing's middle, `scale` units a metre."""
+    """An orthographic projection of camera coordinates (x right, y down, z forward): rotated by `yaw` about y, then by
+    `pitch` about the screen's x, degrees; `centre` (3,), m, is projected to the drawing's centre; `scale` in units per
+    metre."""
 
     centre: Array
     scale: float
@@ -38,7 +40,7 @@ class Look:
     pitch: float = PITCH
 
     def to(self, points: Array) -> Array:
-        """Units (N, 2) of camera points (N, 3), m."""
+        """Positions (N, 2) in the drawing, units, of points (N, 3) in camera coordinates, m."""
         a, b = np.radians([self.yaw, self.pitch])
         x, y, z = (np.atleast_2d(points) - self.centre).T
         across, ahead = np.cos(a) * x + np.sin(a) * z, np.cos(a) * z - np.sin(a) * x
@@ -49,8 +51,8 @@ class Look:
 def space_figure(
     calibration: Calibration, suggested: Array | None = None, key: str = "", whose: str = ""
 ) -> Html | None:
-    """The drawing with its legend and a sentence; None if no board has a pose. Boards lead to their pictures, whose anchors begin with
-    `key`; `suggested` (4, 3) m, camera coordinates, is the outline of one more."""
+    """The drawing with its legend and a caption; None if no used board has a pose. Boards link to their pictures, whose
+    anchors contain `key`; `suggested` (4, 3), m, camera coordinates, is the outline of a further board."""
     placed = [(k, v, outline(calibration, v)) for k, v in enumerate(calibration.views, start=1) if v.pose]
     used = [corners for _, v, corners in placed if not v.reason]
     if not used:
@@ -85,34 +87,35 @@ def space_figure(
 
 
 def turning(art: Html, look: Look) -> Html:
-    """A drawing that the page's script can turn."""
+    """`art` with the data that the page's script needs to rotate it."""
     numbers = " ".join(digits(v) for v in (*look.centre, look.scale, look.yaw, look.pitch))
     return Html(art.replace('class="plot"', f'class="plot space" data-look="{numbers}"', 1))
 
 
 def turn_hint() -> Html:
-    """What is said where the script runs."""
+    """A hint on rotating, shown by the script."""
     return tag("p", "Drag to turn it, or use the arrow keys.", class_="soft turn", hidden=True)
 
 
 def outline(calibration: Calibration, view: BoardView) -> Array:
-    """(4, 3) m, camera coordinates: the outer corners of a view's board, one square beyond its outermost corners seen."""
+    """The outer corners (4, 3) of a view's board, m, camera coordinates: one square beyond its outermost visible
+    corners."""
     plane, side = plane_of(calibration, view), side_of(calibration, view)
     pose = present(view.pose, "the pose of a view")
     return rectangle(pose, view.ij.min(axis=0) - 1, view.ij.max(axis=0) + 1, side, plane)
 
 
 def rectangle(pose: Pose, low: Array, high: Array, spacing: float, plane: Plane) -> Array:
-    """(4, 3) m, camera coordinates of the places with labels between `low` (2,) and `high` (2,) on a board: their outermost ones, in order
-    around."""
+    """The corners (4, 3), m, camera coordinates, of the rectangle on a board with labels from `low` (2,) to `high`
+    (2,), in cyclic order."""
     ij = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     flat = plane.points(ij) * spacing
     return transform(pose, np.column_stack([flat, np.zeros(4)]))
 
 
 def frustum(camera: Camera, length: float) -> Array:
-    """(4·RIM, 3) m: points `length` away along the rays of the frame's rim, from its first corner round; where the lens model has
-    no ray, along the outermost one towards the middle."""
+    """Points (4·RIM, 3), m, at distance `length` along the rays of the frame's rim, in cyclic order from its first
+    corner; where the lens model has no ray, along the outermost ray towards the principal point."""
     width, height = camera.image_size
     ends = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
     share = np.arange(RIM)[:, None] / RIM
@@ -126,7 +129,7 @@ def frustum(camera: Camera, length: float) -> Array:
 
 
 def look_at(points: Array) -> Look:
-    """The look whose drawing `points` (N, 3) fit into, however they are turned about the vertical."""
+    """The projection in which `points` (N, 3) fit into the drawing for any rotation about the vertical."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     away = points - centre
     across, down = np.hypot(away[:, 0], away[:, 2]).max(), np.abs(Look(centre, 1.0).to(points)[:, 1] - HEIGHT / 2).max()
@@ -163,7 +166,7 @@ def digits(value: float) -> str:
 
 
 def scale_bar(look: Look) -> Html:
-    """A bar of a round length; in an orthographic drawing it holds however the boards are turned."""
+    """A scale bar of a round length; in an orthographic projection it is valid for any rotation of the boards."""
     length = nice(60 / look.scale)
     length = length if length * look.scale < WIDTH / 3 else nice(25 / look.scale)
     y, right = HEIGHT + 12, MARGIN + length * look.scale

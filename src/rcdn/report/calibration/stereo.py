@@ -57,12 +57,13 @@ def write_stereo_report(
     right_pictures: Pictures | None = None,
     title: str = "Stereo calibration",
 ) -> None:
-    """Write the report of a pair of cameras to `path`: as `write_report`, with the pictures of both cameras by the names of their views."""
+    """Write the report of a pair of cameras to `path`: as `write_report`, with the pictures of both cameras by the
+    names of their views."""
     write_text(path, report(stereo, left_pictures, right_pictures, title))
 
 
 def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | None, title: str) -> str:
-    """The page that `write_stereo_report` writes."""
+    """The text of the page that `write_stereo_report` writes."""
     both = ("Left", stereo.left, measure(stereo.left)), ("Right", stereo.right, measure(stereo.right))
     std = baseline_std(stereo)
     found = stereo.verdict or judge_stereo(stereo)
@@ -121,13 +122,14 @@ def _key_figures(stereo: StereoCalibration, std: float, facts: Facts) -> Html:
 
 
 def rectify(camera: Camera, R: Array, P: Array, xy: Array) -> Array:
-    """Pixels (N, 2) of `camera` in its rectified picture; NaN where the lens has no ray."""
+    """Positions (N, 2) of pixels `xy` of `camera` in its rectified picture; NaN where the lens model has no ray."""
     rays = unproject(camera, xy) @ (P[:, :3] @ R).T
     return np.asarray(np.where(rays[:, 2:] > 0, rays[:, :2] / np.where(rays[:, 2:] > 0, rays[:, 2:], 1.0), np.nan))
 
 
 def row_gaps(stereo: StereoCalibration) -> Array:
-    """(pairs,) RMS difference of matching corners across the epipolar lines after rectification, px; NaN without matches."""
+    """RMS difference (pairs,) of matching corners perpendicular to the epipolar lines after rectification, px; NaN
+    without matches."""
     axis = 1 if _beside(stereo) else 0
     out = []
     for a, b in zip(stereo.left.views, stereo.right.views, strict=True):
@@ -141,7 +143,7 @@ def row_gaps(stereo: StereoCalibration) -> Array:
 
 
 def _beside(stereo: StereoCalibration) -> bool:
-    """The cameras stand side by side, not above each other."""
+    """Whether the cameras are side by side rather than above each other."""
     return abs(stereo.P_right[0, 3]) >= abs(stereo.P_right[1, 3])
 
 
@@ -191,7 +193,7 @@ def _used_gap(gaps: Array, views: list[tuple[BoardView, BoardView]]) -> float:
 
 
 def _rectified(stereo: StereoCalibration, gaps: Array, left: Pictures | None, right: Pictures | None) -> Html:
-    """The used pair with the most matching corners, both pictures rectified, with rows through matching corners."""
+    """Both rectified pictures of the used pair with the most matching corners, with lines through matching corners."""
     none = tag("p", "There are no photographs to show it on.", class_="soft")
     if left is None or right is None:
         return none
@@ -228,7 +230,7 @@ def _rectified_pair(
         image = pictures.undistort(small, pictures.resized(camera, size), pictures.resized(flat, size), R)
         ratio = np.array(size) / np.array(camera.image_size)
         spots = (rectify(camera, R, P, view.xy[rows]) + 0.5) * ratio - 0.5
-        level = spots[pick][:, axis] if level is None else level  # one set of rows, the left picture's, in both
+        level = spots[pick][:, axis] if level is None else level  # both pictures have the rows of the left one
         ends = [[[-1, y], [size[0], y]] if axis else [[y, -1], [y, size[1]]] for y in level[np.isfinite(level)]]
         overlay = pictures.chord_overlay(np.array(ends).reshape(-1, 2, 2), spots[pick])
         shot = Shot(view.name, (), size, pictures.jpeg(image, pictures.SAMPLE_QUALITY))
@@ -254,13 +256,13 @@ def _cameras(stereo: StereoCalibration) -> Html:
 
 
 def _advice(stereo: StereoCalibration) -> list[str]:
-    """What is advised for the pair, and for each camera beyond it."""
+    """The advice for the pair, and the further advice for each camera."""
     of_cameras = (f"{n}: {line}" for n, c in (("Left", stereo.left), ("Right", stereo.right)) for line in c.advice)
     return list(dict.fromkeys([*stereo.advice, *of_cameras]))
 
 
 def _columns(made: list[tuple[Html, ...]]) -> Html:
-    """The same drawings of both cameras, side by side, row by row."""
+    """Corresponding drawings of both cameras side by side, row by row."""
     return each([page.pair(*row) for row in zip(*made, strict=True)])
 
 

@@ -1,4 +1,4 @@
-"""The look of the report: one style sheet; and what the browser may load."""
+"""The style sheet of the report, and its content security policy."""
 
 from __future__ import annotations
 
@@ -181,4 +181,4 @@ POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     f"script-src 'sha256-{base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()}'"
 )
-"""What the browser may load: pictures of the page itself, and no script but SCRIPT."""
+"""The content security policy: embedded pictures only, and no script except SCRIPT."""

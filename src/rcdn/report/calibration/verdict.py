@@ -1,4 +1,4 @@
-"""The verdict as the page draws it: the banner, the reasons, and where the lines are drawn."""
+"""The verdict on the page: the banner, the reasons, and the limits of the checks."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ SIGNS = {
     "unsure": '<path d="M12 1.4L22.6 12L12 22.6L1.4 12z"/><path d="M9.3 9.6c0-3.6 5.6-3.4 5.4-.2-.1 2-2.7 2.1-2.7 4.4M12 17v.4"/>',
     "bad": '<path d="M7.8 1.6h8.4l6.2 6.2v8.4l-6.2 6.2H7.8l-6.2-6.2V7.8z"/><path d="M8 8l8 8M16 8l-8 8"/>',
 }
-"""A tick in a circle, an exclamation mark in a triangle, a question mark in a diamond, a cross in an octagon: told apart without their colours."""
+"""A tick in a circle, an exclamation mark in a triangle, a question mark in a diamond, a cross in an octagon:
+distinguishable without colours."""
 
 
 def sign(level: str) -> Html:
-    """The level's sign."""
+    """The symbol of a level."""
     strokes = 'fill="none" stroke="currentColor" stroke-width="2" stroke-linecap="round" stroke-linejoin="round"'
     return Html(f'<svg class="sign" viewBox="0 0 24 24" aria-hidden="true"><g {strokes}>{SIGNS[level]}</g></svg>')
 
 
 def banner(found: Verdict, summary: str) -> Html:
-    """The verdict in a word, what it means and the gravest reason, and the measurements in a sentence."""
+    """The verdict in a word, its meaning with the most serious reason, and a sentence on the measurements."""
     said = " ".join(filter(None, [MEANING[found.level].capitalize(), *sentences(found)[:1]]))
     words = tag("div", tag("h2", WORD[found.level], id="verdict"), tag("p", said))
     return tag(
@@ -35,7 +36,7 @@ def banner(found: Verdict, summary: str) -> Html:
 
 
 def reasons(found: Verdict, advice: Sequence[str], limits: Sequence[Limit], hint: str = "") -> Html:
-    """The reasons, the gravest first, one a line with its sign, then what else was noted."""
+    """The reasons, the most serious first, one per line with its symbol, then other notes."""
     rows = []
     for r in found.reasons:
         said = tag("span", f" ({r.level})", class_="sr")
@@ -61,7 +62,7 @@ def value_of(reason: Reason) -> str:
 
 
 def limits_hint(image_size: tuple[int, int]) -> str:
-    """A word on limits that grew with the picture."""
+    """A note on limits that are scaled with the picture's size."""
     factor = growth(image_size)
     return "" if factor == 1 else f" In a picture as large as this, limits in px are {factor:.2g} times these."
 
