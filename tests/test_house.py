@@ -50,8 +50,13 @@ def test_imports_go_only_down():
 
 @pytest.mark.parametrize(
     "arguments",
-    [("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",)],
-    ids=["lint", "format", "types"],
+    [
+        ("ruff", "check", "."),
+        ("ruff", "format", "--check", "."),
+        ("mypy",),
+        ("clang-format", "--dry-run", "-Werror", *map(str, sorted((ROOT / "src/native").glob("*.[ch]")))),
+    ],
+    ids=["lint", "format", "types", "C"],
 )
 def test_style(arguments):
     assert tool(*arguments) == ""
