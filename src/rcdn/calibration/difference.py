@@ -79,7 +79,7 @@ class Agreement:
         return self.probability >= CHANCE
 
 
-def difference(a: Camera, b: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
+def difference(a: Camera, b: Camera, pixels: Array) -> tuple[Array, Array]:
     """Displacement (N, 2) px of `pixels` (N, 2) of camera `a` in camera `b`, and the rotation vector (3,), rad, that
     was removed.
 

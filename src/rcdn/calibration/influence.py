@@ -19,7 +19,7 @@ from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 RIDGE = 1e-10
 """added to a normal matrix with unit diagonal"""
@@ -170,7 +170,7 @@ def _joint(info: ViewInformation, directions: Array, inside: Array, without: int
     return _solve(H, right)[:, many:]
 
 
-def gains(info: ViewInformation, splits: Real[Array, "n v"]) -> Real[Array, " n"]:
+def gains(info: ViewInformation, splits: Bool[Array, "n v"]) -> Real[Array, " n"]:
     """(n,) decrease of the sum of whitened squares if the views of each of `splits` (n, V) get a camera of their own,
     with all its parameters.
 

@@ -164,7 +164,7 @@ def pose_covariance(state: State, corners: Corners3, weight: Array, arrow: Arrow
     return np.asarray(arrow.own[0] @ wide @ arrow.own[0].T * scale) if np.isfinite(wide).all() else np.asarray(single)
 
 
-def projection_uncertainty(calibration: Calibration, pixels: Real[Array, "n 2"], distance: float = np.inf) -> Array:
+def projection_uncertainty(calibration: Calibration, pixels: Array, distance: float = np.inf) -> Array:
     """Standard deviation, px, of the projection of a fixed point that the camera sees at `pixels` (N, 2): root mean
     square of both axes.
 
