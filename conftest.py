@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: none takes more threads for its linear algebra
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 if find_spec("jaxtyping") and find_spec("beartype"):
     from tests import shape_checks
 
     shape_checks.install()
-
-if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: none takes more threads for its linear algebra
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 settings.register_profile("fixed", derandomize=True)  # the same examples in every run
 settings.load_profile("fixed")
