@@ -40,7 +40,7 @@ def family_name(text: str) -> str:
     return _known(text, family_names(), "family", lambda name: re.sub("^(dict_apriltag_|tag|t)", "", name.lower()))
 
 
-def marker_bits(dictionary: str) -> Shaped[Array, "n n n"]:
+def marker_bits(dictionary: str) -> Shaped[Array, "b n n"]:
     """The bits (N, n, n) of all markers of one of OpenCV's dictionaries, 1 is white, as OpenCV draws them upright.
     Raises ConfigError."""
     name = dictionary_name(dictionary)
@@ -51,7 +51,7 @@ def marker_bits(dictionary: str) -> Shaped[Array, "n n n"]:
     raise ConfigError(f"dictionary {shown(dictionary)}: this OpenCV has none of that name")
 
 
-def tag_bits(family: str) -> Shaped[Array, "n n n"]:
+def tag_bits(family: str) -> Shaped[Array, "b n n"]:
     """The bits (N, n, n) of all tags of a family, 1 is white, as Kalibr prints them upright. Raises ConfigError."""
     name = family_name(family)
     opencv = next(key for key, value in NAMES.items() if value == name)

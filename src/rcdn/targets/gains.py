@@ -170,10 +170,10 @@ def _bits(family: Family) -> Array:
 
 def gains(
     ratios: Real[Array, "k m m"],
-    bits: Shaped[Array, "n n n"],
+    bits: Shaped[Array, "b n n"],
     border: int,
     covered: Real[Array, "k 1"] | float = COVERED,
-) -> Real[Array, "k n"]:
+) -> Real[Array, "k b"]:
     """Evidence (K, N), bits, for each of N markers `bits` (N, n, n) in each of K squares with log-likelihood `ratios`
     (K, m, m) of their modules.
 
