@@ -17,7 +17,8 @@ import numpy as np
 from beartype import BeartypeConf, beartype
 
 SHAPES = re.compile(r"\b(?:Bool|Real|Int|Shaped)\[Array")
-KINDS = {name: getattr(jaxtyping, name) for name in ("Bool", "Real", "Int", "Shaped")} | {"Array": np.ndarray}
+KINDS = {name: getattr(jaxtyping, name) for name in ("Bool", "Int", "Shaped")} | {"Array": np.ndarray}
+KINDS["Real"] = jaxtyping.Shaped  # truth values count as 0 and 1
 checked: set[str] = set()
 """the functions that check"""
 

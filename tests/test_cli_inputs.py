@@ -398,7 +398,7 @@ def test_inputs_of_all_kinds_in_their_order(home, capsys):
     got = gather("z.png", "d.json", "in", "p*.jpg", "c.vnl", size=(9, 6))
     assert [i.path for i in got.images] == ["z.png", "x.png", "y.png", "in/a.png", "in/b.png", "p1.jpg", "v.png"]
     assert got.failures == ()
-    assert got.notes == ("d.json: 1 files could not be read when it was written: w.png",)
+    assert got.notes == ("d.json: 1 file could not be read when it was written: w.png",)
     assert capsys.readouterr().err == ""
     assert [len(i.boards) for i in got.images] == [1, 0, 0, 0, 1, 0, 1]
     assert got.images[-1].boards[0].size == (9, 6)

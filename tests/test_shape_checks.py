@@ -21,9 +21,9 @@ def test_functions_with_shapes_are_replaced_wherever_they_are_imported():
 
 
 @pytest.mark.parametrize(
-    "xy", [np.zeros((4, 3)), np.zeros(4), np.zeros((4, 2), bool)], ids=["three columns", "flat", "of truth values"]
+    "xy", [np.zeros((4, 3)), np.zeros(4), np.zeros((4, 2, 1))], ids=["three columns", "flat", "deep"]
 )
-def test_a_wrong_shape_or_kind_is_refused(xy):
+def test_a_wrong_shape_is_refused(xy):
     with pytest.raises(TypeCheckError):
         within(np.zeros((4, 2)), xy, 1.0)
 
@@ -41,6 +41,4 @@ def test_methods_are_checked():
     board = Charuco(5, 4, dictionary="DICT_4X4_50", marker=0.75)
     with pytest.raises(TypeCheckError):
         board.ids(np.zeros((2, 3), int))
-    with pytest.raises(TypeCheckError):
-        board.ids(np.zeros((2, 2), bool))
     assert Camera(np.eye(3), np.zeros(0), (640, 480), "pinhole").parameters.shape == (4,)

@@ -33,9 +33,9 @@ def test_peaks_of_the_response(threshold, expected):
 
 
 def test_it_says_what_it_lacks(monkeypatch, tmp_path):
-    monkeypatch.setattr(mate, "files", lambda _: tmp_path)
+    monkeypatch.setattr(mate, "weights_path", lambda name: str(tmp_path / f"{name}.onnx"))
     assert "tables/mate.onnx" in PEERS["mate"].missing()
-    folder = tmp_path / "weights" / "tables"
+    folder = tmp_path / "tables"
     folder.mkdir(parents=True)
     (folder / "mate.onnx").touch()
     assert "tables/mate.json" in PEERS["mate"].missing()

@@ -7,7 +7,6 @@ import numpy as np
 from rcdn.geometry.near import nearest
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Real
 
 _depth = bind("rcdn_depth")
 _deeper = bind("rcdn_deeper")
@@ -20,7 +19,7 @@ FIRST, ALIKE = 16, 1 - 1e-9
 are not evaluated"""
 
 
-def depth(polygon: Array, xy: Real[Array, "m 2"]) -> Array:
+def depth(polygon: Array, xy: Array) -> Array:
     """Signed distances (M,) of points `xy` (M, 2) from the outline of a `polygon` (N, 2), positive inside."""
     polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
     out = np.empty(len(xy))
@@ -28,7 +27,7 @@ def depth(polygon: Array, xy: Real[Array, "m 2"]) -> Array:
     return out
 
 
-def deeper(polygon: Real[Array, "n 2"], xy: Real[Array, "m 2"], limit: float) -> Array:
+def deeper(polygon: Array, xy: Array, limit: float) -> Array:
     """(M,) bool: whether points `xy` (M, 2) have a `depth` in a `polygon` (N, 2) above `limit` ≥ 0; for long outlines
     only the sides near a point are evaluated."""
     polygon, xy = (np.ascontiguousarray(a, np.float64).reshape(-1, 2) for a in (polygon, xy))
@@ -39,7 +38,7 @@ def deeper(polygon: Real[Array, "n 2"], xy: Real[Array, "m 2"], limit: float) ->
     return out.view(bool)
 
 
-def least_depth(polygon: Array, xy: Real[Array, "... 2"]) -> float:
+def least_depth(polygon: Array, xy: Array) -> float:
     """The smallest `depth` of points `xy` (..., 2), at least one, to a relative accuracy of 1e-9."""
     xy = xy.reshape(-1, 2)
     if len(polygon) <= FEW:

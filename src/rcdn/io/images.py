@@ -19,7 +19,6 @@ from rcdn.io.marks import Mark, marked
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import check_size, most_bytes, too_many_bytes
 from rcdn.types import Array
-from rcdn.types.arrays import Real, Shaped
 from rcdn.types.ranges import SIDE
 
 _STRETCH = (0.1, 99.9)
@@ -32,7 +31,7 @@ _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes read at once
 
 
-def read_image(path: str | Path) -> Real[Array, "h w"]:
+def read_image(path: str | Path) -> Array:
     """Read a picture file as grey (H, W): uint8 from 8-bit files, else float32 in 0..255.
 
     Pixels are returned as stored: EXIF orientation is ignored. Colour → Rec. 601 luma; alpha is dropped, not
@@ -47,7 +46,7 @@ def read_image(path: str | Path) -> Real[Array, "h w"]:
     return as_grey(decode(_read_bytes(path), path), str(path))
 
 
-def read_pixels(path: str | Path) -> Real[Array, "h w"]:
+def read_pixels(path: str | Path) -> Array:
     """The pixels of a picture file as stored: (H, W) or (H, W, 3) BGR, of any depth; alpha is dropped. Otherwise as
     `read_image`."""
     return _channels(decode(_read_bytes(path), path), str(path))
@@ -61,7 +60,7 @@ def read_named_image(path: str | Path) -> Array:
     return read_image(path)
 
 
-def as_grey(image: Any, name: str = "image") -> Shaped[Array, "h w"]:
+def as_grey(image: Any, name: str = "image") -> Array:
     """An image array as grey (H, W): uint8, or float32 in 0..255. `name` is its name in error messages.
 
     `image`: (H, W), (H, W, 1), (H, W, 3) BGR or (H, W, 4) BGRA, as from cv2.imread; colour → Rec. 601 luma, alpha is
@@ -83,7 +82,7 @@ def as_grey(image: Any, name: str = "image") -> Shaped[Array, "h w"]:
     return _stretch(grey)
 
 
-def grey_of(image: Any) -> Shaped[Array, "h w"]:
+def grey_of(image: Any) -> Array:
     """A picture in any form as grey (H, W): `read_image` of a path; `as_grey` of an array with BGR colours, or of a PIL
     image of any mode with RGB colours. Raises ImageError as these functions do."""
     if isinstance(image, str | os.PathLike):
@@ -265,7 +264,7 @@ def _plain_dtype(image: Array, name: str) -> Array:
     return np.ascontiguousarray(image, dtype=np.uint8 if small else np.float32)
 
 
-def _luma(image: Array) -> Shaped[Array, "h w"]:
+def _luma(image: Array) -> Array:
     """Grey (H, W) by Rec. 601: 0.299 R + 0.587 G + 0.114 B, of the same dtype."""
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
