@@ -30,7 +30,9 @@ from rcdn.__main__ import main
 main()
 """
 WHILE_STANDARD_ERROR_GOES = "os.dup2 = then(os.dup2)" + RUN
-WHILE_WORDS_ARE_READ = "from rcdn.terminal import group as _group; _group.Group.make_context = then(_group.Group.make_context)" + RUN
+WHILE_WORDS_ARE_READ = (
+    "from rcdn.terminal import group as _group; _group.Group.make_context = then(_group.Group.make_context)" + RUN
+)
 TWICE = (
     """
 from rcdn.terminal import group as _group
