@@ -21,6 +21,10 @@ MARKS = "RCDN_TEST_MARKS"
 """names the folder where a detector leaves a file for each thing that happened"""
 
 
+BEFORE_DEATH = 0.5
+"""seconds that a picture is computed before it kills its process; meanwhile the result of the picture before arrives"""
+
+
 @dataclass
 class Found:
     corners: Corners
@@ -46,6 +50,7 @@ class StandIn:
         if cols == STOP:
             raise KeyboardInterrupt
         if cols == KILL or (cols == KILL_ONCE and first):
+            time.sleep(BEFORE_DEATH)
             os.kill(os.getpid(), signal.SIGKILL)
         if cols == SLOW:
             time.sleep(60)

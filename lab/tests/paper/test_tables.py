@@ -197,7 +197,7 @@ def test_missing_weights_and_photographs_are_rows_that_say_so(monkeypatch, tmp_p
     what = tables.plan("table2", tmp_path, sets=["mesa-like", "gopro"], most=1)
     rows = tables.table(what, load=knowing(what.sets["mesa-like"]))
     assert [(r["row"], r["set"]) for r in rows] == [("A", "-"), *[("MATE", "mesa-like")] * 4, ("-", "gopro")]
-    assert "absent" in rows[0]["note"]
+    assert "tables/absent" in rows[0]["note"]
     assert str(tmp_path) not in rows[0]["note"]
     assert "RCDN_DATA" in rows[-1]["note"]
     assert rows[0]["precision"] is None

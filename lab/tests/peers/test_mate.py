@@ -5,6 +5,7 @@ import pytest
 
 from rcdn.config import Fixed
 from rcdn.metrics import match
+from rcdn_lab import table_weights
 from rcdn_lab.peers import PEERS, mate
 from rcdn_lab.peers.mate import mate_corners
 from rcdn_lab.sweep import picture
@@ -33,13 +34,11 @@ def test_peaks_of_the_response(threshold, expected):
 
 
 def test_it_says_what_it_lacks(monkeypatch, tmp_path):
-    monkeypatch.setattr(mate, "weights_path", lambda name: str(tmp_path / f"{name}.onnx"))
+    monkeypatch.setattr(table_weights, "FOLDER", tmp_path)
     assert "tables/mate.onnx" in PEERS["mate"].missing()
-    folder = tmp_path / "tables"
-    folder.mkdir(parents=True)
-    (folder / "mate.onnx").touch()
+    (tmp_path / "mate.onnx").touch()
     assert "tables/mate.json" in PEERS["mate"].missing()
-    (folder / "mate.json").touch()
+    (tmp_path / "mate.json").touch()
     assert PEERS["mate"].missing() is None
 
 

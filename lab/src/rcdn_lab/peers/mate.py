@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import cv2
 
@@ -14,7 +13,7 @@ from rcdn.corners import find_maxima
 from rcdn.corners.refine import refine
 from rcdn.types import Array
 from rcdn_lab.peers.base import Find, Grid, Peer
-from rcdn_lab.table_weights import load_network, weights_path
+from rcdn_lab.table_weights import lacking, load_network
 
 WEIGHTS = "tables/mate"
 Respond = Callable[[Array], Array]
@@ -35,10 +34,8 @@ def mate_corners(respond: Respond, grey: Array, threshold: Threshold | None = No
 
 
 def _missing() -> str | None:
-    lacking = [
-        path for end in (".onnx", ".json") if not (path := Path(weights_path(WEIGHTS)).with_suffix(end)).is_file()
-    ]
-    return f"no weights {lacking[0]}: train net A with the squared loss" if lacking else None
+    absent = lacking(WEIGHTS)
+    return f"no weights {absent}: train net A with the squared loss" if absent else None
 
 
 def _load() -> Find:
