@@ -74,9 +74,7 @@ def bench(
     folder_jobs: Annotated[str, typer.Option(metavar="N,…", help="With --folder: the numbers of jobs.")] = "1,2",
     folder_plot: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="With --folder: draw time and memory along the pictures (needs the extra `plot`)."
-        ),
+        typer.Option(metavar="FILE", help="With --folder: draw time and memory along the pictures."),
     ] = None,
     json: Annotated[
         Path | None,
@@ -90,7 +88,7 @@ def bench(
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also draw time against quality, and memory (needs the extra `plot`)."),
+        typer.Option(metavar="FILE", help="Also draw time against quality, and memory."),
     ] = None,
     sweep: Annotated[
         list[Path] | None,

@@ -14,9 +14,7 @@ from rcdn.terminal.group import one_line
 from rcdn_lab.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv, write_png
 
 Full = Annotated[bool, typer.Option("--full", help="The paper's size; see above for the time.")]
-Plots = Annotated[
-    Path | None, typer.Option("--plots", metavar="DIR", help="Also draw the figure into it (needs the extra `plot`).")
-]
+Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Also draw the figure into it.")]
 Markdown = Annotated[
     Path | None, typer.Option("--markdown", metavar="FILE", help="Also write the tables of docs/paper-results.md.")
 ]

@@ -26,9 +26,7 @@ def sweep(
     workers: Annotated[int, typer.Option(min=0, help="Processes; 0: one a core.")] = 0,
     json: Json = None,
     csv: Annotated[Path | None, typer.Option(help="Also write the table to this file.")] = None,
-    plots: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Also draw a picture a factor (needs the extra `plot`).")
-    ] = None,
+    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Also draw a picture a factor.")] = None,
 ) -> None:
     """Rendered boards with exact truth, one factor at a time, and pairs of them.
 
