@@ -44,7 +44,7 @@ TURN, NEARER, ASIDE = 6.0, 0.07, 0.04
 tangent of the sideways angle"""
 TILT = 45.0
 """largest tilt of a random pose, degrees"""
-FEWEST_SEEN = 27
+FEWEST_SEEN = 20
 """least number of corners in the frame"""
 TRIES = 30
 """random poses, of which the one that newly covers most of the sensor is taken"""

@@ -7,10 +7,13 @@ a tag, and v likewise.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rcdn.boards.graph import Field, Label
 from rcdn.geometry import homography
+from rcdn.geometry.division import Division, division_of
 from rcdn.geometry.elementary import exp, log
 from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
@@ -103,11 +106,12 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array,
     contradict."""
     at = dict(at)
     usable = np.flatnonzero(free & (field.fit > 0))
+    places = _Places.of(field, at, gap)
     for _ in range(ROUNDS if len(usable) else 0):
         spots = sorted({s for u, v in at for s in ((u + 1, v), (u - 1, v), (u, v + 1), (u, v - 1))} - at.keys())
         taken, new = set(at.values()), {}
         for spot in spots:
-            guess = _predicted(field.xy, at, gap, spot)
+            guess = _predicted(places, at, gap, spot)
             if guess is None:
                 continue
             distance, row = nearest(field.xy[usable], guess[0][None])
@@ -118,17 +122,38 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array,
         if not new:
             break
         at |= new
+        places = _Places.of(field, at, gap)
     weak = WEAK * median(field.response[list(at.values())])
     near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in at.items()}
-    return {spot: corner for spot, corner in at.items() if _agrees(field.xy, at, gap, spot, near[spot])}
+    return {spot: corner for spot, corner in at.items() if _agrees(places, at, gap, spot, near[spot])}
 
 
-def _agrees(xy: Array, at: dict[Label, int], gap: float, spot: Label, near: float) -> bool:
-    guess = _predicted(xy, at, gap, spot)
-    return guess is not None and float(np.linalg.norm(xy[at[spot]] - guess[0], axis=0)) < near * guess[1]
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where corners are, `xy` (N, 2) px, and would be without the `lens`, `flat` (N, 2) px; the same if no lens is seen
+    to distort the board."""
+
+    xy: Array
+    flat: Array
+    lens: Division | None
+
+    @classmethod
+    def of(cls, field: Field, at: dict[Label, int], gap: float) -> _Places:
+        corners = list(at.values())
+        lens = division_of(plane_points(np.array(list(at)), "aprilgrid", gap), field.xy[corners], field.grey.shape[::-1])
+        flat = field.xy
+        if lens is not None:
+            flat = field.xy.copy()
+            flat[corners] = lens.undistorted(field.xy[corners])
+        return cls(field.xy, flat, lens)
 
 
-def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tuple[Array, float] | None:
+def _agrees(places: _Places, at: dict[Label, int], gap: float, spot: Label, near: float) -> bool:
+    guess = _predicted(places, at, gap, spot)
+    return guess is not None and float(np.linalg.norm(places.xy[at[spot]] - guess[0], axis=0)) < near * guess[1]
+
+
+def _predicted(places: _Places, at: dict[Label, int], gap: float, spot: Label) -> tuple[Array, float] | None:
     """Predicted position of the corner at a spot, px, from the corners around it, and the gap there, px.
 
     None if there are too few corners.
@@ -149,7 +174,7 @@ def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tupl
     )
     if close is None:
         return None
-    known = xy[[at[u, v] for u, v in labels[close].tolist()]]
+    known = places.flat[[at[u, v] for u, v in labels[close].tolist()]]
     try:
         to_picture = homography(where[close] - here, known)
     except np.linalg.LinAlgError:
@@ -158,4 +183,6 @@ def _predicted(xy: Array, at: dict[Label, int], gap: float, spot: Label) -> tupl
     if not (np.abs(spots[:, 2]) > 1e-9).all():
         return None
     spots = spots[:, :2] / spots[:, 2:]
+    if places.lens is not None:
+        spots = places.lens.distorted(spots)
     return spots[0], float(np.linalg.norm(spots[1:] - spots[0], axis=1).min())

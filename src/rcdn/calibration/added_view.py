@@ -24,6 +24,9 @@ NEGLIGIBLE = 1e-12
 """× the largest eigenvalue of a covariance with unit diagonal: directions below it have no freedom"""
 BATCH = 256
 """views that are computed together"""
+NORM = 4
+"""exponent of the mean over the frame by which views are compared: near the largest variance, but it also rewards what
+lowers those just below it (by the largest alone, greedy choices repeat one view: docs/log.md)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +123,9 @@ def variances(
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Prediction of the worst projection uncertainty over the frame with one more view: `before`, the present one, px;
-    the `camera` and its covariance, `prior`; `weight` of a corner, 1 / px; derivatives of the projection at points over
-    the frame, `by_camera` and `by_motion`."""
+    """Prediction of the projection uncertainty over the frame with one more view: `before`, the present worst one, px,
+    and `level`, their NORM-mean, px; the `camera` and its covariance, `prior`; `weight` of a corner, 1 / px;
+    derivatives of the projection at points over the frame, `by_camera` and `by_motion`."""
 
     camera: Camera
     prior: Prior
@@ -130,6 +133,7 @@ class Forecast:
     by_camera: Array
     by_motion: Array
     before: float
+    level: float
 
     @classmethod
     def of(cls, calibration: Calibration) -> Forecast | None:
@@ -139,17 +143,30 @@ class Forecast:
             return None
         prior = Prior.of(calibration)
         weight = weight_of(calibration) * float(np.sqrt(share_known(calibration, prior)))
-        before = float(np.nanmax(projection_uncertainty(calibration, points)))
-        return cls(calibration.camera, prior, weight, by_camera, by_motion, before)
+        now = projection_uncertainty(calibration, points)
+        before, level = float(np.nanmax(now)), float(_level(now[None] ** 2)[0])
+        return cls(calibration.camera, prior, weight, by_camera, by_motion, before, level)
 
-    def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> Real[Array, " c"]:
-        """(C,) px: with each of C views that see `points` (C, N, 3), m, camera coordinates; `seen` (C, N): number of
-        corners that each point stands for, 0 where it is not visible."""
-        worst = []
+    def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> tuple[Array, Array]:
+        """(C,) px, the worst uncertainty, and (C,) px, the NORM-mean: with each of C views that see `points` (C, N, 3),
+        m, camera coordinates; `seen` (C, N): number of corners that each point stands for, 0 where it is not visible.
+        """
+        every = []
         for k in range(0, len(points), BATCH):
             more = Information.of(self.camera, points[k : k + BATCH], self.weight * np.sqrt(seen[k : k + BATCH]))
-            worst.append(variances(self.prior, more, self.by_camera, self.by_motion).max(axis=1))
-        return np.asarray(np.sqrt(np.concatenate(worst)))
+            every.append(variances(self.prior, more, self.by_camera, self.by_motion))
+        found = np.concatenate(every)
+        return np.sqrt(found.max(axis=1)), _level(found)
+
+    def gain(self, level: Real[Array, " c"]) -> Real[Array, " c"]:
+        """(C,) decrease of the logarithm of the NORM-mean to `level` (C,) px."""
+        return np.asarray(np.log(self.level / np.maximum(level, 1e-12)))
+
+
+def _level(variances: Real[Array, "c g"]) -> Real[Array, " c"]:
+    """(C,) px: root of the NORM-mean of `variances` (C, G) px², relative to the largest lest powers overflow."""
+    worst = np.nanmax(variances, axis=1)
+    return np.asarray(np.sqrt(worst * np.nanmean((variances / worst[:, None]) ** NORM, axis=1) ** (1 / NORM)))
 
 
 def judged_points(camera: Camera) -> tuple[Array, Array, Array]:

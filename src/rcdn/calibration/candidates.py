@@ -12,7 +12,7 @@ from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Array, Camera, Plane
 from rcdn.types.arrays import Bool, Real
 
-PLACES = (0.12, 0.31, 0.5, 0.69, 0.88)
+PLACES = (0.06, 0.28, 0.5, 0.72, 0.94)
 """positions of the board's centre, shares of the frame's width and height"""
 TILTS, SIDES = (30.0, 45.0), 8
 """tilts of the board, degrees, in addition to 0, and the number of directions of a tilt"""

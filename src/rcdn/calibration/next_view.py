@@ -16,7 +16,7 @@ from rcdn.types.arrays import Real
 
 DISTANCES = (0.05, 0.5, 0.95)
 """quantiles of the distances of the used views: at these the picture was sharp and the board was detected"""
-INSIDE = 0.7
+INSIDE = 0.5
 """least share of the corners that must lie in the frame"""
 NEARLY = 1.1
 """× the lowest uncertainty of all candidates: among the candidates below it, the one with most corners in the frame is
@@ -37,7 +37,9 @@ class NextView:
     the outermost ones, in order around the board; `middle` (2,) px of the board's centre; `inside`, the share of the
     corners in the frame; `distance` m of the centre; `tilt` degrees from the plane perpendicular to the line of sight;
     `nearer`: the edge or corner, as seen in the picture, that is nearer. `before`, `after` px: the worst projection
-    uncertainty over the frame now, and the predicted one with that view.
+    uncertainty over the frame now, and the predicted one with that view; `gain`, by which the view was chosen: the
+    predicted decrease of the logarithm of the uncertainty's mean over the frame, a mean of high power
+    (`added_view.NORM`).
     """
 
     pose: Pose
@@ -50,6 +52,7 @@ class NextView:
     nearer: str
     before: float
     after: float
+    gain: float
 
     @property
     def worth_saying(self) -> bool:
@@ -64,11 +67,11 @@ def next_view(
     size: tuple[int, int] | None = None,
     plane: Plane | None = None,
 ) -> NextView | None:
-    """The view that would reduce the worst projection uncertainty over the frame most; None if no candidate is visible
-    or the camera's covariance is unknown.
+    """The view that would reduce the projection uncertainty over the frame most, above all where it is large; None if no
+    candidate is visible or the camera's covariance is unknown.
 
     Candidates are boards in 25 places of the frame, at three distances within those of the used views (or at
-    `distances` (D,) m), facing the camera or tilted by 30° or 45° in eight directions, with at least 70 % of their
+    `distances` (D,) m), facing the camera or tilted by 30° or 45° in eight directions, with at least half of their
     corners in the frame. `size` (columns, rows) of the board and the `plane` of its labels: by default those of the
     calibration, or of the largest part seen. Each candidate would add its information to that of `calibration.cov`, its
     own pose marginalised; it is scaled by what the used views contributed on average, so that correlated residuals do
@@ -87,9 +90,10 @@ def next_view(
     if not good.any():
         return None
     every, seen = every.take(good), seen[good]
-    after = forecast.after(placed(every.T, board), seen * share)
-    best = _best(after, seen.mean(axis=1))
-    return _found(calibration, every, best, size, plane, float(seen[best].mean()), forecast.before, float(after[best]))
+    worst, level = forecast.after(placed(every.T, board), seen * share)
+    best = _best(level, seen.mean(axis=1))
+    foreseen = (forecast.before, float(worst[best]), float(forecast.gain(level[best : best + 1])[0]))
+    return _found(calibration, every, best, size, plane, float(seen[best].mean()), foreseen)
 
 
 def _best(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
@@ -152,9 +156,9 @@ def _found(
     size: tuple[int, int],
     plane: Plane,
     inside: float,
-    before: float,
-    after: float,
+    foreseen: tuple[float, float, float],
 ) -> NextView:
+    """The candidate with the index `best`; `foreseen`: `before`, `after` and `gain`."""
     last = np.array(size) - 1
     box = plane.points(np.array([[0, 0], [last[0], 0], last, [0, last[1]]])) * calibration.spacing
     tilt = float(every.tilt[best])
@@ -167,6 +171,7 @@ def _found(
         distance=float(every.distance[best]),
         tilt=tilt,
         nearer=NEARER[int(every.side[best]) * len(NEARER) // SIDES] if tilt else "",
-        before=before,
-        after=after,
+        before=foreseen[0],
+        after=foreseen[1],
+        gain=foreseen[2],
     )

@@ -6,14 +6,16 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import ConfigError, shown
+from rcdn.targets.bent_lines import bent_lines
 from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE
 from rcdn.targets.families import families, family_of
 from rcdn.targets.gains import MOST_COLUMNS, gains
 from rcdn.targets.marker import Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
-from rcdn.targets.rectify import aspect_of, rectified
+from rcdn.targets.rectify import aspect_of, rectified, whole_squares
 from rcdn.types import AprilGrid, Array
 from rcdn.types.arrays import Bool, Int, Real
+from rcdn.types.plane import plane_points
 
 SAMPLES = 32
 """a square's side on the raster"""
@@ -32,7 +34,7 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
 
     `told`: the target given by the user (None: unknown).
     """
-    lifted = _lifted(rectified(grey, grid, SAMPLES))
+    lifted = _lifted(_cells(grey, grid))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
     if seen.sum() < 2:
         return None
@@ -62,6 +64,18 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
         width = seen.shape[1 - turns % 2]
         return Reading(told, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
     return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
+
+
+def _cells(grey: Array, grid: Array) -> Real[Array, "r c s s"]:
+    """Grey levels of tags and of what is between them, alternately, from corners `grid` (2 R, 2 C, 2)."""
+    rows, columns = grid.shape[:2]
+    x, y = (plane_points(np.arange(n), "aprilgrid", gap_of(grid)) for n in (columns, rows))
+    bent = bent_lines(grid, x, y, (grey.shape[1], grey.shape[0]))
+    if bent is None:
+        return rectified(grey, grid, SAMPLES)
+    cells = bent.rectified(grey, SAMPLES)
+    cells[~whole_squares(np.isfinite(grid[..., 0]))] = np.nan
+    return cells
 
 
 def dictionary_of(family: str) -> str:

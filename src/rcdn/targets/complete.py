@@ -55,19 +55,19 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     known = grid.labels
     guess = grid.predictions(known)
     sense = with_sense(guess)
-    sign, usual = _usual(grey, known[sense], guess.take(sense))
+    sign, usual = usual_strength(grey, known[sense], guess.take(sense))
     if sign == 0:
         return board
     for _ in range(ROUNDS):
         spots, guess = grid.beside()
         some = np.intersect1d(with_sense(guess), np.flatnonzero(_printed(board, spots)))
-        new = _seen(grey, spots[some], guess.take(some), sign, usual) if len(some) else {}
+        new = seen_crossings(grey, spots[some], guess.take(some), sign, usual, OFF) if len(some) else {}
         if not new:
             break
         grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
         grid.xy = np.concatenate([grid.xy, list(new.values())])
     _drop_astray(grid)
-    return _of_grid(board, grid)
+    return with_corners(board, grid)
 
 
 def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
@@ -131,7 +131,7 @@ def _off_surface(ij: Array, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
     return np.asarray(np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(area, 1e-9)))
 
 
-def _usual(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
+def usual_strength(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
     """The colouring, ±1, for which edges cross at known corners `at` (K, 2), and the median strengths (2,) of these
     edges; 0 if they cross for neither."""
     best, usual = 0, np.zeros(2)
@@ -148,18 +148,19 @@ def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array,
     return crossings(grey, guess.xy, guess.du, guess.dv, colour)
 
 
-def _seen(
-    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, usual: Array
+def seen_crossings(
+    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, usual: Array, most_off: float
 ) -> dict[tuple[int, int], Array]:
-    """Positions (2,) px of the corners, by label, of those of `at` (K, 2) where both edges visibly cross."""
+    """Positions (2,) px of the corners, by label, of those of `at` (K, 2) where both edges visibly cross, at most
+    `most_off` of a step from their predictions."""
     offset, strength = _look(grey, at, guess, sign)
     xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv
     inside = ((xy >= 1) & (xy <= np.array(grey.shape[::-1]) - 2)).all(axis=1)
-    fine = inside & (np.abs(offset).max(axis=1) <= OFF) & (strength >= SEEN * usual).all(axis=1)
+    fine = inside & (np.abs(offset).max(axis=1) <= most_off) & (strength >= SEEN * usual).all(axis=1)
     return {(int(at[k, 0]), int(at[k, 1])): xy[k] for k in np.flatnonzero(fine)}
 
 
-def _of_grid(board: Board, grid: Grid) -> Board:
+def with_corners(board: Board, grid: Grid) -> Board:
     """The board with the corners of a grid, in which the board's own positions come first."""
     ij, index = grid.labels, grid.corners
     order = np.lexsort((ij[:, 0], ij[:, 1]))

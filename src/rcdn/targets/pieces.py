@@ -9,9 +9,10 @@ import numpy as np
 from rcdn.geometry import apply_homography, homography
 from rcdn.geometry.near import nearest
 from rcdn.targets.complete import completed
+from rcdn.targets.complete_tags import completed_tags
 from rcdn.targets.families import family_of
 from rcdn.targets.read import identified
-from rcdn.types import Array, Board, Charuco, Target
+from rcdn.types import AprilGrid, Array, Board, Charuco, Target
 
 READ = 150
 """largest number of corners of pieces that are decoded per picture"""
@@ -40,9 +41,15 @@ def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Tar
             found = identified(grey, piece, told, part=True)
             if found.target is not None:
                 read = _with(read, found)
-    read = [completed(grey, board) for board in read]
+    read = [_completed(grey, board) for board in read]
     plain = [b for b in boards if b.target is None and not _held(b, read)]
     return sorted([*read, *plain], key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _completed(grey: Array, board: Board) -> Board:
+    if isinstance(board.target, AprilGrid):
+        return completed_tags(np.ascontiguousarray(grey), board, board.target)
+    return completed(grey, board)
 
 
 def _held(piece: Board, read: list[Board]) -> bool:

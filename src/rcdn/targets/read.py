@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.targets import glance
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
+from rcdn.targets.bent_lines import bent_board
 from rcdn.targets.charuco import ends_of, markers_of, may_be_mirrored, read_charuco
 from rcdn.targets.families import family_of
 from rcdn.targets.paper import ended_sides
@@ -44,19 +45,21 @@ def identified_straight(
     grid, found = grid_with_ring(board)
     reading, mirrored = None, False
     if markers and not isinstance(told, PuzzleBoard):
-        reading, mirrored = _markers(grey, grid, whole_squares(found), told, part)
+        reading, mirrored = _markers(grey, grid, found, told, part)
     if reading is None and not isinstance(told, Charuco):
         reading = read_puzzle(grey, grid, found)
     return (board, mirrored) if reading is None else (_placed(board, reading), False)
 
 
-def _markers(grey: Array, grid: Array, inner: Array, told: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
+def _markers(grey: Array, grid: Array, found: Array, told: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
     """The reading of the markers in the squares of a `grid_with_ring`, or None; and whether the mirror image may have
     one."""
+    inner = whole_squares(found)
     marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
     if marked is None:
         return None, False
-    wide = rectified(grey, wider(grid), SAMPLES)
+    bent = bent_board(grid, found, (grey.shape[1], grey.shape[0]))
+    wide = rectified(grey, wider(grid), SAMPLES) if bent is None else bent.rectified(grey, SAMPLES)
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
     markers = markers_of(lifted, marked, inner, aspect_of(grid), told)

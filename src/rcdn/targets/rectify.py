@@ -21,14 +21,19 @@ def grid_with_ring(board: Board) -> tuple[Array, Array]:
     """Corner positions (rows + 2, columns + 2, 2) px, with one more line on each side, and which of them were detected;
     the others are predicted from their neighbours."""
     grid = np.pad(board.grid(), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
-    found = np.isfinite(grid[..., 0])
+    return extrapolated(grid), np.isfinite(grid[..., 0])
+
+
+def extrapolated(grid: Array) -> Array:
+    """A grid (R, C, 2) with what is NaN predicted from its neighbours, outwards until nothing more can be."""
+    grid = grid.copy()
     for _ in range(max(grid.shape)):
         predicted = _predicted(grid)
         hole = ~np.isfinite(grid[..., 0]) & np.isfinite(predicted[..., 0])
         if not hole.any():
             break
         grid[hole] = predicted[hole]
-    return grid, found
+    return grid
 
 
 def wider(grid: Array) -> Real[Array, "r c 2"]:
@@ -54,10 +59,18 @@ def rectified(grey: Array, grid: Array, samples: int) -> Array:
     """Grey levels of the squares between the corners of a `grid_with_ring`, (rows − 1, columns − 1, samples, samples)
     float32, NaN outside the picture."""
     rows, columns = grid.shape[0] - 1, grid.shape[1] - 1
-    down, across = _linear(rows, samples), _linear(columns, samples)
+    down, across = linear_weights(rows, samples), linear_weights(columns, samples)
     xy = np.einsum("ar,rcx,bc->abx", down, np.nan_to_num(grid, nan=FAR), across, optimize=True)
     values = _sampled(grey, xy, np.sqrt(_area(grid)) / samples)
     return values.reshape(rows, samples, columns, samples).swapaxes(1, 2)
+
+
+def sampled_squares(grey: Array, xy: Real[Array, "a b 2"], rows: int, columns: int) -> Array:
+    """Grey levels at the regular samples `xy` of `rows` × `columns` squares, px, as `rectified` has them; NaN where a
+    place is NaN."""
+    step = float(np.nanmedian(np.linalg.norm(np.diff(xy, axis=1), axis=2)))
+    values = _sampled(grey, np.nan_to_num(xy, nan=FAR), step)
+    return values.reshape(rows, len(values) // rows, columns, -1).swapaxes(1, 2)
 
 
 def squares_in_perspective(
@@ -84,7 +97,7 @@ def whole_squares(found: Array) -> Array:
     return np.asarray(found[:-1, :-1] & found[1:, :-1] & found[:-1, 1:] & found[1:, 1:])
 
 
-def _linear(count: int, samples: int) -> Array:
+def linear_weights(count: int, samples: int) -> Array:
     """Weights (count · samples, count + 1) of linear interpolation at the midpoints of `samples` equal steps between
     nodes."""
     at = (np.arange(count * samples) + 0.5) / samples

@@ -31,7 +31,7 @@ FEWEST_CORNERS = 12
 FIT = 0.85
 """least agreement with the wanted pose"""
 ENOUGH = 0.7
-"""share of the wanted view's gain (in the logarithm of the worst uncertainty) above which any view is taken"""
+"""share of the wanted view's gain (`NextView.gain`) above which any view is taken"""
 OFF = 0.25
 """share of the board's size in the picture: an outline that deviates by as much has an agreement of 0"""
 BEYOND = 1.1
@@ -58,7 +58,7 @@ class Guide:
 
     `look` judges every frame, in order, and reports when one should be taken; `add` takes its board and calibrates
     again; `progress` contains the next wanted pose of the board and how far the calibration is. The wanted view is the
-    one that reduces the worst projection uncertainty over the frame most (`rcdn.calibration.next_view`); as long as
+    one that reduces the projection uncertainty most where it is large (`rcdn.calibration.next_view`); as long as
     there is no camera, under a prior (`first_guess`). The same frames give the same answers. `look` may be called while
     another thread is in `add` or `remove`; calls of these two wait for one another.
 
@@ -216,10 +216,10 @@ class _Now:
 def _gain(points: Real[Array, "n 3"], state: Plan) -> float:
     """Share of the wanted view's gain that a view of `points` (N, 3) would bring."""
     forecast, wanted = state.forecast, state.progress.wanted
-    if forecast is None or wanted is None or not 0 < wanted.after < wanted.before:
+    if forecast is None or wanted is None or not wanted.gain > 0:
         return 0.0
-    after = float(forecast.after(points[None], np.ones((1, len(points))))[0])
-    return float(np.log(wanted.before / max(after, 1e-12)) / np.log(wanted.before / wanted.after))
+    _, level = forecast.after(points[None], np.ones((1, len(points))))
+    return float(forecast.gain(level)[0] / wanted.gain)
 
 
 def _fit(board: Board, wanted: NextView, state: Plan) -> float:
