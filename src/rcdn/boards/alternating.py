@@ -53,33 +53,38 @@ def alternating(field: Field, grids: list[dict[Label, int]], free: Bool[Array, "
     out = []
     for grid in grids:
         at = {spot: corner for spot, corner in grid.items() if free[corner]}
-        found = _evened(field.xy, at)
-        if found is not None:
-            whole = _completed(field, *found, free)
+        phases = _evened(field.xy, at)
+        if phases:
+            whole = max((_completed(field, *phase, free) for phase in phases), key=len)
             free[list(whole.values())] = False
             if len(whole) >= LEAST:
                 out.append(whole)
     return out
 
 
-def _evened(xy: Array, at: dict[Label, int]) -> tuple[dict[Label, int], float] | None:
-    """The grid with long steps at even labels, and the gap (short step ÷ long step).
+def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], float]]:
+    """The grid with long steps at even labels, and the gap (short step ÷ long step); for both phases of an axis along
+    which it has two lines only, as steep grids have between rows of tags.
 
-    None if its steps do not alternate along both axes.
+    [] if its steps do not alternate along the others.
     """
-    shift, size, told = [], 1.0, 0
-    for step in ((1, 0), (0, 1)) if len(at) >= LEAST else ():
+    shifts: list[tuple[int, ...]] = []
+    sizes, told = [], 0
+    for axis, step in enumerate(((1, 0), (0, 1)) if len(at) >= LEAST else ()):
         ratio = _ratios(xy, at, step)
         usual = median(ratio) if len(ratio) > 1 else 0.0
+        if not len(ratio) and len({spot[axis] for spot in at}) == 2:
+            shifts.append((0, 1))
+            continue
         if abs(usual) < UNEVEN or (ratio * np.sign(usual) > UNEVEN).mean() < AGREE:
-            return None
-        shift.append(0 if usual > 0 else 1)
-        size += abs(usual) / 2
+            return []
+        shifts.append((0,) if usual > 0 else (1,))
+        sizes.append(abs(usual))
         told += len(ratio)
     if told < TRIPLES:
-        return None
-    gap = float(exp(1.0 - size))
-    return {(u + shift[0], v + shift[1]): corner for (u, v), corner in at.items()}, gap
+        return []
+    gap = float(exp(-sum(sizes) / len(sizes)))
+    return [({(u + a, v + b): corner for (u, v), corner in at.items()}, gap) for a in shifts[0] for b in shifts[1]]
 
 
 def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
