@@ -50,16 +50,29 @@ def alternating(field: Field, grids: list[dict[Label, int]], free: Bool[Array, "
 
     Of each grid only the corners that are `free` (N,) bool are used. The corners of the lattices are marked as taken.
     """
-    out = []
+    out, strips = [], []
     for grid in grids:
-        at = {spot: corner for spot, corner in grid.items() if free[corner]}
-        phases = _evened(field.xy, at)
-        if phases:
-            whole = max((_completed(field, *phase, free) for phase in phases), key=len)
-            free[list(whole.values())] = False
-            if len(whole) >= LEAST:
-                out.append(whole)
+        phases = _evened(field.xy, _left(grid, free))
+        if len(phases) == 1:
+            out += _taken(field, phases, free)
+        elif phases:
+            strips.append(grid)
+    for grid in strips:  # last, since grids with more lines are surer
+        out += _taken(field, _evened(field.xy, _left(grid, free)), free)
     return out
+
+
+def _left(grid: dict[Label, int], free: Bool[Array, " n"]) -> dict[Label, int]:
+    return {spot: corner for spot, corner in grid.items() if free[corner]}
+
+
+def _taken(
+    field: Field, phases: list[tuple[dict[Label, int], float]], free: Bool[Array, " n"]
+) -> list[dict[Label, int]]:
+    """The completed grid of the phase that gives most corners, which are marked as taken; [] if there are too few."""
+    whole = max((_completed(field, *phase, free) for phase in phases), key=len, default={})
+    free[list(whole.values())] = False
+    return [whole] if len(whole) >= LEAST else []
 
 
 def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], float]]:
@@ -145,7 +158,9 @@ class _Places:
     @classmethod
     def of(cls, field: Field, at: dict[Label, int], gap: float) -> _Places:
         corners = list(at.values())
-        lens = division_of(plane_points(np.array(list(at)), "aprilgrid", gap), field.xy[corners], field.grey.shape[::-1])
+        lens = division_of(
+            plane_points(np.array(list(at)), "aprilgrid", gap), field.xy[corners], field.grey.shape[::-1]
+        )
         flat = field.xy
         if lens is not None:
             flat = field.xy.copy()

@@ -57,9 +57,7 @@ class Division:
         return size if np.isfinite(size) else np.inf
 
 
-def division_of(
-    plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int]
-) -> Division | None:
+def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int]) -> Division | None:
     """The distortion seen in points `xy` (N, 2) px of a `plane` (N, 2); None where a homography alone explains them
     nearly as well, or they are too few.
 

@@ -69,8 +69,9 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
 def _cells(grey: Array, grid: Array) -> Real[Array, "r c s s"]:
     """Grey levels of tags and of what is between them, alternately, from corners `grid` (2 R, 2 C, 2)."""
     rows, columns = grid.shape[:2]
-    x, y = (plane_points(np.arange(n), "aprilgrid", gap_of(grid)) for n in (columns, rows))
-    bent = bent_lines(grid, x, y, (grey.shape[1], grey.shape[0]))
+    labels = np.repeat(np.arange(max(rows, columns))[:, None], 2, axis=1)
+    lines = plane_points(labels, "aprilgrid", gap_of(grid))[:, 0]
+    bent = bent_lines(grid, lines[:columns], lines[:rows], (grey.shape[1], grey.shape[0]))
     if bent is None:
         return rectified(grey, grid, SAMPLES)
     cells = bent.rectified(grey, SAMPLES)

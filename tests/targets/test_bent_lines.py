@@ -1,0 +1,118 @@
+"""Coded boards under lenses that bend their lines, and AprilGrids completed from their print: rendered pictures with
+known corners and numbers."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from coded_scene import aprilgrid, charuco
+
+from rcdn import Detector
+from rcdn.synthetic import Background, BoardSpec, Scene, Sensor
+from rcdn.synthetic.coded_view import drawing_truth, render_drawing
+from rcdn.targets.complete_tags import completed_tags
+from rcdn.types import AprilGrid
+
+WIDTH, HEIGHT = 640, 480
+
+
+def pictured(drawing, fisheye=0.0, tilt=0.3, share=0.8, noise=2.0):
+    """The drawing and its corners in a picture `share` of whose height it spans, through a lens of `fisheye` degrees
+    across, equidistant (0: a pinhole)."""
+    h, w = np.array(drawing.image.shape) / drawing.unit
+    focal = WIDTH / np.radians(fisheye) if fisheye else 600.0
+    lens = {"focal": focal, "model": "fisheye", "distortion": (0.0,) * 4} if fisheye else {"focal": focal}
+    R = cv2.Rodrigues(np.array([tilt, 0.0, 0.0]))[0] @ cv2.Rodrigues(np.array([0.0, 0.0, 0.2]))[0]
+    reach = focal / np.tan(share * HEIGHT / 2 / focal) / focal if fisheye else 2 * focal / (share * HEIGHT)
+    distance = max(h, w) / 2 * reach
+    t = [0, 0, distance] - R @ [w / 2 - 1.5, h / 2 - 1.5, 0.0]
+    board = BoardSpec(9, 7, tuple(cv2.Rodrigues(R)[0].ravel().tolist()), tuple(t.tolist()), black=0.1, white=0.9)
+    scene = Scene(
+        WIDTH, HEIGHT, centre=((WIDTH - 1) / 2, (HEIGHT - 1) / 2), boards=(board,), seed=1,
+        sensor=Sensor(blur=0.6, noise=noise), background=Background("noise", 1), **lens,
+    )  # fmt: skip
+    return render_drawing(drawing, scene), drawing_truth(drawing, scene).xy
+
+
+def numbers(image, drawing, xy):
+    """(corners with their right number, with a wrong one, corners in the picture)."""
+    place = dict(zip(drawing.ids.tolist(), xy, strict=True))
+    right = wrong = 0
+    for board in Detector().boards(image):
+        for number, at in zip([] if board.ids is None else board.ids.tolist(), board.xy, strict=board.ids is not None):
+            good = number in place and np.linalg.norm(place[number] - at) < 2
+            right, wrong = right + good, wrong + (not good)
+    inside = ((xy > 2) & (xy < [WIDTH - 3, HEIGHT - 3])).all(axis=1)
+    return right, wrong, int(inside.sum())
+
+
+@pytest.mark.parametrize(
+    "board",
+    [
+        charuco(7, 9, "DICT_APRILTAG_36h11", 0.66),
+        charuco(5, 7, "DICT_6X6_50", 0.62),
+        charuco(10, 4, "DICT_5X5_50", 0.7),
+    ],
+    ids=["7x9", "5x7", "10x4"],
+)
+def test_a_charuco_board_is_read_through_a_fisheye(board):
+    """An odd number of columns is read only where the paper beside it is seen, which needs the bent lattice."""
+    image, xy = pictured(board, fisheye=150)
+    right, wrong, shown = numbers(image, board, xy)
+    assert wrong == 0
+    assert right == shown > 0.9 * len(xy)
+
+
+@pytest.mark.parametrize("fisheye", [0.0, 150.0])
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_every_corner_of_an_aprilgrid_is_found(fisheye, share):
+    board = aprilgrid(5, 4)
+    image, xy = pictured(board, fisheye, share=share)
+    right, wrong, shown = numbers(image, board, xy)
+    assert wrong == 0
+    assert right == shown > 0.9 * len(xy)
+
+
+def test_an_aprilgrid_seen_steeply_is_found():
+    """Small squares are then some 3 px high, and the link graph joins rows by twos only."""
+    board = aprilgrid(5, 5)
+    image, xy = pictured(board, tilt=np.radians(60), share=0.8)
+    right, wrong, shown = numbers(image, board, xy)
+    assert wrong == 0
+    assert right >= 0.95 * shown
+
+
+@pytest.mark.parametrize("fisheye", [0.0, 150.0])
+def test_corners_that_were_lost_come_back_and_strays_go(fisheye):
+    drawing = aprilgrid(4, 4)
+    image, xy = pictured(drawing, fisheye, share=0.7)
+    board = Detector().boards(image)[0]
+    assert isinstance(board.target, AprilGrid)
+    assert len(board) == 64
+    rng = np.random.default_rng(5)
+    kept = np.sort(rng.choice(64, 44, replace=False))
+    part = replace(
+        board, xy=board.xy[kept], ij=board.ij[kept], response=board.response[kept], status=board.status[kept],
+        sigma=board.sigma[kept], ids=board.ids[kept],
+    )  # fmt: skip
+    moved = part.xy.copy()
+    moved[20] += 4.0
+    found = completed_tags(image, replace(part, xy=moved), board.target)
+    true = dict(zip(drawing.ids.tolist(), xy, strict=True))
+    off = np.linalg.norm(found.xy - [true[n] for n in found.ids.tolist()], axis=1)
+    assert off.max() < 1.0
+    assert len(found) >= 62
+
+
+def test_what_is_covered_is_not_made_up():
+    drawing = aprilgrid(5, 4)
+    image, xy = pictured(drawing)
+    image = image.copy()
+    low, high = np.quantile(xy, 0.35, axis=0).astype(int), np.quantile(xy, 0.7, axis=0).astype(int)
+    image[low[1] : high[1], low[0] : high[0]] = 128
+    hidden = ((xy > low + 2) & (xy < high - 2)).all(axis=1)
+    assert hidden.sum() >= 5
+    for board in Detector().boards(image):
+        gap = np.linalg.norm(board.xy[:, None] - xy[None, hidden], axis=2).min()
+        assert gap > 3

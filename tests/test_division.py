@@ -1,0 +1,54 @@
+"""One coefficient of radial distortion beside a homography: simulated planes under simulated lenses."""
+
+import numpy as np
+import pytest
+
+from rcdn.geometry import project, transform
+from rcdn.geometry.division import Division, division_of
+from rcdn.types import Camera, Pose
+
+SIZE = (640, 480)
+PLANE = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
+
+
+def seen(camera, distance=6.0, tilt=0.5):
+    R = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, [0, 0, distance] - R @ [4, 2.5, 0]
+    return project(camera, transform(Pose(T), np.column_stack([PLANE, np.zeros(len(PLANE))])))
+
+
+def test_what_is_undistorted_is_distorted_back():
+    lens = Division(-0.6, np.array([310.0, 250.0]), 400.0)
+    xy = np.random.default_rng(1).uniform(0, 480, (200, 2))
+    assert np.abs(lens.distorted(lens.undistorted(xy)) - xy).max() < 1e-9
+
+
+def test_a_board_under_such_a_lens_shows_its_coefficient():
+    pinhole = Camera([[300.0, 0, 319.5], [0, 300, 239.5], [0, 0, 1]], [], SIZE, "pinhole")
+    true = Division(-0.7, np.array([319.5, 239.5]), 400.0)
+    xy = true.distorted(seen(pinhole)) + np.random.default_rng(2).normal(0, 0.02, (len(PLANE), 2))
+    found = division_of(PLANE, xy, SIZE)
+    assert found.coefficient == pytest.approx(-0.7, abs=0.005)
+    assert found.residual(PLANE, xy) < 0.04
+
+
+def test_it_follows_an_equidistant_lens_of_150_degrees():
+    """A homography misses by a tenth of a square and more."""
+    focal = 640 / np.radians(150)
+    camera = Camera([[focal, 0, 319.5], [0, focal, 239.5], [0, 0, 1]], [0.0] * 4, SIZE, "fisheye")
+    xy = seen(camera)
+    found = division_of(PLANE, xy, SIZE)
+    assert found.residual(PLANE, xy) < 0.3
+    assert Division(0.0, found.middle, found.scale).residual(PLANE, xy) > 3
+
+
+def test_no_lens_is_seen_where_none_is():
+    pinhole = Camera([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]], [], SIZE, "pinhole")
+    for seed in range(20):
+        noise = np.random.default_rng(seed).normal(0, 0.1, (len(PLANE), 2))
+        assert division_of(PLANE, seen(pinhole) + noise, SIZE) is None
+
+
+def test_too_few_points_show_no_lens():
+    assert division_of(PLANE[:11], PLANE[:11], SIZE) is None
