@@ -16,12 +16,13 @@ from rcdn.boards.graph import Field, Label, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
-from rcdn.boards.order import ordered, orientation
+from rcdn.boards.order import ordered
 from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
+from rcdn.geometry.rules import CHECKER, TAGS
 from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
 from rcdn.types.arrays import Bool, Int, Real, Shaped
 
@@ -199,7 +200,7 @@ def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
     sign = board_sign(field, grid)
     new = ordered(ij, grid.xy[index], sign)
     cols, rows = (new.max(axis=0) + 1).tolist()
-    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours the orientation is undecided
+    turn = CHECKER.orientation(cols, rows) if sign else "ambiguous_180"  # without colours the orientation is undecided
     return _labelled(field, candidates, grid.xy, index, new, turn)
 
 
@@ -209,8 +210,7 @@ def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> 
     Its codes must determine which corner is the first.
     """
     ij, index = np.array(list(at)), np.array(list(at.values()))
-    ij -= ij.min(axis=0) // 2 * 2
-    return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
+    return replace(_labelled(field, candidates, field.xy, index, TAGS.started(ij), "ambiguous_90"), pattern="aprilgrid")
 
 
 def _labelled(

@@ -12,6 +12,7 @@ import numpy as np
 
 from rcdn.boards.graph import Label
 from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.order import ordered
 from rcdn.boards.six_sided import (
     ALIKE,
     ALIKE_SEARCHED,
@@ -27,10 +28,10 @@ from rcdn.corners import Candidates
 from rcdn.corners.peaks import SAME
 from rcdn.corners.six_sector import antisymmetry, ring, six_axes
 from rcdn.geometry.elementary import arctan2
-from rcdn.geometry.matrices import affine
 from rcdn.geometry.near import nearest, within
+from rcdn.geometry.rules import TRIANGLES
 from rcdn.types import Array, Board, Status
-from rcdn.types.arrays import Bool, Int, Shaped
+from rcdn.types.arrays import Bool, Shaped
 
 NEAR = 0.22
 """largest distance of a corner from its prediction, share of the shortest step"""
@@ -189,7 +190,7 @@ def _axes_fit(axes: Array, du: Array, dv: Array) -> Bool[Array, " k"]:
 def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Board:
     """The lattice labelled by the contract. Corners found by the search have response 0."""
     ij, corner = np.array(list(grid.at)), np.array(list(grid.at.values()))
-    new = ordered(ij, field.xy[corner], sign)
+    new = ordered(ij, field.xy[corner], sign, TRIANGLES)
     order = np.lexsort((new[:, 0], new[:, 1]))
     corner, new = corner[order], new[order]
     bare = corner >= field.known
@@ -200,28 +201,3 @@ def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Bo
     response = np.where(bare, 0, field.response[row])
     height, width = field.grey.shape
     return Board(field.xy[corner], new, (width, height), response, status, "ambiguous_120", pattern="deltille")
-
-
-def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
-    """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
-
-    `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 if dark. In the labels returned
-    they are dark. A rotation by 120° keeps the colours: of the three labellings left, the one whose i axis is closest
-    to +x is taken. The smallest i and j are 0.
-    """
-    options = [_turned(ij, k) for k in ((0, 2, 4) if colour < 0 else (1, 3, 5))]
-    best = max(options, key=lambda o: _rightward(o, xy))
-    return np.asarray(best - best.min(axis=0))
-
-
-def _turned(ij: Array, sixths: int) -> Array:
-    u, v = ij.T
-    for _ in range(sixths):
-        u, v = -v, u + v
-    return np.stack([u, v], axis=1)
-
-
-def _rightward(ij: Array, xy: Array) -> float:
-    """Cosine of the angle between the i axis and +x."""
-    step = affine(ij, xy)[:, 0]
-    return float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12))
