@@ -1,68 +1,106 @@
-/* Cells of four linked corners, and grids by flood fill over them: see boards/graph.py. */
+/* Cells of linked corners, and grids by flood fill over them, on lattices of squares and of triangles: see
+ * boards/graph.py. */
 #include "kernel.h"
 
-/* Whether the quadrilateral turns clockwise at each corner and its opposite sides have similar lengths. `xy`: positions
- * of all corners. */
-static int is_regular(const double *xy, const int64_t *quad) {
-    double x[4], y[4], length[4];
-    for (int k = 0; k < 4; k++) {
-        const double *from = xy + 2 * quad[k], *to = xy + 2 * quad[(k + 1) % 4];
+#define MOST_SIDES 4 /* corners of a cell */
+
+/* Whether a cell turns clockwise and its sides have similar lengths, of squares the opposite ones: none is `ratio`
+ * times as long as another. `xy`: positions of all corners. */
+static int is_regular(const double *xy, const int64_t *cell, index_t sides, double ratio) {
+    double x[MOST_SIDES], y[MOST_SIDES], length[MOST_SIDES];
+    for (index_t k = 0; k < sides; k++) {
+        const double *from = xy + 2 * cell[k], *to = xy + 2 * cell[(k + 1) % sides];
         x[k] = to[0] - from[0], y[k] = to[1] - from[1];
         length[k] = sqrt(x[k] * x[k] + y[k] * y[k]);
     }
-    for (int k = 0; k < 4; k++) {
-        const double one = length[k % 2], other = length[k % 2 + 2], low = one < other ? one : other,
+    for (index_t k = 0; k < sides; k++) {
+        const index_t after = (k + 1) % sides;
+        const double one = length[k], other = length[sides == 4 ? (k + 2) % 4 : after], low = one < other ? one : other,
                      high = one < other ? other : one;
-        const int after = (k + 1) % 4;
-        if (!(x[k] * y[after] - y[k] * x[after] > 0) || !(high < 2.5 * (low > 1e-9 ? low : 1e-9)))
+        if (!(high < ratio * (low > 1e-9 ? low : 1e-9)))
+            return 0;
+        if ((sides == 4 || k == 0) && !(x[k] * y[after] - y[k] * x[after] > 0)) /* once is enough for a triangle */
             return 0;
     }
     return 1;
 }
 
-static int has(const int64_t *row, int64_t corner) {
-    return row[0] == corner || row[1] == corner || row[2] == corner || row[3] == corner;
+static int has(const int64_t *row, index_t size, int64_t corner) {
+    for (index_t k = 0; k < size; k++)
+        if (row[k] == corner)
+            return 1;
+    return 0;
 }
 
-static int same_corners(const int64_t *one, const int64_t *other) {
-    return has(other, one[0]) && has(other, one[1]) && has(other, one[2]) && has(other, one[3]);
+static int same_corners(const int64_t *one, const int64_t *other, index_t sides) {
+    for (index_t k = 0; k < sides; k++)
+        if (!has(other, sides, one[k]))
+            return 0;
+    return 1;
 }
 
-/* Cells `quads` (room, 4) of mutual links `neighbour` (n, 4), −1 for none, each once, in the order of the corner at
- * which they are first found; returns their number. `first` (n,) and `next` (room,) are buffers: lists of the cells
- * found so far by their lowest corner. At most 4 cells per link. */
-KERNEL(rcdn_quads, (SIZE, n, neighbour, 0), (SIZE, room, next, 0), (WITHIN, int64_t, neighbour, -1, n - 1, n, 4),
-       (IN, double, xy, n, 2), (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, quads, room, 4)) {
-    index_t count = 0;
+/* The cells found so far: lists by their lowest corner. */
+typedef struct {
+    const double *xy;
+    int64_t *first, *next, *cells;
+    index_t sides, room, count;
+    double ratio;
+} Found;
+
+static void add_cell(Found *f, const int64_t *cell) {
+    const index_t sides = f->sides;
+    if (!is_regular(f->xy, cell, sides, f->ratio))
+        return;
+    int64_t low = cell[0];
+    for (index_t q = 1; q < sides; q++)
+        low = cell[q] < low ? cell[q] : low;
+    int64_t known = f->first[low];
+    while (known >= 0 && !same_corners(f->cells + sides * known, cell, sides))
+        known = f->next[known];
+    if (known >= 0 || f->count == f->room)
+        return;
+    memcpy(f->cells + sides * f->count, cell, (size_t)sides * sizeof *cell);
+    f->next[f->count] = f->first[low];
+    f->first[low] = f->count++;
+}
+
+/* The triangle a, b, c, from its lowest corner on. */
+static void add_triangle(Found *f, int64_t a, int64_t b, int64_t c) {
+    const int64_t ring[5] = {a, b, c, a, b};
+    add_cell(f, ring + (a < b ? (c < a ? 2 : 0) : (c < b ? 2 : 1)));
+}
+
+/* Cells (room, sides) of mutual links `neighbour` (n, slots), −1 for none, each once, clockwise, in the order of the
+ * corner at which they are first found; returns their number. `ratio`: see `is_regular`. `first` (n,) and `next`
+ * (room,) are buffers. At most 4 cells per link. */
+KERNEL(rcdn_cells, (SIZE, n, neighbour, 0), (SIZE, slots, neighbour, 1), (SIZE, room, cells, 0),
+       (SIZE, sides, cells, 1), (WHERE, (slots == 4 && sides == 4) || (slots == 6 && sides == 3)),
+       (WITHIN, int64_t, neighbour, -1, n - 1, n, slots), (IN, double, xy, n, 2), (REAL, ratio),
+       (OUT, int64_t, first, n), (OUT, int64_t, next, room), (OUT, int64_t, cells, room, sides)) {
+    Found f = {xy, first, next, cells, sides, room, 0, ratio};
     for (index_t a = 0; a < n; a++)
         first[a] = -1;
     for (index_t a = 0; a < n; a++)
-        for (int k = 0; k < 4; k++) {
-            const int64_t b = neighbour[4 * a + k], d = neighbour[4 * a + (k + 1) % 4];
-            for (int m = 0; b >= 0 && d >= 0 && m < 4; m++) {
-                const int64_t c = neighbour[4 * b + m], quad[4] = {a, b, c, d};
-                if (c < 0 || c == a || !has(neighbour + 4 * d, c) || !is_regular(xy, quad))
-                    continue;
-                int64_t low = a;
-                for (int q = 1; q < 4; q++)
-                    low = quad[q] < low ? quad[q] : low;
-                int64_t known = first[low];
-                while (known >= 0 && !same_corners(quads + 4 * known, quad))
-                    known = next[known];
-                if (known >= 0 || count == room)
-                    continue;
-                memcpy(quads + 4 * count, quad, sizeof quad);
-                next[count] = first[low];
-                first[low] = count++;
+        for (index_t k = 0; k < slots; k++) {
+            const int64_t b = neighbour[slots * a + k], d = neighbour[slots * a + (k + 1) % slots];
+            if (b < 0 || d < 0)
+                continue;
+            if (sides == 3 && b != a && d != a && d != b && has(neighbour + slots * b, slots, d))
+                add_triangle(&f, a, b, d);
+            for (index_t m = 0; sides == 4 && m < slots; m++) {
+                const int64_t c = neighbour[slots * b + m], quad[4] = {a, b, c, d};
+                if (c >= 0 && c != a && has(neighbour + slots * d, slots, c))
+                    add_cell(&f, quad);
             }
         }
-    return count;
+    return f.count;
 }
 
 /* ---- flood fill */
 
 /* State of the flood fill. A corner's label and a label's corner are valid only for the grid `grid`; `slots`, a power
- * of two, is the size of the hash table of labels. */
+ * of two, is the size of the hash table of labels. `steps` (ways, 2): changes of a label by a step, by rising angle;
+ * `turn`: number of steps by which one side of a cell turns to the next. */
 typedef struct {
     int64_t u, v, grid;
 } Label;
@@ -71,6 +109,8 @@ typedef struct {
 } Held;
 _Static_assert(sizeof(Label) == 3 * sizeof(int64_t) && sizeof(Held) == 4 * sizeof(int64_t), "they are rows of arrays");
 typedef struct {
+    const int64_t *steps;
+    index_t ways, sides, turn;
     Label *where; /* (corners,) */
     Held *held;   /* (slots,) */
     int64_t *out; /* (room, 3) u, v, corner */
@@ -89,44 +129,52 @@ static Held *place_of(const Grids *g, int64_t u, int64_t v) {
     }
 }
 
-/* Label the corners of a cell with `uv` (4, 2), unless that contradicts their labels or the corners that have these
+/* Label the corners of a cell with `uv` (sides, 2), unless that contradicts their labels or the corners that have these
  * labels. */
-static int labelled(Grids *g, const int64_t *quad, int64_t uv[4][2]) {
-    for (int k = 0; k < 4; k++) {
-        const Label *own = g->where + quad[k];
+static int labelled(Grids *g, const int64_t *cell, int64_t uv[MOST_SIDES][2]) {
+    for (index_t k = 0; k < g->sides; k++) {
+        const Label *own = g->where + cell[k];
         const Held *h = place_of(g, uv[k][0], uv[k][1]);
         if ((own->grid == g->grid && (own->u != uv[k][0] || own->v != uv[k][1])) ||
-            (h->grid == g->grid && h->corner != quad[k]))
+            (h->grid == g->grid && h->corner != cell[k]))
             return 0;
     }
-    for (int k = 0; k < 4; k++) {
+    for (index_t k = 0; k < g->sides; k++) {
         Held *h = place_of(g, uv[k][0], uv[k][1]);
         if (h->grid == g->grid)
             continue;
-        *h = (Held){uv[k][0], uv[k][1], quad[k], g->grid};
-        g->where[quad[k]] = (Label){uv[k][0], uv[k][1], g->grid};
+        *h = (Held){uv[k][0], uv[k][1], cell[k], g->grid};
+        g->where[cell[k]] = (Label){uv[k][0], uv[k][1], g->grid};
         int64_t *out = g->out + 3 * g->count++;
-        out[0] = uv[k][0], out[1] = uv[k][1], out[2] = quad[k];
+        out[0] = uv[k][0], out[1] = uv[k][1], out[2] = cell[k];
     }
     return 1;
 }
 
+/* Labels of a cell's corners from that of corner k and the step `way` to the next one. */
+static void walk(const Grids *g, index_t k, int64_t u, int64_t v, index_t way, int64_t uv[MOST_SIDES][2]) {
+    for (index_t n = 0; n < g->sides; n++) {
+        const int64_t *step = g->steps + 2 * ((way + n * g->turn) % g->ways);
+        uv[(k + n) % g->sides][0] = u, uv[(k + n) % g->sides][1] = v;
+        u += step[0], v += step[1];
+    }
+}
+
 /* Labels of a cell's corners from two adjacent ones that are known: all cells have the same orientation, so that two
- * are enough. */
-static int spots_of(const Grids *g, const int64_t *quad, int64_t uv[4][2]) {
-    for (int k = 0; k < 4; k++) {
-        const Label *a = g->where + quad[k], *b = g->where + quad[(k + 1) % 4];
+ * are enough. Returns the step from corner 0 to corner 1, −1 if there are none. */
+static index_t spots_of(const Grids *g, const int64_t *cell, int64_t uv[MOST_SIDES][2]) {
+    for (index_t k = 0; k < g->sides; k++) {
+        const Label *a = g->where + cell[k], *b = g->where + cell[(k + 1) % g->sides];
         if (a->grid != g->grid || b->grid != g->grid)
             continue;
-        const int64_t du = b->u - a->u, dv = b->v - a->v;
-        if (du * du + dv * dv != 1)
-            return 0;
-        const int64_t out[4][2] = {{a->u, a->v}, {b->u, b->v}, {b->u - dv, b->v + du}, {a->u - dv, a->v + du}};
-        for (int n = 0; n < 4; n++)
-            memcpy(uv[(n + k) % 4], out[n], sizeof out[n]);
-        return 1;
+        for (index_t way = 0; way < g->ways; way++)
+            if (b->u - a->u == g->steps[2 * way] && b->v - a->v == g->steps[2 * way + 1]) {
+                walk(g, k, a->u, a->v, way, uv);
+                return (way + (g->sides - k) * g->turn) % g->ways;
+            }
+        return -1;
     }
-    return 0;
+    return -1;
 }
 
 /* A heap of ranks, the lowest on top. */
@@ -150,63 +198,83 @@ static int64_t pop(int64_t *heap, index_t *size) {
     return top;
 }
 
-static int share_edge(const int64_t *one, const int64_t *other) {
-    for (int k = 0; k < 4; k++)
-        for (int m = 0; m < 4; m++) {
-            const int64_t a = one[k], b = one[(k + 1) % 4], c = other[m], d = other[(m + 1) % 4];
-            if ((a == c && b == d) || (a == d && b == c))
-                return 1;
-        }
+/* Whether a cell lies beyond the side from corner a to b of another one. Squares may also run along it the same way. */
+static int is_beyond(const int64_t *cell, index_t sides, int64_t a, int64_t b) {
+    for (index_t m = 0; m < sides; m++) {
+        const int64_t c = cell[m], d = cell[(m + 1) % sides];
+        if ((a == d && b == c) || (sides == 4 && a == c && b == d))
+            return 1;
+    }
     return 0;
 }
 
-/* Grids of `cells` (count, 4), in order of falling confidence, among corners numbered below `n`: `out` (4 count, 3) u,
- * v, corner, grid by grid, and the start of each, `begin` (count + 1,). Returns their number. Buffers: `used`, `heap`
- * (count,); `first` (n + 2,), `at_corner` (4 count,): the cells at each corner; `where` (n, 3); `held` (slots, 4),
- * `slots` a power of two. */
-KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, n, where, 0), (SIZE, slots, held, 0),
-       (WHERE, slots > 4 * count && (slots & (slots - 1)) == 0), (WITHIN, int64_t, cells, 0, n - 1, count, 4),
-       (OUT, uint8_t, used, count), (OUT, int64_t, heap, count), (OUT, int64_t, first, n + 2),
-       (OUT, int64_t, at_corner, 4 * count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4),
-       (OUT, int64_t, begin, count + 1), (OUT, int64_t, out, 4 * count, 3)) {
-    static const int64_t square[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-    Grids g = {(Label *)where, (Held *)held, out, slots, 0, -1};
+/* Grids of `cells` (count, sides), in order of falling confidence, among corners numbered below `n`: `out` (sides
+ * count, 3) u, v, corner, grid by grid, and of each, `begin` (count + 1, 2), its start and the colour of its first
+ * cell. Returns their number.
+ *
+ * `steps`: see `Grids`. `colour` (count,): 0 for squares, whose colours the links have checked; those of triangles must
+ * alternate. A square is tried in one grid only; a triangle until it is labelled, and of several that lie beyond a side
+ * the last by `number` (count,). Buffers: `used` (count,), `heap` (sides count + 1,); `first` (n + 2,), `at_corner`
+ * (sides count,): the cells at each corner; `where` (n, 3); `held` (slots, 4), `slots` a power of two. */
+KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, sides, cells, 1), (SIZE, ways, steps, 0), (SIZE, n, where, 0),
+       (SIZE, slots, held, 0), (WHERE, (ways == 4 && sides == 4) || (ways == 6 && sides == 3)),
+       (WHERE, slots > sides * count && (slots & (slots - 1)) == 0), (WITHIN, int64_t, cells, 0, n - 1, count, sides),
+       (IN, int64_t, colour, count), (IN, int64_t, number, count), (WITHIN, int64_t, steps, -1, 1, ways, 2),
+       (OUT, uint8_t, used, count), (OUT, int64_t, heap, sides *count + 1), (OUT, int64_t, first, n + 2),
+       (OUT, int64_t, at_corner, sides *count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4),
+       (OUT, int64_t, begin, count + 1, 2), (OUT, int64_t, out, sides *count, 3)) {
+    Grids g = {steps, ways, sides, ways / sides, (Label *)where, (Held *)held, out, slots, 0, -1};
+    const int once = sides == 4;
     memset(used, 0, (size_t)count);
     memset(where, 0xff, (size_t)n * sizeof(Label)); /* grid −1: no grid */
     memset(held, 0xff, (size_t)slots * sizeof(Held));
     memset(first, 0, (size_t)(n + 2) * sizeof *first);
-    for (index_t k = 0; k < 4 * count; k++)
+    for (index_t k = 0; k < sides * count; k++)
         first[cells[k] + 2]++;
     for (index_t k = 2; k < n + 2; k++)
         first[k] += first[k - 1];
-    for (index_t k = 0; k < 4 * count; k++)
-        at_corner[first[cells[k] + 1]++] = k / 4;
+    for (index_t k = 0; k < sides * count; k++)
+        at_corner[first[cells[k] + 1]++] = k / sides;
     for (index_t seed = 0; seed < count; seed++) {
         index_t size = 0;
         if (used[seed])
             continue;
-        begin[++g.grid] = g.count;
-        used[seed] = 1;
+        begin[2 * ++g.grid] = g.count;
+        begin[2 * g.grid + 1] = colour[seed];
+        used[seed] = (uint8_t)once;
         push(heap, &size, seed);
         while (size) {
-            const int64_t *cell = cells + 4 * pop(heap, &size);
-            int64_t uv[4][2];
-            if (cell == cells + 4 * seed)
-                memcpy(uv, square, sizeof uv);
-            else if (!spots_of(&g, cell, uv))
+            const int64_t own = pop(heap, &size), *cell = cells + sides * own;
+            int64_t uv[MOST_SIDES][2];
+            index_t way = 0;
+            if (!once && used[own])
                 continue;
-            if (!labelled(&g, cell, uv))
+            if (g.count == begin[2 * g.grid])
+                walk(&g, 0, 0, 0, 0, uv);
+            else
+                way = spots_of(&g, cell, uv);
+            if (way < 0 || colour[own] != (way & 1 ? -colour[seed] : colour[seed]) || !labelled(&g, cell, uv))
                 continue;
-            for (int k = 0; k < 4; k++)
-                for (int64_t m = first[cell[k]]; m < first[cell[k] + 1]; m++) {
+            used[own] = 1;
+            for (index_t k = 0; k < sides; k++) {
+                const int64_t a = cell[k], b = cell[(k + 1) % sides];
+                int64_t last = -1;
+                for (int64_t m = first[a]; m < first[a + 1]; m++) {
                     const int64_t other = at_corner[m];
-                    if (used[other] || !share_edge(cell, cells + 4 * other))
+                    if ((once && used[other]) || !is_beyond(cells + sides * other, sides, a, b))
                         continue;
-                    used[other] = 1; /* each cell is tried in one grid only */
-                    push(heap, &size, other);
+                    if (once) {
+                        used[other] = 1;
+                        push(heap, &size, other);
+                    } else if (last < 0 || number[other] > number[last])
+                        last = other;
                 }
+                if (last >= 0 && !used[last])
+                    push(heap, &size, last);
+            }
         }
     }
-    begin[g.grid + 1] = g.count;
+    begin[2 * (g.grid + 1)] = g.count;
+    begin[2 * (g.grid + 1) + 1] = 0;
     return g.grid + 1;
 }

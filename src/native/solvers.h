@@ -157,7 +157,8 @@ INLINE double dot(const double *a, const double *b, index_t n) {
 
 /* Orthonormalise the columns, the longest remaining one first (modified Gram-Schmidt), together with the right-hand
  * sides: r (terms, terms + sides) by column, `order` of the columns. Returns the rank. */
-INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[MOST_TERMS][MOST_TERMS + RIGHT_SIDES], index_t *order) {
+INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[MOST_TERMS][MOST_TERMS + RIGHT_SIDES],
+                          index_t *order) {
     double left[MOST_TERMS], longest = 0;
     for (index_t j = 0; j < terms; j++) {
         order[j] = j;
@@ -196,7 +197,8 @@ INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[MOST_TER
 }
 
 /* The solution (terms) by back substitution, for one right-hand side. */
-INLINE void substitute(double r[MOST_TERMS][MOST_TERMS + RIGHT_SIDES], const index_t *order, index_t terms, index_t side, double *x) {
+INLINE void substitute(double r[MOST_TERMS][MOST_TERMS + RIGHT_SIDES], const index_t *order, index_t terms,
+                       index_t side, double *x) {
     for (index_t k = terms - 1; k >= 0; k--) {
         double sum = r[k][MOST_TERMS + side];
         for (index_t j = k + 1; j < terms; j++)

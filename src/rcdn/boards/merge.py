@@ -7,13 +7,13 @@ from heapq import heappop
 
 import numpy as np
 
-from rcdn.boards.graph import Field, Label
+from rcdn.boards.graph import Field
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import WIDEST, Grid, predictions, windows
 from rcdn.geometry.boxes import BoxCells
 from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
-from rcdn.geometry.rules import CHECKER
+from rcdn.geometry.rules import CHECKER, Label
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
