@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 import rcdn
-from rcdn.boards import as_field
+from rcdn.boards.convert import as_field
 from rcdn.boards.graph import links
 from rcdn.corners import candidates_at, find_maxima
 from rcdn.corners.sieve import CELL, cells_with_saddles

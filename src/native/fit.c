@@ -1,5 +1,6 @@
 /* The parametric fit of corners of a board, each separately. See rcdn/precision/fit.py. */
 #include "fit_model.h"
+#include "solvers.h"
 
 CONSTANTS(fit, COUNT, BLUR, BLEED, MEAN, CONTRAST, FRAME, REACH, MIDDLE, CENTRE, THIN, MOST, EDGES, CELLS, PARTS, SIDES)
 
@@ -26,8 +27,6 @@ typedef struct {
 /* Residuals beyond the larger of (noise, × contrast) have no weight. */
 #define OUTLIER_NOISE 6.0
 #define OUTLIER_CONTRAST 0.15
-/* Least pivot of a matrix with unit diagonal. */
-#define LEAST 1e-13
 /* Logarithms of blurs of 0.25 and 20 px */
 #define SHARPEST -1.38629436111989062
 #define SOFTEST 2.99573227355399099
@@ -41,40 +40,6 @@ static const double STEP[COUNT] = {0.1, 0.1,      0.1,      0.1,      0.1,      
 
 INLINE double clip(double x, double low, double high) {
     return x < low ? low : x > high ? high : x;
-}
-
-INLINE void eliminate(double *restrict row, const double *restrict pivot, double share) {
-    for (int j = 0; j < ROWS; j++)
-        row[j] -= share * pivot[j];
-}
-
-INLINE void rescale(double m[ROWS][ROWS], const double *size) {
-    for (int k = 0; k < COUNT; k++)
-        for (int j = 0; j < ROWS; j++)
-            m[k][j] *= size[k] * size[j];
-}
-
-/* Invert a symmetric positive definite matrix in the first COUNT rows and columns of `m`, in place. A direction that
- * rounding has left without stiffness is given a small one. */
-INLINE void invert(double m[ROWS][ROWS]) {
-    double size[ROWS], row[ROWS];
-    for (int k = 0; k < ROWS; k++)
-        size[k] = k < COUNT ? 1 / sqrt(m[k][k]) : 0;
-    rescale(m, size);
-    for (int k = 0; k < COUNT; k++) {
-        const double share = 1 / (m[k][k] > LEAST ? m[k][k] : LEAST);
-        for (int j = 0; j < ROWS; j++) {
-            row[j] = m[k][j] * share;
-            m[k][j] = 0;
-        }
-        row[k] = 1 + share; /* so that - share × the old column k remains in it */
-        for (int i = 0; i < COUNT; i++)
-            eliminate(m[i], row, m[i][k]);
-        row[k] = share;
-        for (int j = 0; j < ROWS; j++)
-            m[k][j] = row[j];
-    }
-    rescale(m, size);
 }
 
 /* One pass over the pixels at `state`: the rows, if `slopes` is set, and the sums over them. */
@@ -104,7 +69,7 @@ INLINE void solve(Room *room, Sums sums, const double *state, const double *mean
         m[k][k] += stiff * tie[k] + 1e-6;
         m[k][RESIDUAL] = 0;
     }
-    invert(m);
+    invert_definite(COUNT, ROWS, m[0]);
     for (int k = 0; k < COUNT; k++) {
         step[k] = 0;
         for (int j = 0; j < COUNT; j++)

@@ -4,12 +4,13 @@
 #define RCDN_GRID_H
 
 #include "kernel.h"
+#include "solvers.h"
 
 /* Neighbours up to REACH squares away; with fewer than ENOUGH of them, up to WIDEST. At most MOST in all. */
 #define REACH 2
 #define WIDEST 3
 #define ENOUGH 6
-#define MOST 48
+#define MOST MOST_ROWS
 /* Margin of empty labels around those of the table, so that the window around any adjacent label lies inside. */
 #define MARGIN (WIDEST + 1)
 #define LARGEST ((int64_t)1 << 28)
@@ -85,99 +86,6 @@ INLINE int32_t corner_at(const Table *t, int64_t u, int64_t v) {
     return i >= 0 && j >= 0 && i < t->width && j < t->height ? t->row[i * t->height + j] : -1;
 }
 
-#define TERMS 6
-#define SIDES 2
-/* Squared length, relative to the longest column's, below which the remainder of a column counts as zero. Offsets are
- * small integers: a non-zero remainder has more than 1e-6. */
-#define NOTHING 1e-16
-
-typedef double Columns[TERMS + SIDES][MOST];
-
-INLINE double dot(const double *a, const double *b, index_t n) {
-    double sum = 0;
-    for (index_t i = 0; i < n; i++)
-        sum += a[i] * b[i];
-    return sum;
-}
-
-/* Orthonormalise the columns, the longest remaining one first (modified Gram-Schmidt), together with the right-hand
- * sides: r (terms, terms + sides) by column, `order` of the columns. Returns the rank. */
-INLINE index_t orthogonal(Columns a, index_t n, index_t terms, double r[TERMS][TERMS + SIDES], index_t *order) {
-    double left[TERMS], longest = 0;
-    for (index_t j = 0; j < terms; j++) {
-        order[j] = j;
-        left[j] = dot(a[j], a[j], n);
-        longest = fmax(longest, left[j]);
-    }
-    for (index_t k = 0; k < terms; k++) {
-        index_t best = k;
-        for (index_t j = k + 1; j < terms; j++)
-            best = left[order[j]] > left[order[best]] ? j : best;
-        const index_t own = order[best];
-        order[best] = order[k];
-        order[k] = own;
-        if (!(left[own] > NOTHING * longest))
-            return k;
-        r[k][own] = sqrt(left[own]);
-        double *q = a[own];
-        const double scale = 1 / r[k][own];
-        for (index_t i = 0; i < n; i++)
-            q[i] *= scale;
-        for (index_t j = k + 1; j < terms + SIDES; j++) {
-            const index_t other = j < terms ? order[j] : TERMS + j - terms;
-            double *rest = a[other];
-            const double share = dot(q, rest, n);
-            double square = 0;
-            for (index_t i = 0; i < n; i++) {
-                rest[i] -= share * q[i];
-                square += rest[i] * rest[i];
-            }
-            r[k][other] = share;
-            if (j < terms)
-                left[other] = square;
-        }
-    }
-    return terms;
-}
-
-/* The solution (terms) by back substitution, for one right-hand side. */
-INLINE void substitute(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t side, double *x) {
-    for (index_t k = terms - 1; k >= 0; k--) {
-        double sum = r[k][TERMS + side];
-        for (index_t j = k + 1; j < terms; j++)
-            sum -= r[k][order[j]] * x[order[j]];
-        x[order[k]] = sum / r[k][order[k]];
-    }
-}
-
-/* The solution of least norm of an underdetermined system: rows of r are orthonormalised, r = L Z, L w = right-hand
- * side, x = Z' w. */
-INLINE void smallest(double r[TERMS][TERMS + SIDES], const index_t *order, index_t terms, index_t rank,
-                     double x[SIDES][TERMS]) {
-    double z[TERMS][TERMS] = {{0}}, w[SIDES];
-    for (index_t k = 0; k < rank; k++) {
-        for (index_t j = k; j < terms; j++)
-            z[k][order[j]] = r[k][order[j]];
-        for (int side = 0; side < SIDES; side++)
-            w[side] = r[k][TERMS + side];
-        for (index_t i = 0; i < k; i++) {
-            const double share = dot(z[i], z[k], terms);
-            for (index_t j = 0; j < terms; j++)
-                z[k][j] -= share * z[i][j];
-            for (int side = 0; side < SIDES; side++)
-                w[side] -= share * r[i][TERMS + side];
-        }
-        const double length = sqrt(dot(z[k], z[k], terms));
-        for (index_t j = 0; j < terms; j++)
-            z[k][j] /= length;
-        for (int side = 0; side < SIDES; side++) {
-            r[k][TERMS + side] = w[side] / length;
-            for (index_t j = 0; j < terms; j++)
-                x[side][j] = (k ? x[side][j] : 0) + r[k][TERMS + side] * z[k][j];
-        }
-    }
-}
-
 INLINE index_t bits(unsigned set) {
     index_t count = 0;
     for (; set; set &= set - 1)
@@ -217,18 +125,18 @@ INLINE index_t predicted(const Table *t, const double *xy, int64_t u, int64_t v,
             a[uu][i] = weight * d * d;
         if (vv)
             a[vv][i] = weight * e * e;
-        a[TERMS][i] = weight * xy[2 * near.row[i]];
-        a[TERMS + 1][i] = weight * xy[2 * near.row[i] + 1];
+        a[MOST_TERMS][i] = weight * xy[2 * near.row[i]];
+        a[MOST_TERMS + 1][i] = weight * xy[2 * near.row[i] + 1];
     }
-    double r[TERMS][TERMS + SIDES], x[SIDES][TERMS];
-    index_t order[TERMS];
+    double r[MOST_TERMS][MOST_TERMS + RIGHT_SIDES], x[RIGHT_SIDES][MOST_TERMS];
+    index_t order[MOST_TERMS];
     const index_t rank = orthogonal(a, n, terms, r, order);
     if (rank < 3)
         return 0;
     if (rank < terms)
         smallest(r, order, terms, rank, x);
     else
-        for (int side = 0; side < SIDES; side++)
+        for (int side = 0; side < RIGHT_SIDES; side++)
             substitute(r, order, terms, side, x[side]);
     for (int k = 0; k < 3; k++) {
         out[2 * k] = x[0][k];

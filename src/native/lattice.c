@@ -1,5 +1,6 @@
 /* Local maps of a board: a homography and, around each corner, a quadratic. See rcdn.precision.lattice. */
 #include "lattice.h"
+#include "solvers.h"
 
 enum { NEAR = 32, FURTHEST_NEAR = 2 };
 CONSTANTS(lattice, TERMS)
@@ -35,28 +36,6 @@ FAST_KERNEL(rcdn_lattice_neighbours, (SIZE, count, ij, 0), (SIZE, rows, grid, 0)
             memcpy(near + (k * side + i) * side, grid + (ij[2 * k] + i) * columns + ij[2 * k + 1],
                    side * sizeof(int32_t));
     return 0;
-}
-
-/* Solve normal (TERMS, TERMS) x = pull (TERMS, 2) in place, by Cholesky; only the upper triangle of `normal` is used.
- * */
-INLINE void solve(double normal[TERMS][TERMS], double *pull) {
-    for (index_t k = 0; k < TERMS; k++) {
-        const double inverse = 1 / normal[k][k];
-        for (index_t r = k + 1; r < TERMS; r++) {
-            const double c = normal[k][r] * inverse;
-            for (index_t j = r; j < TERMS; j++)
-                normal[r][j] -= c * normal[k][j];
-            pull[2 * r] -= c * pull[2 * k];
-            pull[2 * r + 1] -= c * pull[2 * k + 1];
-        }
-    }
-    for (index_t k = TERMS - 1; k >= 0; k--)
-        for (index_t a = 0; a < 2; a++) {
-            double sum = pull[2 * k + a];
-            for (index_t j = k + 1; j < TERMS; j++)
-                sum -= normal[k][j] * pull[2 * j + a];
-            pull[2 * k + a] = sum / normal[k][k];
-        }
 }
 
 /* Upper triangle of the normal matrix, and right-hand sides pull (TERMS, 2), of weighted quadratics in s and t for i
@@ -115,7 +94,7 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (
         moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
         for (index_t a = 0; a < TERMS; a++)
             normal[a][a] += stiff[a];
-        solve(normal, terms + 2 * TERMS * k);
+        solve_definite(TERMS, normal[0], terms + 2 * TERMS * k);
     }
     return 0;
 }
@@ -143,11 +122,9 @@ FAST_KERNEL(rcdn_lattice_slopes, (SIZE, count, levels, 0), (IN, double, plane, c
             }
         }
         ii -= i1 * i1 / n, ij -= i1 * j1 / n, jj -= j1 * j1 / n;
-        const double det = ii * jj - ij * ij;
         for (index_t a = 0; a < 2; a++) {
             const double u = sums[1][a] - i1 * sums[0][a] / n, v = sums[2][a] - j1 * sums[0][a] / n;
-            out[4 * k + 2 * a] = (jj * u - ij * v) / det;
-            out[4 * k + 2 * a + 1] = (ii * v - ij * u) / det;
+            solve_two(ii, ij, ij, jj, u, v, out + 4 * k + 2 * a);
         }
     }
     return 0;
@@ -174,13 +151,12 @@ FAST_KERNEL(rcdn_lattice_pixels, (SIZE, count, uv, 0), (GROUP, Maps, maps),
     for (index_t k = 0; k < count; k++) {
         const Map m = map_of(&maps, which[k]);
         for (index_t n = 0; n < repeats; n++) {
-            double at[2], s[4];
+            double at[2], s[4], step[2];
             map_pixel(&m, xy[2 * k], xy[2 * k + 1], at, s);
-            const double u = uv[2 * k] - at[0], v = uv[2 * k + 1] - at[1], det = s[0] * s[3] - s[1] * s[2];
-            if (det == 0)
+            if (solve_two(s[0], s[1], s[2], s[3], uv[2 * k] - at[0], uv[2 * k + 1] - at[1], step) == 0)
                 return 0;
-            xy[2 * k] += (s[3] * u - s[1] * v) / det;
-            xy[2 * k + 1] += (s[0] * v - s[2] * u) / det;
+            xy[2 * k] += step[0];
+            xy[2 * k + 1] += step[1];
         }
     }
     return 1;

@@ -4,6 +4,7 @@
 #include "lanes.h"
 #include "maths.h"
 #include "sampling.h"
+#include "solvers.h"
 
 enum { DIRECTIONS = 48, TURN = 2 * DIRECTIONS, RINGS = 3, SAMPLES = RINGS * DIRECTIONS };
 CONSTANTS(rings, DIRECTIONS, RINGS)
@@ -197,10 +198,7 @@ INLINE void model_step(const Equations *e, const double state[3], double change[
     const double *m = e->normal, belief = BELIEF * e->energy / SAMPLES, damp = DAMPING * (m[0] + m[3] + m[5]) + 1e-9;
     const double a = m[0] + damp, b = m[1], c = m[2], d = m[3] + damp, f = m[4], g = m[5] + damp + belief;
     const double u = e->pull[0], v = e->pull[1], w = e->pull[2] - belief * (state[2] - START_BLUR);
-    const double aa = d * g - f * f, bb = c * f - b * g, cc = b * f - c * d, det = a * aa + b * bb + c * cc;
-    change[0] = (aa * u + bb * v + cc * w) / det;
-    change[1] = (bb * u + (a * g - c * c) * v + (b * c - a * f) * w) / det;
-    change[2] = (cc * u + (b * c - a * f) * v + (a * d - b * b) * w) / det;
+    solve_three(a, b, c, d, f, g, u, v, w, change);
     for (int i = 0; i < 3; i++)
         change[i] = change[i] < -LONGEST_STEP ? -LONGEST_STEP : change[i] > LONGEST_STEP ? LONGEST_STEP : change[i];
 }

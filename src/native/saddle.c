@@ -1,5 +1,6 @@
 /* Saddles of the grey surface by least-squares quadratic fits; see rcdn.corners.saddle. */
 #include "kernel.h"
+#include "solvers.h"
 
 /* smallest ratio of the two curvatures of a saddle; a corner whose edges cross at an angle t has tan²(t/2): 7° here */
 #define FLATNESS 0.004
@@ -26,13 +27,11 @@ INLINE int fit_step(const Picture *p, const Fit *fit, index_t x, index_t y, floa
         a4 += m[3 * size + k] * w;
         a5 += m[4 * size + k] * w;
     }
-    const double det = 4 * a1 * a3 - a2 * a2, half = (double)fit->half;
+    const double det = solve_two(2 * a1, a2, a2, 2 * a3, -a4, -a5, step), half = (double)fit->half;
     const double curve = fabs(a1 + a3) + sqrt((a1 - a3) * (a1 - a3) + a2 * a2); /* twice the larger curvature */
     const double total = curve * curve;
     if (!(-det > FLATNESS * total && total * half * half * half * half > 4 * FAINT * FAINT))
         return 0;
-    step[0] = (a2 * a5 - 2 * a3 * a4) / det;
-    step[1] = (a2 * a4 - 2 * a1 * a5) / det;
     return fabs(step[0]) <= half && fabs(step[1]) <= half;
 }
 

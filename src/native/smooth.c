@@ -4,10 +4,10 @@
  * Coefficients: FREE of a homography, which move x and y, then `terms` polynomials that move x, and as many that move
  * y, D in all. `terms` is a multiple of PANEL and at most TERMS; it is padded with zeros. Matrices are symmetric,
  * (D + 1, D + PANEL), with the data in row and column D and zeros behind; only the upper triangle is used. */
-#include "elementary.h"
 #include "kernel.h"
+#include "solvers.h"
 
-enum { FREE = 8, PANEL = 8, TERMS = 64, CHUNK = 128 };
+enum { FREE = 8, TERMS = 64, CHUNK = 128 };
 CONSTANTS(smooth, FREE, PANEL, TERMS, CHUNK)
 
 static int are_terms(index_t terms) {
@@ -17,55 +17,6 @@ static int are_terms(index_t terms) {
 /* The first complete cache line of a workspace, which needs PANEL additional doubles. */
 INLINE double *aligned(double *work) {
     return (double *)(((uintptr_t)work + sizeof(double[PANEL]) - 1) & ~(uintptr_t)(sizeof(double[PANEL]) - 1));
-}
-
-/* a, b (columns from..to) += PANEL rows that lie `stride` apart, times ca, cb. */
-INLINE void add_rows(double *restrict a, double *restrict b, const double *rows, index_t stride, const double *ca,
-                     const double *cb, index_t from, index_t to) {
-    const double a0 = ca[0], a1 = ca[1], a2 = ca[2], a3 = ca[3], a4 = ca[4], a5 = ca[5], a6 = ca[6], a7 = ca[7];
-    const double b0 = cb[0], b1 = cb[1], b2 = cb[2], b3 = cb[3], b4 = cb[4], b5 = cb[5], b6 = cb[6], b7 = cb[7];
-    const double *restrict r0 = rows, *restrict r1 = r0 + stride, *restrict r2 = r1 + stride,
-                           *restrict r3 = r2 + stride;
-    const double *restrict r4 = r3 + stride, *restrict r5 = r4 + stride, *restrict r6 = r5 + stride,
-                           *restrict r7 = r6 + stride;
-    for (index_t j = from; j < to; j++) {
-        a[j] += a0 * r0[j] + a1 * r1[j] + a2 * r2[j] + a3 * r3[j] + a4 * r4[j] + a5 * r5[j] + a6 * r6[j] + a7 * r7[j];
-        b[j] += b0 * r0[j] + b1 * r1[j] + b2 * r2[j] + b3 * r3[j] + b4 * r4[j] + b5 * r5[j] + b6 * r6[j] + b7 * r7[j];
-    }
-}
-
-/* Cholesky: eliminate the unknowns `first`..`last` (multiples of PANEL) from m (rows, stride), with an even number of
- * rows. Rows of unknowns become those of the upper factor; further columns are right-hand sides and become their
- * forward substitutions; further rows become the Schur complement. Returns the log of the determinant. */
-INLINE double eliminate(double *m, index_t first, index_t last, index_t rows, index_t stride) {
-    double log_det = 0;
-    for (index_t top = first; top < last; top += PANEL) {
-        double det = 1;
-        for (index_t k = top; k < top + PANEL; k++) {
-            double *restrict row = m + k * stride;
-            for (index_t l = top; l < k; l++) {
-                const double *restrict above = m + l * stride;
-                const double c = above[k];
-                for (index_t j = top; j < stride; j++)
-                    row[j] -= c * above[j];
-            }
-            det *= row[k];
-            const double scale = 1 / sqrt(row[k]);
-            for (index_t j = top; j < stride; j++)
-                row[j] *= scale;
-        }
-        log_det += natural_log(det);
-        for (index_t i = top + PANEL; i < rows; i += 2) {
-            double ca[PANEL], cb[PANEL];
-            for (index_t k = 0; k < PANEL; k++) {
-                ca[k] = -m[(top + k) * stride + i];
-                cb[k] = -m[(top + k) * stride + i + 1];
-            }
-            add_rows(m + i * stride, m + (i + 1) * stride, m + top * stride, stride, ca, cb, i & ~(index_t)(PANEL - 1),
-                     stride);
-        }
-    }
-    return log_det;
 }
 
 /* Inverse (xx, xy, yy) of the covariance cov (2, 2) plus `rough`² on the diagonal; returns the determinant of that sum.
@@ -149,7 +100,7 @@ INLINE double less_homography(const double *gram, index_t terms, double free, do
             head[i * stride + j] = gram[i * stride + j] * free * (j < FREE ? free : 1);
         head[i * stride + i] += 1;
     }
-    const double log_det = eliminate(head, 0, FREE, FREE, stride);
+    const double log_det = eliminate_blocks(head, 0, FREE, FREE, stride);
     for (index_t i = 0; i <= size; i++)
         memcpy(rest + i * wide, gram + (FREE + i) * stride + FREE, wide * sizeof(double));
     memset(rest + (size + 1) * wide, 0, wide * sizeof(double));
@@ -253,7 +204,7 @@ FAST_KERNEL(rcdn_smooth_evidence, (SIZE, rows, rest, 0), (SIZE, many, root, 0), 
     memset(m + (size + 1) * stride, 0, stride * sizeof(double));
     for (index_t k = 0; k < many; k++) {
         scaled(part, root + k * size, size + 1, size, m, stride);
-        const double log_det = eliminate(m, 0, size, size + 2, stride);
+        const double log_det = eliminate_blocks(m, 0, size, size + 2, stride);
         out[k] = -0.5 * (m[size * stride + size] + log_det);
     }
     return 0;
@@ -322,7 +273,7 @@ FAST_KERNEL(rcdn_smooth_posterior, (SIZE, count, bent, 0), (SIZE, terms, bent, 1
         double flat[2][CHUNK] = {{0}}, spread[3][CHUNK] = {{0}};
         scaled(gram, root, size, size, work, wide);
         moves(p, n, span, terms, tangent, bent, root, work, wide);
-        eliminate(work, 0, size, size, wide);
+        eliminate_blocks(work, 0, size, size, wide);
         for (index_t i = 0; i < size; i++) {
             const double *x = work + i * wide + size + PANEL, *y = x + span, c = work[i * wide + size];
             for (index_t k = 0; k < span; k++) {

@@ -1,6 +1,7 @@
 /* Centres of point symmetry or antisymmetry; see rcdn.corners.symmetry. */
 #include "kernel.h"
 #include "lanes.h"
+#include "solvers.h"
 
 #define MARGIN 4   /* reach of the smoothing, px: a Gaussian of 1 px */
 #define THIN 0.004 /* smallest ratio of the two eigenvalues of the normal matrix; below it the window shows an edge */
@@ -159,13 +160,9 @@ INLINE int symmetry_step(const Room *room, int anti, double step[2]) {
         }
     const double a = 2.0 * lane_sum(xx) + own[1] * own[1], b = 2.0 * lane_sum(xy) + own[1] * own[2],
                  c = 2.0 * lane_sum(yy) + own[2] * own[2];
-    const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0],
-                 det = a * c - b * b;
-    if (!(det > THIN * (a + c) * (a + c)))
-        return 0;
-    step[0] = 2 * (b * v - c * u) / det; /* twice: the derivatives are differences over two pixels */
-    step[1] = 2 * (b * u - a * v) / det;
-    return 1;
+    const double u = 2.0 * lane_sum(xr) + own[1] * own[0], v = 2.0 * lane_sum(yr) + own[2] * own[0];
+    /* twice: the derivatives are differences over two pixels */
+    return solve_two(a, b, b, c, -2 * u, -2 * v, step) > THIN * (a + c) * (a + c);
 }
 
 /* The centre of symmetry near (x, y); 0 if there is none. The image is smoothed again only when the centre moves to

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from rcdn.boards.deltille import find_deltilles, ordered
+from rcdn.boards.deltille import find_deltilles
+from rcdn.boards.order import ordered
 from rcdn.config import DetectorConfig
 from rcdn.corners import find_maxima
 from rcdn.corners.six_sector import six_candidates
+from rcdn.geometry.rules import TRIANGLES
 from rcdn.metrics import match
 from rcdn.synthetic import Background, BoardSpec, Cover, Light, Scene, Sensor, render, truth
 from rcdn.synthetic.lattice import labels, steps
@@ -190,7 +192,7 @@ def test_order_depends_on_the_print_and_the_place_only():
         answers = []
         for sixth in range(6):
             own = np.stack([u + 3, v - 7], axis=1)
-            answers.append(ordered(own, xy, -1 if sixth % 2 == 0 else 1))
+            answers.append(ordered(own, xy, -1 if sixth % 2 == 0 else 1, TRIANGLES))
             u, v = -v, u + v
         assert all((a == answers[0]).all() for a in answers)
         step = np.linalg.lstsq(np.column_stack([answers[0], np.ones(len(xy))]), xy, rcond=None)[0]

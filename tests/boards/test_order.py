@@ -6,8 +6,10 @@ from board_scene import SIZE, View, right_handed, scene, turn, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcdn.boards.order import ordered, orientation, turned
+from rcdn.boards.order import ordered
+from rcdn.geometry.rules import CHECKER, TAGS, TRIANGLES
 from rcdn.types import Board
+from rcdn.types.plane import plane_points
 
 ROLLS = [7, 97, 187, 277]
 
@@ -20,7 +22,7 @@ ROLLS = [7, 97, 187, 277]
     ],
 )  # fmt: skip
 def test_orientation(cols, rows, answer):
-    assert orientation(cols, rows) == answer
+    assert CHECKER.orientation(cols, rows) == answer
 
 
 @pytest.mark.parametrize(("cols", "rows"), [(c, r) for c in range(3, 8) for r in range(3, 8)])
@@ -28,16 +30,42 @@ def test_orientation_is_the_symmetry_of_the_print(cols, rows):
     """Colours of the (cols + 1) × (rows + 1) squares, turned."""
     print_ = np.add.outer(np.arange(rows + 1), np.arange(cols + 1)) % 2
     same = [np.array_equal(np.rot90(print_, k), print_) for k in (1, 2, 3)]
-    assert orientation(cols, rows) == ("ambiguous_90" if all(same) else "ambiguous_180" if same[1] else "unique")
+    assert CHECKER.orientation(cols, rows) == (
+        "ambiguous_90" if all(same) else "ambiguous_180" if same[1] else "unique"
+    )
 
 
+RULES = pytest.mark.parametrize("rule", [CHECKER, TAGS, TRIANGLES], ids=lambda rule: rule.pattern)
+
+
+@RULES
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(st.sets(st.tuples(st.integers(-5, 5), st.integers(-5, 5)), min_size=1), st.integers(0, 3), st.integers(0, 3))
-def test_turns_form_a_group_and_start_at_zero(spots, a, b):
-    ij = np.array(sorted(spots))
-    assert (turned(ij, a).min(axis=0) == 0).all()
-    assert np.array_equal(turned(turned(ij, a), b), turned(ij, a + b))
-    assert np.array_equal(turned(ij, 4), ij - ij.min(axis=0))
+@given(
+    spots=st.sets(st.tuples(st.integers(-5, 5), st.integers(-5, 5)), min_size=1),
+    a=st.integers(-9, 9),
+    b=st.integers(-9, 9),
+)
+def test_turns_form_a_group_that_takes_each_step_to_the_next(rule, spots, a, b):
+    ij, steps = np.array(sorted(spots)), np.array(rule.steps)
+    assert np.array_equal(rule.turned(rule.turned(ij, a), b), rule.turned(ij, a + b))
+    assert np.array_equal(rule.turned(ij, len(steps)), ij)
+    assert np.array_equal(rule.turned(steps, 1), np.roll(steps, -1, axis=0))
+    low = rule.started(ij).min(axis=0)
+    assert ((low >= 0) & (low < rule.period)).all()
+
+
+@RULES
+def test_steps_on_the_plane_are_as_long_as_each_other_and_cells_close(rule):
+    on = plane_points(rule.turned(np.array([[1, 0], [0, 0]]), 0), rule.pattern, 1.0)
+    ways = plane_points(np.array(rule.steps), rule.pattern, 1.0) - plane_points(np.zeros(2), rule.pattern, 1.0)
+    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), np.linalg.norm(on[0] - on[1]))
+    angles = np.arctan2(ways[:, 1], ways[:, 0]) % (2 * np.pi)
+    np.testing.assert_allclose(angles, np.arange(len(ways)) * 2 * np.pi / len(ways), atol=1e-12)
+    for ring in rule.cells:
+        whole = np.array([(0, 0), *ring])
+        assert len(whole) == rule.sides
+        assert set(map(tuple, (np.roll(whole, -1, axis=0) - whole).tolist())) <= set(rule.steps)
+    assert len(rule.cells) * rule.sides == len(rule.steps)  # so many cells meet in a corner
 
 
 def colour_inside(shown, found, spot=(0, 0)):
@@ -70,7 +98,7 @@ def test_every_roll_of_an_unambiguous_board_has_the_same_labels(size, swap):
 def test_ambiguous_boards_are_labelled_as_they_lie(size, roll):
     shown = view(cols=size[0], rows=size[1], roll=roll)
     (found,) = shown.found()
-    assert found.orientation == orientation(*size) != "unique"
+    assert found.orientation == CHECKER.orientation(*size) != "unique"
     assert right_handed(found)
     grid = found.grid()
     along = grid[0, -1] - grid[0, 0]

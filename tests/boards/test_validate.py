@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field
-from rcdn.boards.local import Grid
-from rcdn.boards.validate import STEPS, believable, cell_count, distinct, plain, predicted_excess, prune
+from rcdn.boards.local import Grid, cell_count
+from rcdn.boards.validate import believable, distinct, plain, predicted_excess, prune
+from rcdn.geometry.rules import CHECKER
 
 COLS, ROWS, PITCH = 7, 5, 20.0
 
@@ -155,7 +156,7 @@ def dropped_by_rule(grid, field):
             quality = {s: field.response[c] * field.fit[c] for s, c in at.items()}
             usual, poor = max(np.median(list(quality.values())), 1e-9), []
             for u, v in at:
-                ways = [[(u + d * k, v + e * k) in at for k in (1, 2, 3)] for d, e in STEPS]
+                ways = [[(u + d * k, v + e * k) in at for k in (1, 2, 3)] for d, e in CHECKER.steps]
                 near = [field.contrast[at[s]] for d in step for e in step if (d or e) and (s := (u + d, v + e)) in at]
                 share = np.clip(field.contrast[at[u, v]] / max(np.median(near), 1e-9), 0.45, 1) if near else 1
                 if not all(map(any, ways)) and quality[u, v] / usual * share < 0.3:

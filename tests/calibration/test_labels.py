@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration.labels import mirrored, orientation_of, settle, turn_labels
+from rcdn.calibration.labels import mirrored, settle, turn_labels
+from rcdn.geometry.rules import CHECKER
 from rcdn.types import usual_size
 from rcdn_lab.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
 
@@ -64,7 +65,7 @@ def test_labels_that_do_not_start_at_zero_are_moved():
     [((9, 6), "unique"), ((8, 6), "ambiguous_180"), ((9, 7), "ambiguous_180"), ((7, 7), "ambiguous_180"), ((6, 6), "ambiguous_90")],
 )  # fmt: skip
 def test_orientation_is_that_of_the_conventions(size, orientation):
-    assert orientation_of(size) == orientation
+    assert CHECKER.orientation(*size) == orientation
 
 
 @pytest.mark.parametrize("model", CAMERAS)

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sized as _Sized
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from rcdn.boards.alternating import alternating
+from rcdn.boards.convert import as_board, as_field
 from rcdn.boards.fill import fill
 from rcdn.boards.fragments import fragments
-from rcdn.boards.graph import Field, Label, cells, label, links
+from rcdn.boards.graph import Field, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
-from rcdn.boards.order import ordered, orientation
 from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.validate import believable, distinct, is_full, plain, prune
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
-from rcdn.types import Array, Board, Orientation, Status, Warnings, allowed
-from rcdn.types.arrays import Bool, Int, Real, Shaped
+from rcdn.geometry.rules import TAGS, Label
+from rcdn.types import Array, Board, Warnings, allowed
+from rcdn.types.arrays import Bool, Shaped
 
 Sized = TypeVar("Sized", bound=_Sized)
 __all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
@@ -36,8 +36,6 @@ are searched for: a minimum, and a number per megapixel (photographs have at mos
 in a view)"""
 GROWN = (80, 160)
 """rounds of growth of all pieces together, likewise (photographs need at most 36 in a view)"""
-ROOM = 4096
-"""number of corners that a board may append to those of the image before all positions must be copied"""
 
 
 def find_boards(
@@ -85,7 +83,7 @@ def find_boards(
                 continue
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
-    boards += [as_tag_board(field, candidates, at) for at in lattices]
+    boards += [as_board(field, candidates, Grid(at, field.xy), TAGS, 0) for at in lattices]
     if field.asked[0] >= allowed(grey.size, *GROWN):
         told.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
@@ -166,70 +164,3 @@ def _complete(field: Field, grid: Grid, free: Bool[Array, " n"], pruned: bool = 
     rest = [] if as_it_was else prune(grid, field)
     free[list(grid.at.values())] = False
     return rest, as_it_was
-
-
-def as_field(grey: Array, candidates: Candidates) -> Field:
-    """The candidates as input of the board recovery, in their order, followed by the weak peaks."""
-    found, seen, peaks = candidates.all, candidates.orientation, candidates.peaks
-    more = 0 if peaks is None else len(peaks.xy)
-    count = len(found) + more
-    room = np.empty((count + ROOM + count // 4, 2))
-    room[: len(found)] = found.xy
-    room[len(found) : count] = peaks.xy if peaks is not None else 0
-    longer = lambda a, value: np.concatenate([a, np.full((more, *a.shape[1:]), value, a.dtype)])  # noqa: E731
-    return Field(
-        np.ascontiguousarray(grey),
-        room[:count],
-        longer(seen.axes, np.nan),
-        longer(seen.polarity.astype(int), 0),
-        longer(seen.contrast, 0),
-        longer(seen.fit, 0),
-        found.response if peaks is None else np.concatenate([found.response, peaks.score]),
-        longer(candidates.seed, False),
-        longer(found.status != Status.SEED, False),
-        peaks,
-        np.arange(count) >= len(found),
-    )
-
-
-def as_board(field: Field, candidates: Candidates, grid: Grid) -> Board:
-    """A right-handed grid of corners as a board labelled by the contract. Filled corners have response 0."""
-    ij, index = np.array(list(grid.at)), np.array(list(grid.at.values()))
-    # the side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
-    sign = board_sign(field, grid)
-    new = ordered(ij, grid.xy[index], sign)
-    cols, rows = (new.max(axis=0) + 1).tolist()
-    turn = orientation(cols, rows) if sign else "ambiguous_180"  # without colours the orientation is undecided
-    return _labelled(field, candidates, grid.xy, index, new, turn)
-
-
-def as_tag_board(field: Field, candidates: Candidates, at: dict[Label, int]) -> Board:
-    """A right-handed grid of tag corners, whose tags begin at even labels, as a board.
-
-    Its codes must determine which corner is the first.
-    """
-    ij, index = np.array(list(at)), np.array(list(at.values()))
-    ij -= ij.min(axis=0) // 2 * 2
-    return replace(_labelled(field, candidates, field.xy, index, ij, "ambiguous_90"), pattern="aprilgrid")
-
-
-def _labelled(
-    field: Field,
-    candidates: Candidates,
-    xy: Real[Array, "n 2"],
-    index: Int[Array, " m"],
-    ij: Int[Array, "m 2"],
-    turn: Orientation,
-) -> Board:
-    """A board of the corners `index` (M,), rows of `xy` (N, 2), labelled `ij` (M, 2)."""
-    order = np.lexsort((ij[:, 0], ij[:, 1]))
-    index, ij = index[order], ij[order]
-    # filled corners have no entry in `field`; weak peaks have none in `candidates`
-    seen, known = index < len(field.xy), index < len(candidates.all)
-    response, status = np.zeros(len(index)), np.full(len(index), Status.COMPLETED, np.uint8)
-    response[seen] = field.response[index[seen]]
-    status[seen] = np.where(field.refined[index[seen]], Status.COMPLETED, Status.SEED)
-    own = candidates.all.status[index[known]]
-    status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
-    height, width = field.grey.shape
-    return Board(xy[index], ij, (width, height), response, status, turn)

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.boards.graph import Field, Label
+from rcdn.boards.graph import Field
+from rcdn.boards.local import assign, spots_beside
 from rcdn.geometry import homography
 from rcdn.geometry.division import Division, division_of
 from rcdn.geometry.elementary import exp, log
 from rcdn.geometry.matrices import product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
+from rcdn.geometry.rules import TAGS, Label
 from rcdn.types import Array
 from rcdn.types.arrays import Bool
 from rcdn.types.plane import plane_points
@@ -83,7 +85,7 @@ def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], flo
     """
     shifts: list[tuple[int, ...]] = []
     sizes, told = [], 0
-    for axis, step in enumerate(((1, 0), (0, 1)) if len(at) >= LEAST else ()):
+    for axis, step in enumerate(TAGS.steps[:2] if len(at) >= LEAST else ()):
         ratio = _ratios(xy, at, step)
         usual = median(ratio) if len(ratio) > 1 else 0.0
         if not len(ratio) and len({spot[axis] for spot in at}) == 2:
@@ -122,24 +124,20 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
 def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]) -> dict[Label, int]:
     """The grid grown by all `free` (N,) corners at predicted positions, without corners that their neighbours
     contradict."""
-    at = dict(at)
+    at, open_ = dict(at), free.copy()
+    open_[list(at.values())] = False
     usable = np.flatnonzero(free & (field.fit > 0))
     places = _Places.of(field, at, gap)
     for _ in range(ROUNDS if len(usable) else 0):
-        spots = sorted({s for u, v in at for s in ((u + 1, v), (u - 1, v), (u, v + 1), (u, v - 1))} - at.keys())
-        taken, new = set(at.values()), {}
-        for spot in spots:
+        offers = []
+        for spot in spots_beside(at, TAGS.steps):  # each takes its nearest corner, in the order of their labels
             guess = _predicted(places, at, gap, spot)
-            if guess is None:
-                continue
-            distance, row = nearest(field.xy[usable], guess[0][None])
-            corner = int(usable[row[0, 0]])
-            if distance[0, 0] < NEAR * guess[1] and corner not in taken:
-                new[spot] = corner
-                taken.add(corner)
-        if not new:
+            if guess is not None:
+                distance, row = nearest(field.xy[usable], guess[0][None])
+                if distance[0, 0] < NEAR * guess[1]:
+                    offers.append((0.0, spot, int(usable[row[0, 0]])))
+        if not assign(at, open_, offers):
             break
-        at |= new
         places = _Places.of(field, at, gap)
     weak = WEAK * median(field.response[list(at.values())])
     near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in at.items()}
@@ -187,7 +185,7 @@ def _predicted(places: _Places, at: dict[Label, int], gap: float, spot: Label) -
     if len(near) < FEW:
         return None
     labels = np.array(near)
-    where, here = (plane_points(ij, "aprilgrid", gap) for ij in (labels, np.array(spot)))
+    where, here = (plane_points(ij, TAGS.pattern, gap) for ij in (labels, np.array(spot)))
     far = np.abs(where - here).max(axis=1)
     close = next(
         (c for reach in REACHES if (c := far < reach).sum() >= FEW and np.ptp(labels[c], axis=0).min() > 0), None

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rcdn.boards.graph import Label
-from rcdn.boards.local import Grid, Predictions
+from rcdn.boards.convert import as_board
+from rcdn.boards.graph import Field
+from rcdn.boards.local import Grid, Predictions, spots_beside
 from rcdn.boards.six_sided import (
     ALIKE,
     ALIKE_SEARCHED,
@@ -22,15 +23,15 @@ from rcdn.boards.six_sided import (
     usual_contrast,
     validate,
 )
-from rcdn.boards.triangles import FIT, Field, cells, label, links
+from rcdn.boards.triangles import FIT, as_six_sided, cells, label, links
 from rcdn.corners import Candidates
 from rcdn.corners.peaks import SAME
 from rcdn.corners.six_sector import antisymmetry, ring, six_axes
 from rcdn.geometry.elementary import arctan2
-from rcdn.geometry.matrices import affine
 from rcdn.geometry.near import nearest, within
+from rcdn.geometry.rules import TRIANGLES, Label
 from rcdn.types import Array, Board, Status
-from rcdn.types.arrays import Bool, Int, Shaped
+from rcdn.types.arrays import Bool, Shaped
 
 NEAR = 0.22
 """largest distance of a corner from its prediction, share of the shortest step"""
@@ -50,7 +51,7 @@ def find_deltilles(
     `grey` (H, W); `least`: fewest corners of a board, which also needs six complete triangles;
     `scale`: px of `grey` per px of the original image if `grey` is an enlargement (tiny triangles are trusted less).
     """
-    field = Field.of(grey, candidates)
+    field = as_six_sided(grey, candidates)
     free, boards = candidates.all.status != Status.SEED, []
     for at, sign in label(field, cells(field, links(field))):
         grid = Grid({spot: corner for spot, corner in at.items() if free[corner]}, field.xy)
@@ -62,7 +63,7 @@ def find_deltilles(
         if believable(field, grid, least, scale):
             held = np.array(list(grid.at.values()))
             free[held[held < len(free)]] = False
-            boards.append(_as_board(field, candidates, grid, sign))
+            boards.append(as_board(field, candidates, grid, TRIANGLES, sign))
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
@@ -97,7 +98,7 @@ class _Spots(NamedTuple):
 
 
 def _spots_beside(grid: Grid) -> _Spots:
-    labels = sorted({(u + d, v + e) for u, v in grid.at for d, e in REACH} - set(grid.at))
+    labels = spots_beside(grid.at, REACH)
     guess = grid.predictions(labels)
     step = shortest(guess)
     rows = np.flatnonzero((guess.support >= SUPPORT) & (np.nan_to_num(step) >= SHORTEST))
@@ -124,8 +125,8 @@ def _take(field: Field, grid: Grid, open_: Array, spot: Label, offer: _Offer) ->
     elif nearest(grid.xy[list(grid.at.values())], offer.xy)[0][0, 0] < SAME:
         return
     else:
-        corner = field.append(offer.xy)
-        grid.xy = field.xy
+        corner = len(grid.xy)
+        grid.append([offer.xy], field.xy)
     grid.at[spot] = corner
 
 
@@ -153,7 +154,7 @@ def _tries(field: Field, open_: Array, spots: _Spots, refused: set[tuple[Label, 
     """(row of a spot, corner or −1, position) of all corners near enough to a spot to be tested that were not
     refused."""
     out, silent = [], np.ones(len(spots.labels), bool)
-    index = np.flatnonzero(open_[: field.known])
+    index = np.flatnonzero(open_)
     if len(index) and len(silent):
         near = within(field.xy[index], spots.guess.xy, NEAR * spots.step)
         out = [(int(row), int(c), field.xy[c]) for row, c in zip(near[0], index[near[1]], strict=True)]
@@ -181,47 +182,3 @@ def _axes_fit(axes: Array, du: Array, dv: Array) -> Bool[Array, " k"]:
     own = turn.argmin(axis=2)
     apart = (own[:, 0] != own[:, 1]) & (own[:, 1] != own[:, 2]) & (own[:, 0] != own[:, 2])
     return np.asarray(apart & (turn.min(axis=2).max(axis=1) < np.maximum(0.5 * room, np.deg2rad(8))))
-
-
-# ---- labels for the user
-
-
-def _as_board(field: Field, candidates: Candidates, grid: Grid, sign: int) -> Board:
-    """The lattice labelled by the contract. Corners found by the search have response 0."""
-    ij, corner = np.array(list(grid.at)), np.array(list(grid.at.values()))
-    new = ordered(ij, field.xy[corner], sign)
-    order = np.lexsort((new[:, 0], new[:, 1]))
-    corner, new = corner[order], new[order]
-    bare = corner >= field.known
-    row = np.where(bare, 0, corner)
-    status = candidates.all.status[row]
-    weak = ~candidates.sure[row] & (status == Status.REFINED)
-    status = np.where(bare | weak, Status.COMPLETED, status)
-    response = np.where(bare, 0, field.response[row])
-    height, width = field.grey.shape
-    return Board(field.xy[corner], new, (width, height), response, status, "ambiguous_120", pattern="deltille")
-
-
-def ordered(ij: Array, xy: Array, colour: int) -> Int[Array, "m 2"]:
-    """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`.
-
-    `colour`: +1 if the triangles like (0, 0), (1, 0), (0, 1) of `ij` are bright, −1 if dark. In the labels returned
-    they are dark. A rotation by 120° keeps the colours: of the three labellings left, the one whose i axis is closest
-    to +x is taken. The smallest i and j are 0.
-    """
-    options = [_turned(ij, k) for k in ((0, 2, 4) if colour < 0 else (1, 3, 5))]
-    best = max(options, key=lambda o: _rightward(o, xy))
-    return np.asarray(best - best.min(axis=0))
-
-
-def _turned(ij: Array, sixths: int) -> Array:
-    u, v = ij.T
-    for _ in range(sixths):
-        u, v = -v, u + v
-    return np.stack([u, v], axis=1)
-
-
-def _rightward(ij: Array, xy: Array) -> float:
-    """Cosine of the angle between the i axis and +x."""
-    step = affine(ij, xy)[:, 0]
-    return float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12))

@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.boards.edges import crossings
-from rcdn.boards.graph import Field, Label
+from rcdn.boards.graph import Field
 from rcdn.boards.grow import SLACK
 from rcdn.boards.local import LEAST_PITCH, WIDEST, Grid, Predictions, as_labels, windows
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
+from rcdn.geometry.rules import Label
 from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.boards.edges import edge_contrast
-from rcdn.boards.graph import Field, Label, label
+from rcdn.boards.graph import Field, label
 from rcdn.geometry.elementary import arctan2
 from rcdn.geometry.near import nearest
+from rcdn.geometry.rules import Label
 from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real

@@ -16,6 +16,7 @@ from rcdn.corners.peaks import SAME, Peaks
 from rcdn.geometry.boxes import PointCells
 from rcdn.geometry.elementary import arctan2, cos_sin
 from rcdn.geometry.near import nearest, pairs, within
+from rcdn.geometry.rules import CHECKER, Label, Rule
 from rcdn.native import bind
 from rcdn.types import Array, Status
 from rcdn.types.arrays import Bool, Int, Real
@@ -23,7 +24,7 @@ from rcdn.types.arrays import Bool, Int, Real
 _links = bind("rcdn_links")
 _boxed = bind("rcdn_inside")
 _mutual = bind("rcdn_mutual")
-_cells = bind("rcdn_quads")
+_cells = bind("rcdn_cells")
 _label = bind("rcdn_label")
 
 NEIGHBOURS = 14
@@ -40,7 +41,8 @@ GONE = -1e6
 SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
 """(axis, sign) of the four links of a corner, by rising angle"""
 
-Label = tuple[int, int]
+UNEVEN = 2.5
+"""ratio of a cell's opposite sides from which on it is no cell"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +199,18 @@ def mutual(out: Real[Array, "n s"], i: Array, j: Array, length: Array, slot: Arr
 def cells(field: Field, neighbour: Array) -> Int[Array, "q 4"]:
     """Quadrilaterals (Q, 4) of links, corners a, b, c, d clockwise on the screen, each once, convex and not extremely
     skewed."""
-    count = len(neighbour)
+    return linked_cells(field.xy, neighbour, CHECKER, UNEVEN)
+
+
+def linked_cells(xy: Real[Array, "n 2"], neighbour: Int[Array, "n s"], rule: Rule, ratio: float) -> Int[Array, "q c"]:
+    """Cells (Q, `rule.sides`) of mutual links `neighbour` (N, S), clockwise on the screen, each once.
+
+    None of a cell's sides, of a square's opposite ones, is `ratio` times as long as another.
+    """
     room = 4 * int(np.count_nonzero(neighbour >= 0))
-    quads = np.empty((room, 4), np.int64)
-    held = np.empty(count, np.int64), np.empty(room, np.int64)
-    xy = np.ascontiguousarray(field.xy, np.float64)
-    return quads[: _cells(neighbour, xy, *held, quads)]
+    out = np.empty((room, rule.sides), np.int64)
+    held = np.empty(len(neighbour), np.int64), np.empty(room, np.int64)
+    return out[: _cells(neighbour, np.ascontiguousarray(xy, np.float64), ratio, *held, out)]
 
 
 def label(field: Field, quads: Array) -> list[dict[Label, int]]:
@@ -210,15 +218,28 @@ def label(field: Field, quads: Array) -> list[dict[Label, int]]:
 
     A cell that contradicts its grid is left out.
     """
-    count, corners = len(quads), len(field.xy)
+    return [at for at, _ in flood(field.response, quads, np.zeros(len(quads), np.int64), CHECKER)]
+
+
+def flood(
+    response: Real[Array, " n"], found: Int[Array, "q c"], colour: Int[Array, " q"], rule: Rule
+) -> list[tuple[dict[Label, int], int]]:
+    """Lattices by flood fill over cells `found` (Q, `rule.sides`) of `colour` (Q,) ±1, 0 for squares, the cell of
+    highest response first.
+
+    Returns {(u, v): corner} and the colour of the cell at (0, 0) for each. A cell that contradicts is left out.
+    """
+    count, corners = len(found), len(response)
     if not count:
         return []
-    order = np.argsort(-field.response[quads].min(axis=1), kind="stable")
-    slots = 1 << (4 * count).bit_length()
+    order = np.argsort(-response[found].min(axis=1), kind="stable")
+    size, steps = rule.sides * count, np.array(rule.steps, np.int64)
+    slots = 1 << size.bit_length()
     heap, first, at_corner, where, held, begin, out = (
         np.empty(shape, np.int64)
-        for shape in (count, corners + 2, 4 * count, (corners, 3), (slots, 4), count + 1, (4 * count, 3))
+        for shape in (size + 1, corners + 2, size, (corners, 3), (slots, 4), (count + 1, 2), (size, 3))
     )
-    found = _label(quads[order], np.empty(count, np.uint8), heap, first, at_corner, where, held, begin, out)
-    ends = begin[: found + 1].tolist()
-    return [{(u, v): corner for u, v, corner in out[a:b].tolist()} for a, b in pairwise(ends)]
+    given = found[order], colour[order], order, steps
+    many = _label(*given, np.empty(count, np.uint8), heap, first, at_corner, where, held, begin, out)
+    ends = pairwise(begin[: many + 1].tolist())
+    return [({(u, v): corner for u, v, corner in out[a:b].tolist()}, own) for (a, own), (b, _) in ends]

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.boards.edges import edge_contrast
-from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import WIDEST, Grid, Predictions, as_labels, beside
+from rcdn.boards.graph import Field
+from rcdn.boards.local import WIDEST, Grid, Offer, Predictions, as_labels, assign, beside
 from rcdn.boards.validate import LEAST_QUALITY
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
@@ -112,13 +112,7 @@ def grow(field: Field, grid: Grid, free: Bool[Array, " n"]) -> None:
         offers = growth.offers()
         if not offers:
             return
-        taken: dict[int, Label] = {}
-        for _, spot, corner in sorted(offers):
-            if spot not in grid.at and corner not in taken:
-                grid.at[spot] = corner
-                taken[corner] = spot
-                free[corner] = False
-        growth.added = as_labels(taken.values())
+        growth.added = as_labels(assign(grid.at, free, offers))
 
 
 def board_sign(field: Field, grid: Grid) -> int:
@@ -128,10 +122,6 @@ def board_sign(field: Field, grid: Grid) -> int:
         grid.labels, grid.corners, grid.xy, field.axes, field.polarity, FAR_AXIS, votes
     )  # filled corners have no colours
     return int(np.sign(votes[0]))
-
-
-Offer = tuple[float, Label, int]
-"""a corner offered to a spot: its distance from the prediction, in squares; the spot; the corner"""
 
 
 class _Growth:

@@ -3,16 +3,16 @@ board."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
-from rcdn.boards.graph import Label
+from rcdn.geometry.rules import CHECKER, Label, Rule
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Bool, Int, Real
 
 _around = bind("rcdn_grid_around")
 _predict = bind("rcdn_grid_predict")
@@ -113,6 +113,40 @@ def windows(labels: Int[Array, "m 2"], spots: Labels, reach: int) -> Array:
     out = np.empty((len(spots), (2 * reach + 1) ** 2), np.int64)
     _around(labels, spots, reach, out)
     return out
+
+
+def at_steps(labels: Int[Array, "m 2"], spots: Labels, steps: Sequence[Label]) -> Int[Array, "k s"]:
+    """Rows (K, S) of `labels` (M, 2) that are `steps`, each within one label along both axes, from `spots` (K, 2); −1
+    for none."""
+    return np.asarray(windows(labels, spots, 1)[:, [3 * e + d + 4 for d, e in steps]])
+
+
+def cell_count(grid: Grid, rule: Rule = CHECKER) -> int:
+    """Number of complete cells of a grid."""
+    labels = grid.labels
+    return sum(int((at_steps(labels, labels, ring) >= 0).all(axis=1).sum()) for ring in rule.cells)
+
+
+def spots_beside(at: Mapping[Label, int], steps: Iterable[Label]) -> list[Label]:
+    """The empty labels that are one of `steps` from a corner of a grid, in order."""
+    return sorted({(u + d, v + e) for u, v in at for d, e in steps} - at.keys())
+
+
+Offer = tuple[float, Label, int]
+"""a corner offered to a spot: its distance from the prediction, in squares; the spot; the corner"""
+
+
+def assign(at: dict[Label, int], free: Bool[Array, " n"], offers: Iterable[Offer]) -> dict[Label, int]:
+    """Give offered corners to their spots, in place, nearest to the prediction first; each spot and each corner once.
+
+    `free` (N,) bool: corners that may be taken, updated. Returns what was added.
+    """
+    new: dict[Label, int] = {}
+    for _, spot, corner in sorted(offers):
+        if spot not in at and free[corner]:
+            at[spot] = new[spot] = corner
+            free[corner] = False
+    return new
 
 
 class Predictions(NamedTuple):

@@ -7,12 +7,13 @@ from heapq import heappop
 
 import numpy as np
 
-from rcdn.boards.graph import Field, Label
+from rcdn.boards.graph import Field
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import WIDEST, Grid, predictions, windows
 from rcdn.geometry.boxes import BoxCells
 from rcdn.geometry.matrices import product
 from rcdn.geometry.near import nearest
+from rcdn.geometry.rules import CHECKER, Label
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
@@ -148,9 +149,7 @@ def _inverse(motion: Motion, back: Motion) -> bool:
 
 
 def _move(motion: Motion, spot: Label) -> Label:
-    u, v = spot
-    for _ in range(motion[0]):
-        u, v = -v, u
+    u, v = CHECKER.turn(*spot, motion[0])
     return u + motion[1], v + motion[2]
 
 
@@ -195,9 +194,8 @@ def _same_steps(squares: Real[Array, "k 2 2"], steps: Real[Array, "k 2 2"]) -> B
     `squares` (K, 2, 2): inverses of the host's steps.
     """
     out = []
-    for _ in range(4):
-        difference = product(squares, steps) - np.eye(2)
+    for turns in range(4):  # where labels turn, the steps along the axes turn back
+        back = np.array([CHECKER.steps[-turns], CHECKER.steps[1 - turns]]).T
+        difference = product(squares, product(steps, back)) - np.eye(2)
         out.append(np.linalg.norm(difference, axis=1).max(axis=1, initial=0) < STRETCH)
-        # labels turn by (u, v) -> (-v, u): the step along the new u is the old step along -v
-        steps = np.stack([-steps[..., 1], steps[..., 0]], axis=2)
     return np.stack(out, axis=1)

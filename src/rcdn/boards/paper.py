@@ -11,12 +11,12 @@ from itertools import combinations
 
 import numpy as np
 
-from rcdn.boards import as_board, as_field
+from rcdn.boards.convert import as_board, as_field
 from rcdn.boards.geiger import Pool, energy, grow_lines
-from rcdn.boards.graph import Label
 from rcdn.boards.local import Grid
 from rcdn.corners import Candidates
 from rcdn.corners.histogram import edge_directions
+from rcdn.geometry.rules import Label
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Real, Shaped
 

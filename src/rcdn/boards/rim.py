@@ -10,7 +10,8 @@ from rcdn.boards.fill import SEEN, Spots, with_sense
 from rcdn.boards.graph import Field
 from rcdn.boards.grow import SHOWN, SHOWN_WEAK
 from rcdn.boards.local import Grid, windows
-from rcdn.boards.validate import STEPS, is_full
+from rcdn.boards.validate import is_full
+from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
@@ -32,7 +33,11 @@ def cut_at_rim(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> 
     occluder are kept: there the edges that lead to the hidden corners are hidden, too.
     """
     before = len(grid)
-    while sign and not is_full(grid) and any([_cut_side(field, grid, sign, free, np.array(step)) for step in STEPS]):
+    while (
+        sign
+        and not is_full(grid)
+        and any([_cut_side(field, grid, sign, free, np.array(step)) for step in CHECKER.steps])
+    ):
         pass
     return len(grid) < before
 

@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.boards.edges import sample_grey
-from rcdn.boards.graph import Label
-from rcdn.boards.local import Grid, Predictions, parts
-from rcdn.boards.triangles import STEPS, Field
+from rcdn.boards.graph import Field
+from rcdn.boards.local import Grid, Labels, Predictions, at_steps, cell_count, parts
 from rcdn.corners.six_sector import ring, six_axes
 from rcdn.geometry.elementary import log
+from rcdn.geometry.rules import TRIANGLES, Label
 from rcdn.types import Array
-from rcdn.types.arrays import Real, Shaped
+from rcdn.types.arrays import Int, Real, Shaped
 
 REACH = tuple((d, e) for d in range(-2, 3) for e in range(-2, 3) if 0 < max(abs(d), abs(e), abs(d + e)) <= 2)
 """steps from a corner to spots where a lattice may grow: they span two edges, since a shadow's edge may hide a line of
@@ -63,7 +63,8 @@ def six_sided(
     colour of the sector between them. Sectors must alternate near the corner and further out, since a dark background
     beyond a narrow margin is no triangle. The logarithm gives lit and shaded parts the same contrast.
     """
-    arms = STEPS[:, 0, None] * du[:, None] + STEPS[:, 1, None] * dv[:, None]
+    ways = np.array(TRIANGLES.steps)
+    arms = ways[:, 0, None] * du[:, None] + ways[:, 1, None] * dv[:, None]
     middle, across = (arms + np.roll(arms, -1, axis=1)) / 3, (np.roll(arms, -1, axis=1) - arms) / 3
     close = np.clip(CLOSE_PX / np.maximum(np.linalg.norm(middle, axis=2).min(axis=1), 1e-9), *CLOSE)
     out = []
@@ -108,11 +109,16 @@ def validate(field: Field, grid: Grid, sign: int) -> None:
         _drop_uneven(field, grid)
         _drop_misfits(grid)
         _drop_poor(field, grid, sign)
-        held = set(grid.at)
-        grid.at = {s: c for s, c in grid.at.items() if any((s[0] + int(d), s[1] + int(e)) in held for d, e in STEPS)}
+        beside = _neighbours(grid, grid.labels).tolist()
+        grid.at = {spot: corner for (spot, corner), n in zip(grid.at.items(), beside, strict=True) if n}
         _largest_part(grid)
         if len(grid) == before or not grid.at:
             return
+
+
+def _neighbours(grid: Grid, spots: Labels) -> Int[Array, " k"]:
+    """Number (K,) of labelled neighbours of each spot."""
+    return np.asarray((at_steps(grid.labels, spots, TRIANGLES.steps) >= 0).sum(axis=1))
 
 
 def _drop_uneven(field: Field, grid: Grid) -> None:
@@ -134,7 +140,7 @@ def _drop_misfits(grid: Grid) -> None:
         off = np.linalg.norm(grid.xy[[grid.at[s] for s in spots]] - guess.xy, axis=1)
         known = guess.support > 0
         usual = float(np.median(off[known])) if known.any() else 0.0
-        around = np.array([sum((u + int(d), v + int(e)) in grid.at for d, e in STEPS) for u, v in spots])
+        around = _neighbours(grid, spots)
         share = np.select([around == 6, guess.support >= ENOUGH], [OFF_INSIDE, OFF_RIM], OFF_LOOSE)
         step = np.nan_to_num(shortest(guess))
         limit = np.maximum(np.maximum(share * step, OFF_PX), np.minimum(OFF_USUAL * usual, OFF_MOST * step))
@@ -163,16 +169,6 @@ def _drop_poor(field: Field, grid: Grid, sign: int) -> None:
             del grid.at[spot]
 
 
-def _triangles(grid: Grid) -> list[tuple[Label, Label, Label]]:
-    """Complete triangles of a lattice."""
-    out = []
-    for u, v in grid.at:
-        for other in ((u + 1, v), (u, v + 1)), ((u, v + 1), (u - 1, v + 1)):
-            if other[0] in grid.at and other[1] in grid.at:
-                out.append(((u, v), *other))
-    return out
-
-
 def _largest_part(grid: Grid) -> None:
     """Keep the largest of the parts that are more than two edges apart."""
     for part in parts(grid.at, REACH)[1:]:
@@ -187,10 +183,10 @@ def believable(field: Field, grid: Grid, least: int, scale: float) -> bool:
     Few corners must have clear responses, and where triangles are tiny in the original image (`scale` px of `grid` per
     px of it) there must be many corners: woven and printed cloth has triangles, too.
     """
-    if len(grid) < least or len(_triangles(grid)) < CELLS:
+    if len(grid) < least or cell_count(grid, TRIANGLES) < CELLS:
         return False
     corner, guess = np.array(list(grid.at.values())), grid.predictions(list(grid.at))
-    response = np.where(corner < field.known, field.response[np.minimum(corner, field.known - 1)], 0)
+    response = np.where(corner < len(field.xy), field.response[np.minimum(corner, len(field.xy) - 1)], 0)
     told = guess.support > 0
     step = shortest(guess)
     off = float(np.median((np.linalg.norm(grid.xy[corner] - guess.xy, axis=1) / step)[told]))

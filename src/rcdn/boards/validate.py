@@ -7,18 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.boards.edges import edge_sharpness
-from rcdn.boards.graph import Field, Label
-from rcdn.boards.local import Grid, windows
+from rcdn.boards.graph import Field
+from rcdn.boards.local import Grid, at_steps, cell_count
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
+from rcdn.geometry.rules import CHECKER, Label
 from rcdn.native import bind
 from rcdn.types import Array
-from rcdn.types.arrays import Int, Real, Shaped
+from rcdn.types.arrays import Real, Shaped
 
 _prune = bind("rcdn_grid_prune")
 _excess = bind("rcdn_grid_excess")
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""to a corner's neighbours"""
 RESIDUAL = 0.15
 """largest distance from the neighbours' prediction, share of the pitch"""
 RESIDUAL_LOOSE = 0.18
@@ -115,7 +114,7 @@ def distinct(grid: Grid, grey: Array) -> bool:
     """Whether the board has sharp edges, or enough corners to exclude folds and tartans, whose profiles resemble a
     blurred board's."""
     labels, xy = grid.labels, grid.xy[grid.corners]
-    following = ahead(labels)[:, :2]
+    following = at_steps(labels, labels, CHECKER.steps[:2])
     row, way = np.nonzero(following >= 0)
     if edge_sharpness(grey, xy[row], xy[following[row, way]]) >= SOFT:
         return True
@@ -125,13 +124,3 @@ def distinct(grid: Grid, grey: Array) -> bool:
 def is_full(grid: Grid) -> bool:
     """Whether every label of the bounding rectangle has a corner."""
     return len(grid) == int(np.prod(np.ptp(grid.labels, axis=0) + 1))
-
-
-def cell_count(grid: Grid) -> int:
-    """Number of complete cells of a grid."""
-    return int((ahead(grid.labels) >= 0).all(axis=1).sum())
-
-
-def ahead(labels: Int[Array, "m 2"]) -> Int[Array, "m 3"]:
-    """Rows (M, 3) of the next of `labels` (M, 2) along u, along v, and diagonally; −1 for none."""
-    return windows(labels, labels, 1)[:, (5, 7, 8)]

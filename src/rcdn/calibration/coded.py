@@ -12,9 +12,10 @@ import numpy as np
 
 from rcdn.calibration.arguments import check_spacing
 from rcdn.calibration.cut import whole_size
-from rcdn.calibration.labels import Labelled, Size, fits, orientation_of, settle
+from rcdn.calibration.labels import Labelled, Size, fits, settle
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import CalibrationError, ConfigError, many, shown
+from rcdn.geometry.rules import CHECKER
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
 from rcdn.types.arrays import Real
 
@@ -41,7 +42,7 @@ class Geometry:
         """Whether it is known which corner of a whole board is (0, 0); codes always determine it."""
         if self.target is not None:
             return "unique"
-        return None if self.size is None else orientation_of(self.size)
+        return None if self.size is None else CHECKER.orientation(*self.size)
 
 
 @dataclass(frozen=True, eq=False)

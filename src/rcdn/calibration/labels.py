@@ -9,7 +9,8 @@ import numpy as np
 
 from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
-from rcdn.types import SQUARES, Array, Board, Orientation, Plane, Target
+from rcdn.geometry.rules import CHECKER
+from rcdn.types import SQUARES, Array, Board, Plane, Target
 from rcdn.types.arrays import Real
 
 Size = tuple[int, int]
@@ -52,14 +53,6 @@ def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Lab
     return [_label(b, size, strict) for b in boards]
 
 
-def orientation_of(size: Size) -> Orientation:
-    """Whether the colours determine which corner of a whole board is (0, 0): docs/conventions.md."""
-    cols, rows = size
-    if (cols + rows) % 2:
-        return "unique"
-    return "ambiguous_90" if cols == rows and cols % 2 == 0 else "ambiguous_180"
-
-
 def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
     if not len(board):
         return Labelled(board.ij, False)
@@ -84,10 +77,8 @@ def fits(size: Size, whole: Size) -> bool:
 
 def turn_labels(ij: Array, size: Size, turn: int) -> Real[Array, "n 2"]:
     """Labels (N, 2) of a board of `size` after `turn` quarter turns."""
-    for _ in range(turn):
-        ij = np.stack([ij[:, 1], size[0] - 1 - ij[:, 0]], axis=-1)
-        size = (size[1], size[0])
-    return ij
+    box = np.array([(0, 0), (size[0] - 1, size[1] - 1)])
+    return np.asarray(CHECKER.turned(ij, -turn) - CHECKER.turned(box, -turn).min(axis=0))
 
 
 def in_line(board: Board) -> bool:

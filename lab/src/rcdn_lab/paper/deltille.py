@@ -17,6 +17,7 @@ import numpy as np
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
+from rcdn.geometry.rules import TRIANGLES
 from rcdn.io import read_image
 from rcdn.metrics import match, nearest
 from rcdn.synthetic import DELTILLE, ORDINARY, BoardSpec, Scene, Sensor, random_scene, render, truth
@@ -76,14 +77,11 @@ def same_lattice(ij: Array, expected: Array, swapped: bool) -> Array:
     of a turn are possible.
     """
     best = np.zeros(len(ij), bool)
-    u, v = ij.T
-    for sixth in range(6):
-        if sixth % 2 == swapped and len(ij):
-            shift = np.stack([u, v], axis=1) - expected
-            values, counts = np.unique(shift, axis=0, return_counts=True)
-            agrees = (shift == values[counts.argmax()]).all(axis=1)
-            best = agrees if agrees.sum() > best.sum() else best
-        u, v = -v, u + v
+    for sixth in range(int(swapped), 6, 2) if len(ij) else ():
+        shift = TRIANGLES.turned(ij, sixth) - expected
+        values, counts = np.unique(shift, axis=0, return_counts=True)
+        agrees = (shift == values[counts.argmax()]).all(axis=1)
+        best = agrees if agrees.sum() > best.sum() else best
     return best
 
 
