@@ -130,14 +130,20 @@ def advised(calibration: Calibration) -> Calibration:
     return replace(calibration, advice=(*calibration.advice, said))
 
 
-def _distances(calibration: Calibration) -> Real[Array, " d"]:
-    """(D,) m, of the boards' centres: quantiles over the used views."""
+def distances_of(calibration: Calibration) -> Real[Array, " v"]:
+    """(V,) m, of the boards' centres from the camera in the used views."""
     seen = []
     for view in calibration.used_views:
         if view.pose is not None:
             middle = flat_points(calibration, view, (view.ij.min(axis=0) + view.ij.max(axis=0)) / 2)
             seen.append(float(np.linalg.norm(view.pose.R[:, :2] @ middle + view.pose.t)))
-    return np.unique(np.quantile(seen, DISTANCES)) if seen else np.zeros(0)
+    return np.array(seen)
+
+
+def _distances(calibration: Calibration) -> Real[Array, " d"]:
+    """(D,) m, of the boards' centres: quantiles over the used views."""
+    seen = distances_of(calibration)
+    return np.unique(np.quantile(seen, DISTANCES)) if len(seen) else seen
 
 
 def _size(calibration: Calibration) -> tuple[int, int]:

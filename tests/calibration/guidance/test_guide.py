@@ -7,6 +7,9 @@ import pytest
 
 from rcdn.calibration.guidance import Guide
 from rcdn.calibration.guidance.first_guess import first_guess
+from rcdn.calibration.guidance.progress import planned
+from rcdn.calibration.guidance.quality import Quality
+from rcdn.calibration.next_view import distances_of
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.geometry import project
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_boards, see
@@ -113,6 +116,52 @@ def test_blur_and_bad_light_are_refused(started):
     seen = held(BROWN, started.progress.wanted.pose.T_cam_board)
     flat = np.full((480, 640), 128, np.uint8)
     assert "dark" in still(started, seen, 400.0, grey=flat).refused
+
+
+def blurred_at(guide, distance, monkeypatch):
+    """What is said of a still, blurred board that faces the camera at a `distance`, m."""
+    blurs = Quality(blur=9.0, contrast=150.0, clipped=0.0)
+    monkeypatch.setattr("rcdn.calibration.guidance.guide.quality", lambda grey, seen: blurs)
+    T = np.eye(4)
+    T[:3, 3] = [-4 * SPACING, -2.5 * SPACING, distance]
+    return still(guide, held(BROWN, T), 100.0, grey=np.zeros((480, 640), np.uint8)).refused
+
+
+@pytest.mark.parametrize("side", ["near", "far"])
+def test_nothing_is_asked_for_outside_the_depth_of_field(side, monkeypatch):
+    """A still board that is blurred nearer, or farther, than all sharp ones limits the distances from then on."""
+    guide = followed(BROWN, 4)
+    sharp = distances_of(guide.progress.calibration)
+    here = 0.95 * sharp.min() if side == "near" else 1.05 * sharp.max()
+    assert "blurred" in blurred_at(guide, here, monkeypatch)
+    least, greatest = guide._sharp
+    if side == "near":
+        assert here < least <= sharp.min()
+        assert greatest == np.inf
+    else:
+        assert here > greatest >= sharp.max()
+        assert least == 0
+    for k in range(4, 7):
+        distance = guide.progress.wanted.distance
+        assert least - 1e-9 <= distance <= greatest + 1e-9
+        guide.add(held(BROWN, guide.progress.wanted.pose.T_cam_board, np.random.default_rng(k)), str(k))
+
+
+def test_a_far_limit_keeps_far_poses_from_being_asked_for():
+    """The pose that the guide would ask for beyond the limit is asked for within it."""
+    guide = followed(BROWN, 1)
+    free, wish, known = guide.progress.wanted, guide._wish, guide._plan.known
+    near = planned(wish, known, (0.0, 0.8 * free.distance)).progress.wanted
+    assert near.distance <= 0.8 * free.distance + 1e-9
+    far = planned(wish, known, (1.3 * free.distance, np.inf)).progress.wanted
+    assert far.distance >= 1.3 * free.distance - 1e-9
+
+
+def test_blur_between_sharp_boards_limits_nothing(monkeypatch):
+    guide = followed(BROWN, 4)
+    sharp = distances_of(guide.progress.calibration)
+    assert "blurred" in blurred_at(guide, float(sharp.mean()), monkeypatch)
+    assert guide._sharp == (0.0, np.inf)
 
 
 def test_small_and_partial_boards(started):

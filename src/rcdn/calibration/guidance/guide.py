@@ -17,7 +17,7 @@ from rcdn.calibration.guidance.hints import Held, hint
 from rcdn.calibration.guidance.progress import Plan, Progress, Wish, learned, planned
 from rcdn.calibration.guidance.quality import quality
 from rcdn.calibration.labels import Size
-from rcdn.calibration.next_view import NextView
+from rcdn.calibration.next_view import NextView, distances_of
 from rcdn.calibration.outlines import distances, outline
 from rcdn.calibration.start import Seen, poses
 from rcdn.errors import ConfigError, shown
@@ -35,7 +35,8 @@ ENOUGH = 0.7
 OFF = 0.25
 """share of the board's size in the picture: an outline that deviates by as much has an agreement of 0"""
 BEYOND = 1.1
-"""× the distance at which a still board is blurred: least distance of wanted poses afterwards"""
+"""× (÷) the distance at which a still board is too near (too far) to be sharp: least (greatest) distance of wanted
+poses afterwards, but none at which a board was sharp is left out"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ class Guide:
         self._writing = threading.Lock()
         self._boards: dict[str, Board] = {}
         self._stillness = gates.Stillness()
-        self._nearest = 0.0
+        self._sharp = (0.0, float("inf"))
         self._plan = planned(self._wish, learned(self._wish, [], [], self._given, SQUARES))
 
     @property
@@ -147,26 +148,31 @@ class Guide:
         return Look(refused, said or state.progress.sentence, not refused and worth, fit, gain, arrow)
 
     def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
-        """Blur and exposure of a board that is still; if it is blurred and nearer than all sharp ones, it is closer
-        than the depth of field."""
+        """Blur and exposure of a board that is still; if it is blurred and nearer or farther than all sharp ones, it is
+        outside the depth of field."""
         if grey is None:
             return ""
         found = quality(grey, board)
         if why := gates.blurred(board, found):
-            self._too_near(now)
+            self._out_of_focus(now)
             return why
         return gates.poor(board, found)
 
-    def _too_near(self, now: _Now | None) -> None:
+    def _out_of_focus(self, now: _Now | None) -> None:
+        """Limit the wanted distances on the side of the blurred board at which no sharp one was."""
         known = self._plan.known
-        seen = known.calibration.used_views
-        if now is None or not seen or self._writing.locked():
+        seen = distances_of(known.calibration)
+        if now is None or not len(seen) or self._writing.locked():
             return
-        sharp = min(float(np.linalg.norm(v.pose.t)) for v in seen if v.pose is not None)
-        if self._nearest < now.held.distance < sharp:
+        here, (least, greatest) = now.held.distance, self._sharp
+        if least < here < seen.min():
+            least = min(here * BEYOND, float(seen.min()))
+        elif seen.max() < here < greatest:
+            greatest = max(here / BEYOND, float(seen.max()))
+        if (least, greatest) != self._sharp:
             with self._writing:
-                self._nearest = now.held.distance * BEYOND
-                self._plan = planned(self._wish, known, self._nearest)
+                self._sharp = least, greatest
+                self._plan = planned(self._wish, known, self._sharp)
 
     def _learn(self, board: Board) -> None:
         """Set the board's size, from the first board that is whole or whose codes contain it."""
@@ -189,7 +195,7 @@ class Guide:
 
     def _replanned(self, size: Size | None, plane: Plane = SQUARES) -> Progress:
         known = learned(self._wish, list(self._boards.values()), list(self._boards), size, plane)
-        self._plan = planned(self._wish, known, self._nearest)
+        self._plan = planned(self._wish, known, self._sharp)
         return self._plan.progress
 
 

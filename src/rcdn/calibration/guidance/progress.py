@@ -101,11 +101,12 @@ def learned(wish: Wish, boards: Sequence[Board], names: Sequence[str], size: Siz
     return Known(found, guess, tuple(names), size, plane)
 
 
-def planned(wish: Wish, known: Known, nearest: float = 0.0) -> Plan:
-    """The plan for the estimate `known`; `nearest` m: least distance of the wanted pose."""
+def planned(wish: Wish, known: Known, sharp: tuple[float, float] = (0.0, np.inf)) -> Plan:
+    """The plan for the estimate `known`; `sharp` m: least and greatest distance of the wanted pose, the depth of field
+    as far as it is known."""
     best, wanted = known.calibration, None
     if known.size is not None:
-        distances = np.maximum(reach_of(best.camera, known.size, known.plane, best.spacing), nearest)
+        distances = np.clip(reach_of(best.camera, known.size, known.plane, best.spacing), *sharp)
         size = _along(known.size, wish.image_size)
         wanted = next_view(best, distances=np.unique(distances), size=size, plane=known.plane)
     return Plan(_progress(wish, known, wanted), known, Forecast.of(best))
