@@ -18,12 +18,12 @@ def labelled(grey: Array, xy: Array) -> Grid:
     A mirrored lattice is reflected. The grey levels between the corners determine the colours of the squares; (0, 0) is
     then as defined in docs/conventions.md, for the smallest rectangle that contains all corners.
     """
-    known = np.isfinite(xy).all(axis=2)
-    down, along = (np.flatnonzero(known.any(axis=a)) for a in (1, 0))
+    known = np.asarray(np.isfinite(xy).all(axis=2))
+    down, along = (np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0)))
     xy = xy[down[0] : down[-1] + 1, along[0] : along[-1] + 1]
     if _mirrored(xy):
         xy = xy[::-1]
-    known = np.isfinite(xy).all(axis=2)
+    known = np.asarray(np.isfinite(xy).all(axis=2))
     ij, flat = np.argwhere(known)[:, ::-1], xy[known]
     ij = ordered(ij, flat, _first_square(grey, xy))
     order = np.lexsort((ij[:, 0], ij[:, 1]))

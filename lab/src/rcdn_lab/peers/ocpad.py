@@ -85,7 +85,7 @@ def _placed(xy: Array, found: Match, size: tuple[int, int]) -> Array:
 def is_even(xy: Array, near: Near) -> bool:
     """Whether all links are at least `WINDOW` long and their standard deviation is less than their mean."""
     length = [np.linalg.norm(xy[a] - xy[b]) for a, others in near.items() for b in others if a < b]
-    return len(length) > 1 and min(length) >= WINDOW and float(np.std(length, ddof=1)) < float(np.mean(length))
+    return len(length) > 1 and bool(min(length) >= WINDOW and np.std(length, ddof=1) < np.mean(length))
 
 
 def quadrangles_only(near: Near) -> Near:
@@ -101,7 +101,7 @@ def quadrangles_only(near: Near) -> Near:
 
 def largest_component(near: Near) -> Near:
     """The connected component with most vertices, the one with the first vertex among equals."""
-    left, best = set(near), set()
+    left, best = set(near), set[int]()
     for vertex in sorted(near):
         if vertex in left:
             part = set(by_distance(near, vertex))

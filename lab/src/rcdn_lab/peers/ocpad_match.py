@@ -8,7 +8,7 @@ the bisection left out are added where they fit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise, product
 
 import numpy as np
@@ -30,19 +30,29 @@ TURNS: tuple[Spot, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 def match_part(xy: Array, near: Mapping[int, set[int]], order: Sequence[int], size: tuple[int, int]) -> Match:
     """The match of as many vertices as possible with a board of `size` (columns, rows).
 
-    `xy` (N, 2) px; `near`: linked vertices; `order`: the vertices by distance from the anchor. The number of vertices
-    is halved until a match exists, and the step is halved with each attempt. Empty if even two have none.
+    `xy` (N, 2) px; `near`: linked vertices; `order`: the vertices by distance from the anchor. A bisection
+    finds how many of them match. Fewer can be at several places of the board, and a frame around it adds vertices
+    that are not on it: of all places the one that lets most others follow, and then the one with most links, as in
+    ROCHADE. Empty if even two vertices have no match.
     """
-    search = Search(xy, near, size)
-    count = min(len(order), size[0] * size[1])
-    step, best = count, Match()
-    while step and not len(best) == count == len(order):
-        found = search.match(order[:count])
-        if found and len(found) > len(best):
-            best = found
-        step = step // 2
-        count = min(len(order), size[0] * size[1], max(2, count + (step if found else -step)))
-    return search.extended(best, order)
+    search, most = Search(xy, near, size), min(len(order), size[0] * size[1])
+    step = count = most
+    counts: list[int] = []
+    while step and most not in counts:
+        found = next(search.matches(order[:count]), None) is not None
+        counts += [count] * found
+        step //= 2
+        count = min(most, max(2, count + (step if found else -step)))
+    if most not in counts:  # the nearest vertices of a frame may be among those that match
+        counts.append(max(2, min(counts, default=2) // 2))
+    whole: tuple[int, int, Match] = (0, 0, {})
+    for match in (m for count in sorted(counts, reverse=True) for m in search.matches(order[:count])):
+        grown = search.extended(match, order)
+        rank = len(grown), sum(len(near[v]) for v in grown)
+        whole = (*rank, grown) if rank > whole[:2] else whole
+        if rank[0] == len(order):
+            break
+    return whole[2]
 
 
 class Search:
@@ -54,11 +64,11 @@ class Search:
             (a, b): (xy[b] - xy[a]) / max(float(np.linalg.norm(xy[b] - xy[a])), 1e-9) for a in near for b in near[a]
         }
 
-    def match(self, order: Sequence[int]) -> Match | None:
-        """A match of all of `order`, in which each vertex but the first is linked with an earlier one; None if there is
-        none, or none within `MOST_STEPS`."""
+    def matches(self, order: Sequence[int]) -> Iterator[Match]:
+        """The matches of all of `order`, in which each vertex but the first is linked with an earlier one, until
+        `MOST_STEPS` are done."""
         at, taken, steps = Match(), dict[Spot, int](), 0
-        stack = [iter(product(range(self.size[0]), range(self.size[1])))]
+        stack: list[Iterator[Spot]] = [iter(product(range(self.size[0]), range(self.size[1])))]
         while stack:
             vertex = order[len(stack) - 1]
             taken.pop(at.pop(vertex, (-1, -1)), None)
@@ -68,12 +78,12 @@ class Search:
                 continue
             at[vertex], taken[spot] = spot, vertex
             steps += 1
-            if len(at) == len(order):
-                return at
             if steps > MOST_STEPS:
-                return None
-            stack.append(iter(self.candidates(order[len(stack)], at)))
-        return None
+                return
+            if len(at) == len(order):
+                yield dict(at)
+            else:
+                stack.append(iter(self.candidates(order[len(stack)], at)))
 
     def candidates(self, vertex: int, at: Match) -> list[Spot]:
         """Places next to those of the vertices linked with `vertex`."""
@@ -106,15 +116,20 @@ class Search:
         return True
 
     def extended(self, at: Match, order: Sequence[int]) -> Match:
-        """The match with further vertices, each at the only place that two linked vertices leave it."""
-        at, grown = dict(at), bool(at)
+        """The match with further vertices, each at the only place that the vertices linked with it leave: first those
+        with two such, and one with a single one where there are none."""
+        at = dict(at)
         taken = {spot: vertex for vertex, spot in at.items()}
-        while grown:
+        support = 2
+        while support:
             grown = False
             for vertex in order:
-                if vertex in at or sum(b in at for b in self.near[vertex]) < 2:
+                if vertex in at or sum(b in at for b in self.near[vertex]) < support:
                     continue
                 spots = [s for s in self.candidates(vertex, at) if self.fits(vertex, s, at, taken)]
                 if len(spots) == 1:
                     at[vertex], taken[spots[0]], grown = spots[0], vertex, True
+                    if support == 1:
+                        break
+            support = 2 if grown else support - 1
         return at
