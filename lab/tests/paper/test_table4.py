@@ -294,7 +294,7 @@ def test_the_papers_rows_are_marked():
     rows = [r for r in table4.table([], [simple("auto", 0.05, 1)]) if r["set"].startswith("paper: ")]
     assert len(rows) == 14
     assert all(r["note"].startswith("paper's figure, other data") for r in rows)
-    assert {r["detector"] for r in rows if "can't run here" in r["note"]} == {"MATLAB", "OCamCalib", "OCPAD"}
+    assert {r["detector"] for r in rows if "can't run here" in r["note"]} == {"MATLAB"}
     assert {(r["whole"], r["on"]) for r in rows} == {(100, "all"), (85, "with OCPAD"), (91, "with OCPAD")}
 
 

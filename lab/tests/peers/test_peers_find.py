@@ -71,7 +71,7 @@ def test_a_peer_has_a_version(peer):
 
 def test_names_are_keys():
     assert all(name == peer.name for name, peer in PEERS.items())
-    assert len(PEERS) == 12
+    assert len(PEERS) == 14
 
 
 def test_quiet_holds_the_output_of_other_languages(capfd):

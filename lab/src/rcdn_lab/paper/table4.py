@@ -27,7 +27,7 @@ from rcdn_lab.peers import Grid
 from rcdn_lab.share_out import share_out
 from rcdn_lab.weights import weights_of
 
-DETECTORS = ("auto", "paper", "opencv", "opencv-sb", "boofcv-size", "geiger", "rochade")
+DETECTORS = ("auto", "paper", "opencv", "opencv-sb", "boofcv-size", "geiger", "rochade", "ocpad", "ocamcalib")
 VIEWS, FULL_VIEWS = 30, 100
 """views of the rendered pair: by default, and as many as in the paper"""
 RENDERED = "rendered"

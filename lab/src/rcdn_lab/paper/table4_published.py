@@ -55,10 +55,12 @@ PUBLISHED = (
     Published(WIDE_ANGLE, "Proposed", 91, 0.22008, 0.22017, WITH_OCPAD),
     Published(WIDE_ANGLE, "OCPAD", 91, 0.22749, 0.22743, WITH_OCPAD),
 )
-METHODS = {"auto": "Proposed", "paper": "Proposed", "opencv": "OpenCV", "geiger": "Geiger et al."}
-"""detector → the paper's name for the corresponding method"""
-ELSEWHERE = frozenset({"MATLAB", "OCamCalib", "OCPAD"})
-"""programs that cannot run here"""
+METHODS = {
+    "auto": "Proposed", "paper": "Proposed", "opencv": "OpenCV", "geiger": "Geiger et al.", "ocamcalib": "OCamCalib",
+}  # fmt: skip
+"""detector → the paper's name for the corresponding method whose figures are on all pictures; those of OCPAD are not"""
+ELSEWHERE = frozenset({"MATLAB"})
+"""programs that cannot run here, and have no detector of ours in their place"""
 ERRORS = ("cal", "pose")
 RATIOS = tuple(column for e in ERRORS for column in (f"{e} ÷ opencv", f"paper's {e}", f"{e} − paper's"))
 """for each error: our ratio, the paper's, the difference"""

@@ -2,10 +2,22 @@
 reason.
 
 Available detectors are called unchanged. Those that the RCDN paper compares with and that cannot be installed are
-implemented here (`chess`, `mate`, `geiger`, `rochade`; docs/peers.md).
+implemented here (`chess`, `mate`, `geiger`, `rochade`, `ocpad`, `ocamcalib`; docs/peers.md).
 """
 
-from rcdn_lab.peers import boofcv, calibtargets, chess, chesscorners, geiger, mate, mrgingham, opencv, rochade
+from rcdn_lab.peers import (
+    boofcv,
+    calibtargets,
+    chess,
+    chesscorners,
+    geiger,
+    mate,
+    mrgingham,
+    ocamcalib,
+    ocpad,
+    opencv,
+    rochade,
+)
 from rcdn_lab.peers.base import Find, Grid, Peer, quiet
 
 PEERS = {
@@ -23,6 +35,8 @@ PEERS = {
         mate.MATE,
         geiger.GEIGER,
         rochade.ROCHADE,
+        ocpad.OCPAD,
+        ocamcalib.OCAMCALIB,
     )
 }
 """All known peers, by name."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from rcdn.boards.geiger import energy
 from rcdn.corners.saddle import rochade, surface_fit
 from rcdn.types import Array
 from rcdn_lab.peers.base import Find, Grid, Peer
-from rcdn_lab.peers.labels import labelled
+from rcdn_lab.peers.labels import labelled, pitch
 from rcdn_lab.peers.rochade_graph import EdgeGraph, edge_graph, neighbours
 
 COARSE = 800
@@ -37,19 +38,24 @@ def rochade_board(grey: Array, size: tuple[int, int]) -> Array | None:
 
     The result of the first attempt that finds the whole board with a saddle at each corner.
     """
-    reduction = max(0, int(np.ceil(np.log2(max(grey.shape) / COARSE))))
-    for level in range(reduction, max(reduction - LOOKS, -1), -1):
-        small = cv2.resize(grey, None, fx=0.5**level, fy=0.5**level, interpolation=cv2.INTER_AREA) if level else grey
+    for small in views(grey):
+        scale = np.array(grey.shape[::-1]) / small.shape[::-1]
         for closing in CLOSINGS:
             graph = edge_graph(small, closing)
             nodes = board_in(graph, size)
             if nodes is None:
                 continue
-            scale = np.array(grey.shape[::-1]) / small.shape[::-1]
-            xy = _refined(grey, (graph.xy[nodes] + 0.5) * scale - 0.5)
-            if xy is not None:
+            xy = refined(grey, (graph.xy[nodes] + 0.5) * scale - 0.5)
+            if np.isfinite(xy).all():
                 return xy
     return None
+
+
+def views(grey: Array) -> Iterator[Array]:
+    """`grey` (H, W) uint8, reduced by powers of two for one attempt after the other, the smallest first."""
+    reduction = max(0, int(np.ceil(np.log2(max(grey.shape) / COARSE))))
+    for level in range(reduction, max(reduction - LOOKS, -1), -1):
+        yield cv2.resize(grey, None, fx=0.5**level, fy=0.5**level, interpolation=cv2.INTER_AREA) if level else grey
 
 
 def board_in(graph: EdgeGraph, size: tuple[int, int]) -> Array | None:
@@ -136,18 +142,17 @@ def _window(xy: Array, near: list[list[int]], at: dict[Label, int], size: tuple[
     return None if best is None else best[1]
 
 
-def _refined(grey: Array, xy: Array) -> Array | None:
-    """Saddles near corners (rows, columns, 2) px by surface fits with the cone filter; None if a corner has none."""
-    flat, pitch = xy.reshape(-1, 2), np.full(xy.shape[:2], np.inf)
-    for axis in (0, 1):
-        step = np.linalg.norm(np.diff(xy, axis=axis), axis=-1)
-        first, last = (slice(None, -1), slice(1, None)) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
-        pitch[first], pitch[last] = np.minimum(pitch[first], step), np.minimum(pitch[last], step)
-    half = np.clip(PITCH_SHARE * pitch, *HALF).astype(int).ravel()
-    out, seeds = np.full(flat.shape, np.nan), np.rint(flat).astype(int)
+def refined(grey: Array, xy: Array) -> Array:
+    """Saddles near corners (rows, columns, 2) px by surface fits with the cone filter; NaN for a corner without one,
+    and for one that is NaN."""
+    known = np.isfinite(xy).all(axis=2)
+    flat, half = xy[known], np.clip(PITCH_SHARE * pitch(xy)[known], *HALF).astype(int)
+    found, seeds = np.full(flat.shape, np.nan), np.rint(flat).astype(int)
     for k in np.unique(half).tolist():
-        out[half == k] = surface_fit(grey, seeds[half == k], rochade(k))
-    return out.reshape(xy.shape) if np.isfinite(out).all() else None
+        found[half == k] = surface_fit(grey, seeds[half == k], rochade(k))
+    out = np.full(xy.shape, np.nan)
+    out[known] = found
+    return out
 
 
 def _find(image: Array, size: tuple[int, int]) -> list[Grid]:

@@ -32,7 +32,7 @@ def table4(
     ] = None,
     detectors: Annotated[
         str, typer.Option(metavar="NAME,…", help="auto, paper, and peers that find boards.")
-    ] = "auto,paper,opencv,opencv-sb,boofcv-size,geiger,rochade",
+    ] = "auto,paper,opencv,opencv-sb,boofcv-size,geiger,rochade,ocpad,ocamcalib",
     views: Annotated[int, typer.Option(min=12, help="Of the rendered pair, half of them to calibrate from.")] = 30,
     full: Annotated[bool, typer.Option("--full", help="100 views, as many as the paper has.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the rendered pair.")] = 0,
