@@ -34,7 +34,7 @@ KERNEL(rcdn_grid_sign, (SIZE, n, labels, 0), (SIZE, total, xy, 0), (SIZE, known,
             continue;
         const double *to = xy + 2 * members[ahead >= 0 ? ahead : k], *from = xy + 2 * members[ahead >= 0 ? k : behind];
         double turn;
-        const int colour =
+        const int64_t colour =
             side_colour(axes + 2 * members[k], polarity[members[k]], to[0] - from[0], to[1] - from[1], &turn);
         if (turn < far)
             *votes += (labels[2 * k] + labels[2 * k + 1]) & 1 ? -colour : colour;
