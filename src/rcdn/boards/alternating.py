@@ -21,7 +21,7 @@ from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
 from rcdn.geometry.rules import TAGS, Label
 from rcdn.types import Array
-from rcdn.types.arrays import Bool
+from rcdn.types.arrays import Bool, Real
 from rcdn.types.plane import plane_points
 
 UNEVEN = float(log(1.5))
@@ -157,7 +157,7 @@ class _Places:
     def of(cls, field: Field, at: dict[Label, int], gap: float) -> _Places:
         corners = list(at.values())
         lens = division_of(
-            plane_points(np.array(list(at)), "aprilgrid", gap), field.xy[corners], field.grey.shape[::-1]
+            plane_points(np.array(list(at)), TAGS.pattern, gap), field.xy[corners], field.grey.shape[::-1]
         )
         flat = field.xy
         if lens is not None:
@@ -193,14 +193,24 @@ def _predicted(places: _Places, at: dict[Label, int], gap: float, spot: Label) -
     if close is None:
         return None
     known = places.flat[[at[u, v] for u, v in labels[close].tolist()]]
+    found = corner_and_gaps(where[close] - here, known, gap, places.lens)
+    return None if found is None else (found[0], float(np.linalg.norm(found[1:] - found[0], axis=1).min()))
+
+
+def corner_and_gaps(
+    printed: Real[Array, "k 2"], flat: Real[Array, "k 2"], gap: float, lens: Division | None
+) -> Real[Array, "3 2"] | None:
+    """Where the origin of the print is in the picture, and the points a `gap` beyond it along both axes, (3, 2) px, by the
+    homography of corners at `printed` (K, 2), sides of a tag, which are at `flat` (K, 2) px without the `lens`.
+
+    None if there is no such homography.
+    """
     try:
-        to_picture = homography(where[close] - here, known)
+        to_picture = homography(printed, flat)
     except np.linalg.LinAlgError:
         return None
     spots = product(np.array([[0.0, 0, 1], [gap, 0, 1], [0, gap, 1]]), to_picture.T)
     if not (np.abs(spots[:, 2]) > 1e-9).all():
         return None
     spots = spots[:, :2] / spots[:, 2:]
-    if places.lens is not None:
-        spots = places.lens.distorted(spots)
-    return spots[0], float(np.linalg.norm(spots[1:] - spots[0], axis=1).min())
+    return np.asarray(spots if lens is None else lens.distorted(spots))

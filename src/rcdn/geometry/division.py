@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.geometry.homography import apply_homography, homography
+from rcdn.geometry.homography import homography
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -45,17 +45,6 @@ class Division:
             out = 2 * off / (1 + np.sqrt(np.where(root >= 0, root, np.nan)))
         return np.asarray(out * self.scale + self.middle)
 
-    def residual(self, plane: Real[Array, "n 2"], xy: Real[Array, "n 2"]) -> float:
-        """Root mean square distance, px, of points `xy` (N, 2) px from those of the `plane` (N, 2) under the best
-        homography and this distortion; infinite if there is none."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            at = self.undistorted(xy)
-            if not np.isfinite(at).all():
-                return np.inf
-            gap = xy - self.distorted(apply_homography(homography(plane, at), plane))
-            size = float(np.sqrt((gap**2).sum(axis=1).mean()))
-        return size if np.isfinite(size) else np.inf
-
 
 def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int]) -> Division | None:
     """The distortion seen in points `xy` (N, 2) px of a `plane` (N, 2); None where a homography alone explains them
@@ -66,16 +55,42 @@ def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: t
     if len(xy) < FEWEST:
         return None
     middle, scale = (np.array(image_size) - 1) / 2, float(np.hypot(*image_size)) / 2
-    unit = 1 / max(float(_square((xy - middle) / scale).max()), 1e-9)
+    off = (xy - middle) / scale
+    unit = 1 / max(float(_square(off).max()), 1e-9)
     low, high = RANGE
     for _ in range(1 + ROUNDS):
         tried = np.linspace(low, high, STEPS)
-        residuals = [Division(c * unit, middle, scale).residual(plane, xy) for c in tried.tolist()]
+        residuals = _residuals(tried * unit, plane, off)
         best = int(np.argmin(residuals))
         low, high = float(tried[max(best - 1, 0)]), float(tried[min(best + 1, STEPS - 1)])
-    if not residuals[best] < BETTER * Division(0.0, middle, scale).residual(plane, xy):
+    if not residuals[best] < BETTER * _residuals(np.zeros(1), plane, off)[0]:
         return None
     return Division(float(tried[best]) * unit, middle, scale)
+
+
+def _residuals(
+    coefficients: Real[Array, " c"], plane: Real[Array, "n 2"], off: Real[Array, "n 2"]
+) -> Real[Array, " c"]:
+    """(C,) root mean square distances of points at `off` (N, 2) from the centre, in units of the scale, from those of the
+    `plane` (N, 2) under the best homography and each of the `coefficients` (C,); infinite where there is none."""
+    c = coefficients[:, None, None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        flat = off / (1 + c * _square(off))
+        there = np.isfinite(flat).all(axis=(1, 2))
+        H = np.array(
+            [homography(plane, at) if fine else np.full((3, 3), np.nan) for at, fine in zip(flat, there, strict=True)]
+        )
+        mapped = _mapped(H, plane)
+        root = 1 - 4 * c * _square(mapped)
+        gap = off - 2 * mapped / (1 + np.sqrt(np.where(root >= 0, root, np.nan)))
+        size = np.sqrt((gap**2).sum(axis=2).mean(axis=1))
+    return np.asarray(np.where(np.isfinite(size), size, np.inf))
+
+
+def _mapped(H: Real[Array, "c 3 3"], plane: Real[Array, "n 2"]) -> Real[Array, "c n 2"]:
+    """`plane` (N, 2) mapped by each of the homographies `H` (C, 3, 3)."""
+    out = np.column_stack([plane, np.ones(len(plane))]) @ H.transpose(0, 2, 1)
+    return np.asarray(out[..., :2] / out[..., 2:])
 
 
 def _square(off: Real[Array, "... 2"]) -> Real[Array, "... 1"]:

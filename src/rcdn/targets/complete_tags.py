@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.boards.alternating import corner_and_gaps
 from rcdn.boards.local import Grid, Predictions
-from rcdn.geometry import homography
-from rcdn.geometry.division import Division, division_of
-from rcdn.geometry.matrices import product
+from rcdn.geometry.division import division_of
 from rcdn.targets.complete import ROUNDS, seen_crossings, usual_strength, with_corners
 from rcdn.types import AprilGrid, Array, Board
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Int
 from rcdn.types.plane import plane_points
 
 NEIGHBOURS = 12
@@ -93,22 +92,9 @@ class _Print:
             near = near[far[near] < REACH]
             if len(near) < LEAST or np.ptp(labels[near], axis=0).min() == 0:
                 continue
-            steps = self._steps(printed[near] - here, flat[near], lens)
-            if steps is not None and np.isfinite(steps).all():
-                out.maps[k], out.support[k] = steps.ravel(), len(near)
-                out.pitch[k] = np.linalg.norm(steps[1:], axis=1).min()
+            found = corner_and_gaps(printed[near] - here, flat[near], self._gap, lens)
+            if found is not None and np.isfinite(found).all():
+                steps = found[1:] - found[0]
+                out.maps[k], out.support[k] = np.concatenate([found[0], *steps]), len(near)
+                out.pitch[k] = np.linalg.norm(steps, axis=1).min()
         return out
-
-    def _steps(self, printed: Array, flat: Array, lens: Division | None) -> Real[Array, "3 2"] | None:
-        """The corner at the origin of the plane `printed` (K, 2), and the steps of one gap along both axes, px; `flat`
-        (K, 2) px: its neighbours without the lens."""
-        try:
-            to_picture = homography(printed, flat)
-        except np.linalg.LinAlgError:
-            return None
-        at = product(np.array([[0.0, 0, 1], [self._gap, 0, 1], [0, self._gap, 1]]), to_picture.T)
-        if not (np.abs(at[:, 2]) > 1e-9).all():
-            return None
-        xy = at[:, :2] / at[:, 2:]
-        xy = xy if lens is None else lens.distorted(xy)
-        return np.asarray(np.concatenate([xy[:1], xy[1:] - xy[0]]))
