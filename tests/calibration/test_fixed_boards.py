@@ -1,0 +1,79 @@
+"""Boards that are fixed to each other: their places are unknowns of the same bundle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
+from rcdn.calibration.solver import solve
+from rcdn.geometry import rotation
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose
+
+
+def placed(turn, t):
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(np.array(turn, float)), t
+    return T
+
+
+def gap(T, U):
+    """The small motion (6,) after T that gives U."""
+    D = U @ np.linalg.inv(T)
+    return np.concatenate([Rotation.from_matrix(D[:3, :3]).as_rotvec(), D[:3, 3]])
+
+
+def three_boards(seed=0, frames=4):
+    """Two cameras and three boards fixed to each other, the first with a shape of one function; each frame shows all to
+    both."""
+    rng = np.random.default_rng(seed)
+    poses = np.array([random_pose(rng, spread=0.1, tilt=0.4, distance=(0.9, 1.2)) for _ in range(frames)])
+    rig = np.stack([np.eye(4), placed([0.02, -0.15, 0.05], [-0.12, 0.01, 0.03])])
+    boards = np.stack([np.eye(4), placed([0, 0.5, 0.1], [0.26, 0, -0.02]), placed([0.6, 0, 0], [0, -0.2, 0.05])])
+    shape = np.array([[0.001, -0.0005, 0.003]])
+    state = State((CAMERAS["brown"], CAMERAS["fisheye"]), poses, rig, shape, boards=boards)
+    ij, each = labels(), 54
+    frame = np.repeat(np.arange(frames), 6 * each)
+    camera = np.tile(np.repeat([0, 1], 3 * each), frames)
+    part = np.tile(np.repeat([0, 1, 2], each), 2 * frames)
+    board = np.tile(ij * SPACING, (6 * frames, 1))
+    bend = np.tile(1 - (ij[:, :1] / 4.0 - 1) ** 2, (6 * frames, 1)) * (part == 0)[:, None]
+    corners = Corners3(frame, camera, board, np.zeros((len(frame), 2)), bend, part)
+    xy = linearise(state, corners)[0]
+    return state, Corners3(frame, camera, board, xy + rng.normal(0, 0.2, xy.shape), bend, part)
+
+
+def test_derivatives_by_all_unknowns_are_those_of_differences():
+    state, corners = three_boards()
+    _, by_frame, by_shared = linearise(state, corners)
+    count = sum(state.counts)
+    assert count == 9 + 8 + 6 + 12 + 3
+
+    def slope(of_motion, of_shared):
+        ahead, behind = (linearise(state.moved(s * of_motion, s * of_shared), corners)[0] for s in (1e-6, -1e-6))
+        return (ahead - behind) / 2e-6
+
+    for k in range(6):
+        d = np.zeros((4, 6))
+        d[:, k] = 1
+        assert by_frame[:, :, k] == pytest.approx(slope(d, np.zeros(count)), rel=1e-5, abs=1e-3)
+    for k in range(count):
+        d = np.zeros(count)
+        d[k] = 1
+        assert by_shared[:, :, k] == pytest.approx(slope(np.zeros((4, 6)), d), rel=1e-5, abs=1e-3)
+    assert residuals(state, corners) == pytest.approx(corners.xy - linearise(state, corners)[0], abs=1e-12)
+
+
+def test_the_places_of_boards_come_back_from_a_start_that_is_off():
+    state, corners = three_boards(frames=8)
+    rng = np.random.default_rng(1)
+    shared = np.zeros(sum(state.counts))
+    shared[17:35] = rng.normal(0, 0.01, 18)
+    free = default_free(state, rig=True)
+    done = solve(state.moved(rng.normal(0, 0.01, (8, 6)), shared), corners, np.full(len(corners), 5.0), free)
+    assert done.state.boards[0] == pytest.approx(np.eye(4))
+    cov = done.arrow.covariance[23:35, 23:35]  # of the boards, after 17 numbers of lenses and 6 of the second camera
+    error = np.concatenate([gap(*both) for both in zip(done.state.boards[1:], state.boards[1:], strict=True)])
+    assert error @ np.linalg.solve(cov, error) < 12 + 4 * np.sqrt(24)
+    assert np.abs(error).max() < 0.01
