@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rcdn.calibration import calibrate_rig
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
 from rcdn.calibration.solver import solve
+from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation
-from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose
+from rcdn.types import Charuco
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_pose, see
+from rcdn_lab.rig_scenes import looking
 
 
 def placed(turn, t):
@@ -77,3 +83,54 @@ def test_the_places_of_boards_come_back_from_a_start_that_is_off():
     error = np.concatenate([gap(*both) for both in zip(done.state.boards[1:], state.boards[1:], strict=True)])
     assert error @ np.linalg.solve(cov, error) < 12 + 4 * np.sqrt(24)
     assert np.abs(error).max() < 0.01
+
+
+FRONT, BACK = Charuco(10, 7, "DICT_4X4_100", 0.75), Charuco(10, 7, "DICT_4X4_100", 0.75, first_id=40)
+T_FRONT_BACK = placed([0, np.pi, 0], [8 * SPACING, 0.01, 0.006])
+"""the back of a plate of 6 mm, printed 1 cm lower"""
+
+
+def plate(eyes, moments=30, seed=5, noise=0.1, away=T_FRONT_BACK, turns=0.35):
+    """What cameras at `eyes` see of a plate with a board on each side, moved about the origin; T_cam_world of each."""
+    rng = np.random.default_rng(seed)
+    places = {name: looking(np.array(eye, float), np.zeros(3)) for name, eye in eyes.items()}
+    views, when = {name: [] for name in eyes}, {name: [] for name in eyes}
+    upright = placed([-np.pi / 2, 0, 0], [0, 0, 0])  # the front towards −y of the world, its y axis downwards
+    middle = placed([0, 0, 0], [*-(np.array(SIZE) - 1) * SPACING / 2, 0])
+    for m in range(moments):
+        move = placed(rng.normal(0, turns, 3), rng.uniform(-0.08, 0.08, 3))
+        for name, T in places.items():
+            for target, T_front in ((FRONT, np.eye(4)), (BACK, away)):
+                pose = T @ move @ upright @ middle @ T_front
+                ij, xy = see(CAMERAS["brown"], pose)
+                if pose[:3, 2] @ pose[:3, 3] > 0.3 * np.linalg.norm(pose[:3, 3]) and len(ij) == 54:
+                    noisy = xy + rng.normal(0, noise, xy.shape)
+                    found = board(ij, noisy, (640, 480), np.full(len(xy), noise))
+                    views[name].append(replace(found, target=target, ids=target.ids(ij)))
+                    when[name].append(str(m))
+    return views, when, places
+
+
+def holds(found, places, first, second):
+    """A relative pose lies within its deviations and near the truth."""
+    T, cov = found.rig.relative(first, second)
+    error = gap(T, places[second] @ np.linalg.inv(places[first]))
+    assert error @ np.linalg.solve(cov, error) < 6 + 4 * np.sqrt(12)
+    assert np.linalg.norm(error[3:]) < 0.01
+
+
+def test_cameras_that_face_each_other_are_joined_by_the_two_sides_of_a_plate():
+    """Neither ever sees the other's board: both places follow from how the plate was turned."""
+    views, when, places = plate({"front": (0, -0.6, 0.05), "back": (0.05, 0.62, 0)})
+    assert {b.target for b in views["front"]}.isdisjoint({b.target for b in views["back"]})
+    found = calibrate_rig(views, SPACING, moments=when, model="brown", fixed_boards=True)
+    assert found.components == (("front", "back"),)
+    holds(found, places, "front", "back")
+    first, other = found.fixed_boards
+    assert first.T_first_board == pytest.approx(np.eye(4))
+    truth = T_FRONT_BACK if str(other.target) == str(BACK) else np.linalg.inv(T_FRONT_BACK)
+    error = gap(other.T_first_board, truth)
+    assert error @ np.linalg.solve(other.cov, error) < 6 + 4 * np.sqrt(12)
+    assert np.linalg.norm(error[3:]) < 0.002
+    with pytest.raises(CalibrationError, match="no two cameras"):
+        calibrate_rig(views, SPACING, moments=when, model="brown")

@@ -31,8 +31,9 @@ WORDS = (
     ),
     (
         "Distance from epipolar planes",
-        "A corner in one picture pins its partner in another one to a plane. Its distance from it, px, root mean square over both pictures; boards "
-        "and their shapes play no part. These corners were used to place the cameras, too.",
+        "A corner in one picture pins its partner in another one to a plane. Its distance from it, px, root mean square over both pictures, in "
+        "moments held out: for each fifth of them, lenses and places were solved for without it. Boards and their shapes play no part in the "
+        "distance.",
     ),
     ("Agree", "Boards that both cameras saw whole at one moment, and that lie where the others have them."),
     *page.WORDS,
@@ -95,7 +96,7 @@ def _subtitle(found: RigCalibration) -> str:
 def _summary(found: RigCalibration) -> str:
     gaps = [p.epipolar for p in found.pairs if np.isfinite(p.epipolar)]
     rows = (
-        f" Corners that two cameras saw lie within {pixels(max(gaps))} (RMS, the worst pair) of each other’s epipolar planes."
+        f" In moments held out, corners that two cameras saw lie within {pixels(max(gaps))} (RMS, the worst pair) of each other’s epipolar planes."
         if gaps
         else ""
     )
@@ -106,7 +107,7 @@ def _key_figures(found: RigCalibration, weakest: str) -> Html:
     gaps = [p.epipolar for p in found.pairs if np.isfinite(p.epipolar)]
     return sections.key_figures([
         ("RMS, all cameras", pixels(found.rms), ""),
-        ("Epipolar distance", pixels(float(np.median(gaps))) if gaps else "–", "median of the pairs"),
+        ("Epipolar distance", pixels(float(np.median(gaps))) if gaps else "–", "held out, median of the pairs"),
         ("Cameras connected", f"{len(found.rig)}", f"of {len(found.cameras)}"),
         ("Known least", weakest or "–", f"± {_millimetres(found, weakest)} mm" if weakest else ""),
         ("Boards", f"{len(found.boards)}", ""),
@@ -166,7 +167,7 @@ def _pairs(found: RigCalibration) -> Html:
         for p in order
     ]
     every = len(found.rig) * (len(found.rig) - 1) // 2
-    caption = f"{counted(len(rows), 'pair')} of {every} saw boards together; the worst first"
+    caption = f"{counted(len(rows), 'pair')} of {every} saw boards together, the worst first; epipolar distances are of moments that were held out"
     heads = ["pair", "shared boards", "agree", "RMS, px", "epipolar, px", "apart, mm", "± mm"]
     return _table(caption, heads, rows)
 
