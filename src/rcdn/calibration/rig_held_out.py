@@ -21,9 +21,7 @@ Matches = Mapping[tuple[int, int], tuple[Array, Array]]
 second"""
 
 
-def held_out_epipolar(
-    fit: robust.Fit, corners: Corners3, ij: Array, moment: Array
-) -> dict[tuple[int, int], float]:
+def held_out_epipolar(fit: robust.Fit, corners: Corners3, ij: Array, moment: Array) -> dict[tuple[int, int], float]:
     """Root mean square distance, px, of the used corners of each two cameras from their epipolar planes, by k-fold
     cross-validation over moments.
 

@@ -171,9 +171,7 @@ class Linear:
         return Normal(sums[:, :, :-1], flat.T @ flat + self.precision, (sums[:, :, -1], shared))
 
 
-def _whitened(
-    gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str
-) -> tuple[Array, Array, Array]:
+def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
     """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see."""
     gaps = gaps * weight[:, None]
     blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
