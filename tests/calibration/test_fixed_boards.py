@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import calibrate_rig
 from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
+from rcdn.calibration.hand_eye import hand_eye
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation
@@ -134,3 +135,74 @@ def test_cameras_that_face_each_other_are_joined_by_the_two_sides_of_a_plate():
     assert np.linalg.norm(error[3:]) < 0.002
     with pytest.raises(CalibrationError, match="no two cameras"):
         calibrate_rig(views, SPACING, moments=when, model="brown")
+
+
+def test_cameras_around_a_plate_are_joined_by_what_some_see_together():
+    """Four cameras around the plate: neighbours share a side from time to time."""
+    eyes = {"a": (-0.3, -0.6, 0), "b": (0.35, -0.55, 0.05), "c": (0.3, 0.6, 0), "d": (-0.35, 0.6, 0.05)}
+    views, when, places = plate(eyes)
+    found = calibrate_rig(views, SPACING, moments=when, model="brown", fixed_boards=True)
+    assert found.components == (("a", "b", "c", "d"),)
+    holds(found, places, "a", "c")
+    holds(found, places, "b", "d")
+    assert {key[1] for key in found.boards} == {b.target for b in found.fixed_boards}
+    view = next(v for v in found.cameras["c"].views if not v.reason)
+    moment = when["c"][found.cameras["c"].views.index(view)]
+    poses = [T for (m, _), T in found.boards.items() if m == moment]
+    T = found.rig.poses[2].T_cam_board
+    assert min(np.abs(T @ P - view.pose.T_cam_board).max() for P in poses) < 1e-9
+
+
+def test_boards_that_are_moved_one_by_one_are_not_taken_as_fixed():
+    """Each camera moves its own board: what they say of each other is by chance."""
+    eyes = {"front": (0, -0.6, 0.05), "beside": (0.3, -0.55, 0), "back": (0.05, 0.62, 0)}
+    views, when, _ = plate(eyes)
+    others, late, _ = plate(eyes, seed=9)
+    views, when = {**views, "back": others["back"]}, {**when, "back": late["back"]}
+    found = calibrate_rig(views, SPACING, moments=when, model="brown", fixed_boards=True)
+    assert found.rig.names == ("front", "beside")
+    assert found.components == (("front", "beside"), ("back",))
+
+
+def test_a_rig_that_moves_among_boards_on_the_walls():
+    """Each camera looks at a wall of its own and sees no other's board; the rig is turned and moved."""
+    rng = np.random.default_rng(4)
+    targets = [Charuco(10, 7, "DICT_4X4_250", 0.75, first_id=40 * k) for k in range(3)]
+    turns = (0.0, 1.2, -1.1)
+    walls = [placed([0, t, 0], 0.7 * np.array([np.sin(t), 0, np.cos(t)])) for t in turns]  # T_room_board's wall
+    middle = placed([0, 0, 0], [*-(np.array(SIZE) - 1) * SPACING / 2, 0])
+    cameras = {
+        f"c{k}": np.linalg.inv(placed([0.05 * k, t, 0], [0.05 * k, 0.02, 0.03 * k])) for k, t in enumerate(turns)
+    }
+    views, when = {n: [] for n in cameras}, {n: [] for n in cameras}
+    for m in range(30):
+        move = placed(rng.normal(0, 0.2, 3), rng.uniform(-0.12, 0.12, 3))
+        for name, T in cameras.items():
+            for target, wall in zip(targets, walls, strict=True):
+                pose = T @ move @ wall @ middle
+                ij, xy = see(CAMERAS["brown"], pose)
+                if pose[2, 3] > 0.2 and len(ij) == 54:
+                    found = board(ij, xy + rng.normal(0, 0.1, xy.shape), (640, 480), np.full(54, 0.1))
+                    views[name].append(replace(found, target=target, ids=target.ids(ij)))
+                    when[name].append(str(m))
+    found = calibrate_rig(views, SPACING, moments=when, model="brown", fixed_boards=True)
+    assert found.components == (("c0", "c1", "c2"),)
+    assert len({b.first for b in found.fixed_boards}) == 1
+    holds(found, cameras, "c0", "c1")
+    holds(found, cameras, "c1", "c2")
+
+
+def test_two_unknown_poses_come_from_turned_boards_and_not_from_turns_about_one_axis():
+    rng = np.random.default_rng(2)
+    Y, X = placed([0.3, 2.5, 0.1], [0.1, -0.2, 1.2]), placed([0, 3, 0.2], [0.2, 0, 0.01])
+    A = np.array([placed(rng.normal(0, 0.4, 3), rng.normal([0, 0, 0.6], 0.1)) for _ in range(12)])
+    B = Y @ A @ X
+    B[3, :3, 3] += 0.5  # of another moment
+    found = hand_eye(A, B, np.full(12, 0.6))
+    assert found is not None
+    assert found[0] == pytest.approx(Y, abs=1e-9)
+    assert found[1] == pytest.approx(X, abs=1e-9)
+    assert found[2] == 11
+    about_one = np.array([placed([0, a, 0], [0, 0, 0.6]) for a in rng.normal(0, 0.5, 12)])
+    assert hand_eye(about_one, Y @ about_one @ X, np.full(12, 0.6)) is None
+    assert hand_eye(A, rng.permutation(Y @ A @ X), np.full(12, 0.6)) is None

@@ -67,6 +67,7 @@ def report(
     parts = [
         ("rig", "Where the cameras stand", page.pair(rig_figure(found, weakest), _places(found, weakest, partner))),
         ("pairs", "Pair by pair", _pairs(found)),
+        *([("boards", "Boards fixed to each other", _boards(found))] if found.fixed_boards else []),
         ("numbers", "Each camera", _cameras(found)),
         (
             "sensor",
@@ -182,6 +183,23 @@ def _pair_cells(found: RigCalibration, p: RigPair) -> list[str]:
     # a small rotation of the second camera changes t by ω × t, which doesn't change its length
     spread = float("nan") if cov is None else float(np.sqrt(max(float(along @ cov[3:, 3:] @ along), 0.0)))
     return [str(p.shared), str(p.used), rms, gap, *value_and_std(1000 * far, 1000 * spread)]
+
+
+def _boards(found: RigCalibration) -> Html:
+    """The places of boards that are fixed to each other."""
+    rows, names = [], {b.target: b.name for b in found.fixed_boards}
+    for board in found.fixed_boards:
+        if board.target == board.first:
+            rows.append(_row(board.name, ["–"] * 6, "first"))
+            continue
+        spread = 1000 * np.sqrt(np.diag(board.cov)[3:])
+        cells = [value_and_std(v, s)[0] for v, s in zip(1000 * board.T_first_board[:3, 3], spread, strict=True)]
+        turn = np.degrees(np.arccos(np.clip((np.trace(board.T_first_board[:3, :3]) - 1) / 2, -1, 1)))
+        sure = float(np.degrees(np.sqrt(np.trace(board.cov[:3, :3]))))
+        cells += [number(float(np.sqrt((spread**2).sum())), 2), *value_and_std(float(turn), sure)]
+        rows.append(_row(f"{board.name}, to {names[board.first]}", cells))
+    caption = "Each board’s corner (0, 0) in the axes of the first board of its set, and how far it is turned, with standard deviations"
+    return _table(caption, ["board", "x, mm", "y, mm", "z, mm", "± mm", "turned, °", "± °"], rows)
 
 
 def _cameras(found: RigCalibration) -> Html:
