@@ -110,11 +110,8 @@ class _Poses:
                     T = matrix(self.cameras[c].views[k])
                     place = np.linalg.inv(T_c) @ T @ np.linalg.inv(boards[b])
                     views.setdefault(moment, []).append((place, float(np.linalg.norm(T[:3, 3]))))
-        T, reach = {}, {}
-        for moment, each in views.items():
-            T[moment] = _vote([t for t, _ in each], [r for _, r in each])[0]
-            reach[moment] = min(r for _, r in each)
-        return _Seen(T, reach)
+        agreed = {moment: _vote(*zip(*each, strict=True))[0] for moment, each in views.items()}
+        return _Seen(agreed, {moment: min(r for _, r in each) for moment, each in views.items()})
 
 
 def _vote(poses: Sequence[Array], reach: Sequence[float]) -> tuple[Array, int]:

@@ -99,8 +99,8 @@ def _pair(record: Any, where: str) -> RigPair:
 
 
 def _link(record: Any, where: str) -> MissingLink:
-    texts = (take(record, key, str, where) for key in ("first", "second", "first_picture", "second_picture"))
-    return MissingLink(*texts, take(record, "same_moment", bool, where))
+    texts = {key: take(record, key, str, where) for key in ("first", "second", "first_picture", "second_picture")}
+    return MissingLink(**texts, same_moment=take(record, "same_moment", bool, where))
 
 
 def _shift(record: Any, where: str) -> TimeShift:
