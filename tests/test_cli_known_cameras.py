@@ -110,9 +110,12 @@ def test_frames_beside_the_chosen_ones_are_looked_at():
 
 
 def test_a_rig_has_a_page(made):
-    result = run("--rig", "--camera", "lenses", "--report", "page.html")
+    result = run("--rig", "--camera", "lenses", "--report", "page.html", "--json", "all.json")
     assert result.exit_code == 0, result.output
     page = Path("page.html").read_text()
+    again = CliRunner().invoke(app, ["report", "all.json", "-o", "again.html"])
+    assert again.exit_code == 0, again.output
+    assert Path("again.html").read_text() == page
     for word in ("Who looks where", "Pair by pair", "epipolar, px", "left – right", "Lenses given", "data-look"):
         assert word in page
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Ellipse
 from rcdn.calibration import calibrate_rig
 from rcdn.types import Rig
 from rcdn_lab.camera_scenes import SIZE, SPACING
-from rcdn_lab.rigs import scenes
+from rcdn_lab.rigs import trials
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt  # after the choice of Agg
@@ -31,7 +31,8 @@ def centre_spread(rig: Rig, k: int) -> np.ndarray:
 
 def draw() -> None:
     """Cameras with their ellipses of three deviations, boards, and who saw how many boards together."""
-    scene, between = scenes()["row of 4"]
+    trial = trials()["row of 4"]
+    scene, between = trial.scene, trial.between
     boards, moments = scene.views(np.random.default_rng(0), between)
     found = calibrate_rig(boards, SPACING, moments=moments, model={n: c.model for n, c in scene.cameras.items()})
     rig = found.rig

@@ -100,6 +100,7 @@ class Problem:
     select: int | None = None
     cameras: tuple[Path, ...] = ()
     correct_time: bool = False
+    fixed_boards: bool = False
 
 
 def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:

@@ -18,7 +18,7 @@ from rcdn.terminal.spacing import metres
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered, Numbers
-    from rcdn.types import Array, Reason, RigCalibration, Verdict
+    from rcdn.types import Array, FixedBoard, Reason, RigCalibration, Verdict
 
 
 def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
@@ -51,6 +51,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         size=run.size,
         cameras=known,
         correct_time=problem.correct_time,
+        fixed_boards=problem.fixed_boards,
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
         talk.say(line)
@@ -114,7 +115,15 @@ def rig_lines(done: RigCalibration) -> list[str]:
         for name in done.corrected
         if done.shifts is not None
     ]
+    lines += [_board_line(b) for b in done.fixed_boards if b.target != b.first]
     return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
+
+
+def _board_line(board: FixedBoard) -> str:
+    import numpy as np
+
+    spread = 1000 * np.sqrt(np.trace(board.cov[3:, 3:]))
+    return f"  {board.name}: fixed at {_triple(board.T_first_board[:3, 3])} m ± {spread:.2g} mm of the first board"
 
 
 def _weakest(done: RigCalibration) -> list[str]:

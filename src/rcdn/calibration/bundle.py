@@ -25,20 +25,25 @@ coefficient that the corners do not determine stays 0"""
 class Corners3:
     """N corners: `frame` (N,) number of the board's pose and `camera` (N,) number of the camera that saw it; `board`
     (N, 2) on the nominal board, m; `xy` (N, 2) px; `basis` (N, B) values of the functions of the board's shape at each
-    corner (B may be 0: a perfect plane)."""
+    corner (B may be 0: a perfect plane); `part` (N,) number of its board among those fixed to each other (None: all
+    are of one board)."""
 
     frame: Array
     camera: Array
     board: Array
     xy: Array
     basis: Array
+    part: Array | None = None
 
     def __len__(self) -> int:
         return len(self.xy)
 
     def take(self, index: Any) -> Corners3:
         """The corners at `index`; frame numbers are unchanged."""
-        return Corners3(self.frame[index], self.camera[index], self.board[index], self.xy[index], self.basis[index])
+        part = None if self.part is None else self.part[index]
+        return Corners3(
+            self.frame[index], self.camera[index], self.board[index], self.xy[index], self.basis[index], part
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,27 +69,32 @@ class State:
     """All unknowns: `cameras`; `poses` (F, 4, 4) of the boards in the first camera; `rig` (C, 4, 4) takes the first
     camera's coordinates to those of each camera (the first: identity); `shape` (B, 3) m: displacement of a corner along
     the board's x, y and normal for each function of the corners' basis. `prior` of the shared parameters (default: that
-    of the lens models)."""
+    of the lens models). `boards` (B, 4, 4): of boards fixed to each other, takes each one's coordinates to those of the
+    first (the first: identity), whose poses are the frames'."""
 
     cameras: tuple[Camera, ...]
     poses: Array
     rig: Array
     shape: Array = field(default_factory=lambda: np.zeros((0, 3)))
     prior: Prior | None = None
+    boards: Array = field(default_factory=lambda: np.eye(4)[None])
 
     @classmethod
-    def mono(cls, camera: Camera, poses: Array, shape: Array | None = None) -> State:
+    def mono(cls, camera: Camera, poses: Array, shape: Array | None = None, boards: Array | None = None) -> State:
         """The state of one camera."""
-        return cls((camera,), poses, np.eye(4)[None], np.zeros((0, 3)) if shape is None else shape)
+        state = cls((camera,), poses, np.eye(4)[None], np.zeros((0, 3)) if shape is None else shape)
+        return state if boards is None else replace(state, boards=boards)
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Number of shared parameters of each camera, of the rig, and of the shape."""
-        return (*(len(c.parameters) for c in self.cameras), 6 * (len(self.cameras) - 1), self.shape.size)
+        """Number of shared parameters of each camera, of the places (of the other cameras, then of the other boards),
+        and of the shape."""
+        places = 6 * (len(self.cameras) + len(self.boards) - 2)
+        return (*(len(c.parameters) for c in self.cameras), places, self.shape.size)
 
     @property
     def values(self) -> Real[Array, " k"]:
-        """(K,) the shared parameters; those of the rig are small motions from its current poses, thus 0."""
+        """(K,) the shared parameters; places are small motions from the current ones, thus 0."""
         places = np.zeros(self.counts[-2])
         return np.concatenate([*(c.parameters for c in self.cameras), places, self.shape.ravel()])
 
@@ -98,11 +108,11 @@ class State:
         parameters."""
         *lenses, places, shape = np.split(shared, np.cumsum(self.counts)[:-1])
         cameras = tuple(c.with_parameters(c.parameters + d) for c, d in zip(self.cameras, lenses, strict=True))
-        rig = self.rig.copy()
-        rig[1:] = _move(rig[1:], places.reshape(-1, 6))
-        return replace(
-            self, cameras=cameras, poses=_move(self.poses, by_frame), rig=rig, shape=self.shape + shape.reshape(-1, 3)
-        )
+        motions, others = places.reshape(-1, 6), len(self.cameras) - 1
+        rig, boards = self.rig.copy(), self.boards.copy()
+        rig[1:], boards[1:] = _move(rig[1:], motions[:others]), _move(boards[1:], motions[others:])
+        poses, shape = _move(self.poses, by_frame), self.shape + shape.reshape(-1, 3)
+        return replace(self, cameras=cameras, poses=poses, rig=rig, shape=shape, boards=boards)
 
 
 FIRM = 1e10
@@ -148,45 +158,95 @@ def _move(T: Array, motions: Array) -> Real[Array, "f 4 4"]:
 
 def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
     """(N, 2) observed − projected, px; NaN where the camera cannot see the corner."""
-    points, xy = _placed(state, corners)[1], np.full((len(corners), 2), np.nan)
+    points, xy = _placed(state, corners)[2], np.full((len(corners), 2), np.nan)
     for c, camera in enumerate(state.cameras):
         of = np.flatnonzero(corners.camera == c)
         xy[of] = project(camera, points[of])
     return np.asarray(corners.xy - xy)
 
 
-def _placed(state: State, corners: Corners3) -> tuple[Array, Array]:
-    """(N, 3) the corners in the first camera's coordinates, and in those of the camera that saw each."""
+def on_first_board(state: State, corners: Corners3) -> Real[Array, "n 3"]:
+    """(N, 3) m: the corners in the coordinates of the first of the boards that are fixed to each other, including the
+    boards' shape."""
     shape = corners.basis[:, : len(state.shape)] @ state.shape
     board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
+    if corners.part is None or len(state.boards) == 1:
+        return np.asarray(board)
+    T = state.boards[corners.part]
+    return np.asarray((T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3])
+
+
+def middles(state: State, corners: Corners3) -> Real[Array, "f 3"]:
+    """(F, 3) m: mean nominal position of each frame's corners, in the coordinates of the first board; zero without
+    corners."""
+    points, frames = on_first_board(replace(state, shape=np.zeros((0, 3))), corners), len(state.poses)
+    sums = np.stack([np.bincount(corners.frame, points[:, i], frames) for i in range(3)], axis=1)
+    return np.asarray(sums / np.maximum(np.bincount(corners.frame, minlength=frames), 1)[:, None])
+
+
+def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
+    """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and in those of the
+    camera that saw each."""
+    board = on_first_board(state, corners)
     T, rig = state.poses[corners.frame], state.rig[corners.camera]
     first = (T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3]
-    return first, (rig[:, :3, :3] @ first[:, :, None])[..., 0] + rig[:, :3, 3]
+    return board, first, (rig[:, :3, :3] @ first[:, :, None])[..., 0] + rig[:, :3, 3]
 
 
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """Projections (N, 2), px, and their Jacobians with respect to the frames' motions (N, 2, 6) and to the shared
     parameters (N, 2, K)."""
-    T, cam, offsets = state.poses[corners.frame], corners.camera, np.cumsum([0, *state.counts])
-    first, points = _placed(state, corners)
-    by_motion = _motion_jacobian(first)
+    if len(state.cameras) == 1:
+        return linearise_one(state, corners, 0)
     xy, by_frame = np.full((len(corners), 2), np.nan), np.zeros((len(corners), 2, 6))
-    shared = np.zeros((len(corners), 2, offsets[-1]))
-    for c, camera in enumerate(state.cameras):
-        of = np.flatnonzero(cam == c)
-        xy[of], by_point, shared[of, :, offsets[c] : offsets[c + 1]] = project_with_jacobian(camera, points[of])
-        in_first = by_point @ state.rig[c, :3, :3]
-        by_frame[of] = in_first @ by_motion[of]
-        if c:
-            at = offsets[-3] + 6 * (c - 1)
-            shared[of, :, at : at + 6] = by_point @ _motion_jacobian(points[of])
-        if len(state.shape):
-            by_board = in_first @ T[of, :3, :3]
-            functions = corners.basis[of, : len(state.shape)]
-            shared[of, :, offsets[-2] :] = (functions[:, None, :, None] * by_board[:, :, None, :]).reshape(
-                len(of), 2, state.shape.size
-            )
+    shared = np.zeros((len(corners), 2, sum(state.counts)))
+    for c in range(len(state.cameras)):
+        of = np.flatnonzero(corners.camera == c)
+        xy[of], by_frame[of], own = linearise_one(state, corners.take(of), c)
+        shared[of[:, None, None], np.arange(2)[:, None], np.flatnonzero(told_by(state, c))] = own
     return xy, by_frame, shared
+
+
+def told_by(state: State, camera: int) -> Array:
+    """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place, and the boards' places
+    and shape."""
+    lenses, others = state.counts[:-2], 6 * (len(state.cameras) - 1)
+    out = np.zeros(sum(state.counts), bool)
+    at = sum(lenses[:camera])
+    out[at : at + lenses[camera]] = True
+    if camera:
+        at = sum(lenses) + 6 * (camera - 1)
+        out[at : at + 6] = True
+    out[sum(lenses) + others :] = True
+    return out
+
+
+def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, Array, Array]:
+    """As `linearise`, for corners of one camera: with respect to the shared parameters `told_by` it only."""
+    board, first, points = _placed(state, corners)
+    xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
+    in_first = by_point @ state.rig[camera, :3, :3]
+    by_board = in_first @ state.poses[corners.frame, :3, :3]
+    parts = [by_lens]
+    if camera:
+        parts.append(by_point @ _motion_jacobian(points))
+    if corners.part is not None and len(state.boards) > 1:
+        parts.append(_by_places(corners.part, len(state.boards), by_board @ _motion_jacobian(board)))
+        by_board = by_board @ state.boards[corners.part, :3, :3]
+    if len(state.shape):
+        functions = corners.basis[:, : len(state.shape)]
+        by_shape = functions[:, None, :, None] * by_board[:, :, None, :]
+        parts.append(by_shape.reshape(len(corners), 2, state.shape.size))
+    shared = np.concatenate(parts, axis=2) if len(parts) > 1 else by_lens
+    return xy, in_first @ _motion_jacobian(first), shared
+
+
+def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Real[Array, "n 2 k"]:
+    """(N, 2, 6 (B − 1)) derivatives by the places of all boards but the first, of those `by_motion` (N, 2, 6) of each
+    corner's own board, number `part` (N,)."""
+    out = np.zeros((len(part), 2, boards, 6))
+    out[np.arange(len(part)), :, part] = by_motion
+    return out[:, :, 1:].reshape(len(part), 2, 6 * (boards - 1))
 
 
 def _motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
@@ -198,7 +258,7 @@ def _motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
 
 
 def default_free(state: State, shape: bool = False, lens: bool = True, rig: bool = False) -> Array:
-    """(K,) bool, which shared parameters are unknown: those of the cameras (`lens`), their relative poses (`rig`), the
-    board's `shape`."""
+    """(K,) bool, which shared parameters are unknown: those of the cameras (`lens`), the places of the other cameras and
+    boards (`rig`), the board's `shape`."""
     *cameras, places, bends = state.counts
     return np.concatenate([np.full(sum(cameras), lens), np.full(places, rig), np.full(bends, shape)])

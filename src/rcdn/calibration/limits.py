@@ -191,6 +191,10 @@ RIG_LIMITS = {
     "thin": Limit(
         "Cameras that hang on one board", "", 0, 0, NEVER, "A single wrong view would move the camera, and nothing would tell.",
     ),
+    "fixed_boards": Limit(
+        "Parts of the boards that keep no place to each other", "", 1, NEVER, NEVER,
+        "Boards that are fixed to each other agree on it in every moment; what can't be placed is solved for as a board of its own.",
+    ),
     "rig_rms": Limit("Reprojection error of all cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True),
     "time_shift": Limit(
         "Cameras that are out of step", "", 0, 0, NEVER, "A board that moves is then at different places for different cameras."

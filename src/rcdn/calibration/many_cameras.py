@@ -15,10 +15,12 @@ from rcdn.calibration.arguments import check_boards
 from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.fixed_boards import FixedBoards, in_sets, placed_boards
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
+from rcdn.calibration.rig_held_out import held_out_epipolar
 from rcdn.calibration.rig_start import Edge, Key, averaged, components_of, edges_of, tree, turned
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.shape import board_shape
@@ -26,7 +28,7 @@ from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, Rig, RigCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
 
 PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
 ODD = "it disagrees with the other cameras on where the board is"
@@ -42,6 +44,7 @@ def calibrate_rig(
     size: Size | None = None,
     cameras: Mapping[str, Camera] | None = None,
     correct_time: bool = False,
+    fixed_boards: bool = False,
 ) -> RigCalibration:
     """Calibrate cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board must
     be seen by all.
@@ -51,7 +54,9 @@ def calibrate_rig(
     board (default: the k-th boards of all cameras belong together). `names` of the boards' images. `model`: of all
     cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
     enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
-    moments that end in numbers count frames by them. All else as in `calibrate`; the first camera of the largest
+    moments that end in numbers count frames by them. `fixed_boards`: the different boards are fixed to each other (on
+    both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also connected
+    by different boards at one moment. All else as in `calibrate`; the first camera of the largest
     connected component defines the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
@@ -86,6 +91,8 @@ def calibrate_rig(
     )
     sights = [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
     edges = edges_of(alone, sights)
+    fixed = _fixed(fixed_boards, alone, sights, edges)
+    edges = [*edges, *fixed.edges]
     parts = components_of(len(order), edges)
     main = parts[0]
     if len(main) < 2:
@@ -98,13 +105,22 @@ def calibrate_rig(
     places = averaged(tree(main, edges), edges)
     places = {c: places[c] for c in main}
     fits = turned(places, alone, sights)
-    task = RigTask.of(main, alone, sights, fits, [when[name] for name in order], [order[c] in given for c in main])
+    fixed = fixed.only({key[1] for key in fits.boards})
+    fits = in_sets(fits, fixed, places, sights)
+    held = [order[c] in given for c in main]
+    task = RigTask.of(main, alone, sights, fits, [when[name] for name in order], held, fixed)
     state = task.start(alone, places)
     spaced = alone[task.shape].spacing
     fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
     time = times_of(m for name in order for m in when[name])
     done = in_step(task, fit, time, correct_time, spaced)
     return _result(task, done, order, alone, parts, edges, when, sights, tuple(n for n in order if n in given))
+
+
+def _fixed(
+    fixed: bool, alone: Sequence[Calibration], sights: Sequence[Mapping[Key, int]], edges: Sequence[Edge]
+) -> FixedBoards:
+    return placed_boards(alone, sights, edges) if fixed else FixedBoards()
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
@@ -226,32 +242,48 @@ def _result(
         J = _to_camera(rig, local, lenses, len(cov))
         done[c] = _one(task, step, alone[c], local, c, shape, J @ cov @ J.T)
     seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
-    boards = {key: fit.state.poses[f] for f, key in enumerate(task.keys) if key is not None and not fit.reasons[f]}
+    boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
     found = RigCalibration(
         rig=rig,
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
         rms=float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean())),
-        pairs=pairs_of(rig, order, _at_their_moments(task, step, done), sights),
+        pairs=pairs_of(order, done, sights, _epipolar(task, step, names)),
         components=tuple(tuple(order[c] for c in part) for part in parts),
         links=links_of(order, done, parts, when),
         thin=tuple(order[c] for c in main if len(_shared(c, edges)) == 1),
         shifts=by_name(step.shifts, names),
         corrected=tuple(names[c] for c in step.late),
         given=given,
+        fixed_boards=_boards(task, fit, alone, cov[places.stop :, places.stop :]),
     )
     return judged_rig(found)
 
 
-def _at_their_moments(task: RigTask, step: InStep, cameras: Sequence[Calibration]) -> list[Calibration]:
-    """`cameras` with the corners of the corrected cameras at their positions without the time shift."""
-    out = list(cameras)
-    for c in {c for c, _ in step.taken}:
-        views = list(out[c].views)
-        for k in (k for b, k in step.taken if b == c):
-            views[k] = replace(views[k], xy=step.corners.xy[task.rows[c, k]])
-        out[c] = replace(out[c], views=tuple(views))
-    return out
+def _boards(task: RigTask, fit: robust.Fit, alone: Sequence[Calibration], cov: Array) -> tuple[FixedBoard, ...]:
+    """The boards that are fixed to each other. `cov`: of the parameters from their places on."""
+    targets = {key[1]: alone[c].views[k].target for c in task.cameras for key, k in task.sights[c].items()}
+    found, at = [], 0
+    for each in task.fixed.sets:
+        for board in each:
+            first = next(iter(each))
+            if board == first:
+                found.append(FixedBoard(board, _named(targets[board]), first, np.eye(4), np.zeros((6, 6))))
+                continue
+            T, mine = fit.state.boards[1 + at], slice(6 * at, 6 * at + 6)
+            found.append(FixedBoard(board, _named(targets[board]), first, T, cov[mine, mine]))
+            at += 1
+    return tuple(found)
+
+
+def _named(target: object) -> str:
+    return "plain" if target is None else str(target)
+
+
+def _epipolar(task: RigTask, step: InStep, names: Sequence[str]) -> dict[tuple[str, str], float]:
+    """By two cameras, the distance of their corners from epipolar planes in held-out moments, px."""
+    found = held_out_epipolar(step.fit, step.corners, task.ij, task.cluster)
+    return {(names[a], names[b]): gap for (a, b), gap in found.items()}
 
 
 def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
@@ -295,7 +327,7 @@ def _one(
             replace(
                 view,
                 ij=task.ij[rows],
-                pose=Pose(step.taken.get((c, k), fit.state.rig[local] @ fit.state.poses[f])),
+                pose=Pose(step.taken.get((c, k), fit.state.rig[local] @ task.pose(fit.state, c, k))),
                 residuals=fit.residuals[rows],
                 used=fit.used[rows],
                 reason=fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD),

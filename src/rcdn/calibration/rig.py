@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError, many, present
@@ -34,51 +33,62 @@ def place(
     disagree, the error says whether they would agree if the right images were shifted against the left ones. Raises
     CalibrationError if no hypothesis has the support of half of the pairs.
     """
-    best, most = most_agreed(first, second, pairs)
+    told = hypotheses(first, second, pairs)
+    best, most = told.most_agreed()
     if 2 * most < len(pairs) or most < FEWEST_PAIRS:
         raise CalibrationError(_disagree(first, second, pairs, most, pairs if given is None else given))
-    turned, odd = {}, []
-    for pair in pairs:
-        gap, turn = nearest(best, hypothesis(first, second, pair))
-        if gap <= 1:
-            turned[pair[1]] = turn
-        else:
-            odd.append(pair)
-    return best, turned, odd
+    gaps, turns = told.nearest(best)
+    turned = {b: int(q) for (_, b), gap, q in zip(pairs, gaps, turns, strict=True) if gap <= 1}
+    return best, turned, [pair for pair, gap in zip(pairs, gaps, strict=True) if gap > 1]
 
 
 @dataclass(frozen=True, eq=False)
-class _Hypothesis:
-    """The hypotheses of one pair on the relative pose: `places` (turn of the right board, T_right_left), and the
-    board's distance `reach`, m."""
+class Hypotheses:
+    """What pairs of views say of a relative pose: `T` (P, Q, 4, 4) for each pair and turn of the board, the quarters of
+    each `turn` (Q,), and the boards' distances `reach` (P,), m."""
 
-    places: list[tuple[int, Array]]
-    reach: float
+    T: Array
+    turn: tuple[int, ...]
+    reach: Array
+
+    def __len__(self) -> int:
+        return len(self.T)
+
+    def gaps(self, T: Real[Array, "4 4"]) -> Real[Array, "p q"]:
+        """(P, Q) distances from the pose T, 1 at the limit of agreement."""
+        cosine = (np.einsum("pqij,ij->pq", self.T[:, :, :3, :3], T[:3, :3]) - 1) / 2
+        turn = np.arccos(np.clip(cosine, -1, 1)) / AGREE[0]
+        shift = np.linalg.norm(self.T[:, :, :3, 3] - T[:3, 3], axis=2) / (AGREE[1] * self.reach[:, None])
+        return np.maximum(turn, shift)
+
+    def nearest(self, T: Real[Array, "4 4"]) -> tuple[Array, Array]:
+        """(P,) the smallest of each pair's distances from the pose T, and the turn that attains it."""
+        gaps = self.gaps(T)
+        best = np.argmin(gaps, axis=1)
+        return gaps[np.arange(len(gaps)), best], np.array(self.turn)[best]
+
+    def most_agreed(self) -> tuple[Array, int]:
+        """The pose, among those of all pairs, with the most support, and the number of pairs that support it."""
+        best, most = self.T[0, 0], -1
+        for T in self.T.reshape(-1, 4, 4):
+            votes = int((self.gaps(T).min(axis=1) <= 1).sum())
+            if votes > most:
+                best, most = T, votes
+        return best, most
 
 
-def hypothesis(first: Calibration, second: Calibration, pair: tuple[int, int]) -> _Hypothesis:
-    left, right = first.views[pair[0]], second.views[pair[1]]
-    back = np.linalg.inv(matrix(left))
-    places = [(q, _pose(right, q, second) @ back) for q in _turns(first)]
-    return _Hypothesis(places, float(np.linalg.norm(matrix(left)[:3, 3])))
-
-
-def nearest(T: Array, told: _Hypothesis) -> tuple[float, int]:
-    """The smallest distance of a pair's hypotheses from T, 1 at the limit of agreement, and the turn of the one that
-    attains it."""
-    return min((_gap(T, U, told.reach), q) for q, U in told.places)
+def hypotheses(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> Hypotheses:
+    """T_right_left by each of the pairs (index of the left view, index of the right view)."""
+    left = np.array([matrix(first.views[a]) for a, _ in pairs])
+    right, turns = np.array([matrix(second.views[b]) for _, b in pairs]), _turns(first)
+    undo = np.array([_undo(q, second) for q in turns])
+    T = right[:, None] @ undo[None] @ np.linalg.inv(left)[:, None]
+    return Hypotheses(T, turns, np.linalg.norm(left[:, :3, 3], axis=1))
 
 
 def most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
     """The hypothesis, among those of all pairs, with the most support, and the number of pairs that support it."""
-    told = [hypothesis(first, second, pair) for pair in pairs]
-    best, most = told[0].places[0][1], -1
-    for each in told:
-        for _, T in each.places:
-            votes = sum(nearest(T, other)[0] <= 1 for other in told)
-            if votes > most:
-                best, most = T, votes
-    return best, most
+    return hypotheses(first, second, pairs).most_agreed()
 
 
 def _disagree(
@@ -143,8 +153,8 @@ def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[i
         T = flip @ matrix(second.views[b]) @ undo  # reverses the x axes of camera and board
         T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])
         found.append(T @ np.linalg.inv(matrix(first.views[a])))
-    reach = [float(np.linalg.norm(matrix(first.views[a])[:3, 3])) for a, _ in pairs]
-    return max(sum(_gap(T, U, r) <= 1 for U, r in zip(found, reach, strict=True)) for T in found)
+    reach = np.array([np.linalg.norm(matrix(first.views[a])[:3, 3]) for a, _ in pairs])
+    return Hypotheses(np.array(found)[:, None], (0,), reach).most_agreed()[1]
 
 
 def matrix(view: BoardView) -> Array:
@@ -156,17 +166,13 @@ def _turns(calibration: Calibration) -> tuple[int, ...]:
     return {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}[calibration.orientation or "unique"]
 
 
-def _pose(view: BoardView, turn: int, calibration: Calibration) -> Real[Array, "4 4"]:
-    """The pose (4, 4) of the view's board if its labels are turned by `turn` quarters."""
+def _undo(turn: int, calibration: Calibration) -> Real[Array, "4 4"]:
+    """(4, 4) takes coordinates of a board whose labels were turned by `turn` quarters to those of its own labels."""
+    undo = np.eye(4)
+    if not turn:
+        return undo
     size = present(calibration.size, "Calibration.size")
     corners = np.array([[0.0, 0], [1, 0], [0, 1]])
     back = turn_labels(corners, size if turn % 2 == 0 else size[::-1], -turn % 4)
-    undo = np.eye(4)  # from coordinates of the turned labels to those of the view
     undo[:2, 0], undo[:2, 1], undo[:2, 3] = back[1] - back[0], back[2] - back[0], back[0] * calibration.spacing
-    return np.asarray(matrix(view) @ undo)
-
-
-def _gap(T: Array, U: Array, reach: float) -> float:
-    """Distance of two relative poses, in units of the limit of agreement."""
-    turn = Rotation.from_matrix(T[:3, :3] @ U[:3, :3].T).magnitude()
-    return float(max(turn / AGREE[0], np.linalg.norm(T[:3, 3] - U[:3, 3]) / (AGREE[1] * reach)))
+    return undo

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged
-from rcdn.calibration.epipolar import both_used, epipolar_gaps
 from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.rig_start import Key
@@ -19,7 +18,6 @@ from rcdn.types import (
     Calibration,
     MissingLink,
     Reason,
-    Rig,
     RigCalibration,
     RigPair,
     TimeShift,
@@ -27,9 +25,13 @@ from rcdn.types import (
 
 
 def pairs_of(
-    rig: Rig, order: Sequence[str], cameras: Sequence[Calibration], sights: Sequence[Mapping[Key, int]]
+    order: Sequence[str],
+    cameras: Sequence[Calibration],
+    sights: Sequence[Mapping[Key, int]],
+    epipolar: Mapping[tuple[str, str], float],
 ) -> tuple[RigPair, ...]:
-    """All pairs of cameras that saw boards together."""
+    """All pairs of cameras that saw boards together. `epipolar`: their distances from epipolar planes, px, as far as
+    known."""
     out = []
     for a in range(len(order)):
         for b in range(a + 1, len(order)):
@@ -37,23 +39,9 @@ def pairs_of(
             views = [(cameras[a].views[k], cameras[b].views[m]) for k, m in shared]
             good = [v for pair in views for v in pair if not pair[0].reason and not pair[1].reason]
             if shared:
-                gap = _epipolar(rig, order[a], order[b], good)
+                gap = epipolar.get((order[a], order[b]), float("nan"))
                 out.append(RigPair(order[a], order[b], len(shared), len(good) // 2, _rms(good), gap))
     return tuple(out)
-
-
-def _epipolar(rig: Rig, a: str, b: str, views: Sequence[BoardView]) -> float:
-    """RMS distance px of the used corners that both cameras saw from their epipolar planes; `views`: of a and b
-    alternately."""
-    if not {a, b} <= set(rig.names) or not views:
-        return float("nan")
-    first, second = views[::2], views[1::2]
-    matches = [both_used(v, w) for v, w in zip(first, second, strict=True)]
-    xy = np.concatenate([v.xy[k] for v, (k, _) in zip(first, matches, strict=True)])
-    other = np.concatenate([w.xy[k] for w, (_, k) in zip(second, matches, strict=True)])
-    gaps = epipolar_gaps(rig.cameras[rig.index(a)], rig.cameras[rig.index(b)], rig.relative(a, b)[0], xy, other)
-    gaps = gaps[np.isfinite(gaps)]
-    return float(np.sqrt((gaps**2).mean())) if len(gaps) else float("nan")
 
 
 def least_known(found: RigCalibration) -> tuple[str, str] | None:
@@ -146,7 +134,23 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
             f"Out of step: {_lateness(late)}.",
             "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
         ),
+        *_of_boards(found),
     ]  # fmt: skip
+
+
+def _of_boards(found: RigCalibration) -> list[Reason]:
+    """Whether boards that are said to be fixed to each other are."""
+    sets: dict[int, list[str]] = {}
+    for board in found.fixed_boards:
+        sets.setdefault(board.first, []).append(board.name)
+    parts = " – ".join(", ".join(names) for names in sets.values())
+    return [
+        reason(
+            "fixed_boards", len(sets), "The boards keep their places to each other.",
+            f"Only these boards keep their places to each other: {parts}.",
+            "Show boards of different parts at one moment, turned to several sides; or leave --fixed-boards out if they were moved.",
+        )
+    ] if sets else []  # fmt: skip
 
 
 def _lateness(shifts: Mapping[str, TimeShift]) -> str:

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration.rig import hypothesis, matrix, most_agreed, nearest
+from rcdn.calibration.rig import hypotheses, matrix, most_agreed
 from rcdn.geometry import rotation
 from rcdn.types import Array, Calibration
 from rcdn.types.arrays import Real
@@ -162,5 +162,7 @@ def _told(
 ) -> tuple[float, int]:
     """Distance of camera b's view of a board from camera a's, 1 at the limit of agreement, and the turn of b's
     labels."""
-    T = places[b] @ np.linalg.inv(places[a])
-    return nearest(T, hypothesis(cameras[a], cameras[b], (sights[a][key], sights[b][key])))
+    gap, turn = hypotheses(cameras[a], cameras[b], [(sights[a][key], sights[b][key])]).nearest(
+        places[b] @ np.linalg.inv(places[a])
+    )
+    return float(gap[0]), int(turn[0])

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.calibration.board_points import flat_points, has_shape, plane_of
 from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.fixed_boards import FixedBoards
 from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_fit import Joint
@@ -19,9 +20,10 @@ from rcdn.types import Array, Calibration
 
 @dataclass(frozen=True, eq=False)
 class RigTask:
-    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, each
-    with its entry of `keys` (None: the partial view of a single camera); `rows`: (camera, view) → rows of the corners,
-    with labels `ij`; `cluster` (F,): moments; `known`: for each camera, whether its lens is held constant."""
+    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, or sets
+    of boards that are `fixed` to each other, each with its entry of `keys` (None: the partial view of a single camera);
+    `boards`: for each board its frame; `rows`: (camera, view) → rows of the corners, with labels `ij`; `cluster` (F,):
+    moments; `known`: for each camera, whether its lens is held constant."""
 
     cameras: list[int]
     keys: list[Key | None]
@@ -34,6 +36,9 @@ class RigTask:
     turned: Turned
     shape: int
     known: list[bool]
+    sights: Sequence[Mapping[Key, int]]
+    fixed: FixedBoards
+    boards: dict[Key, int]
 
     @classmethod
     def of(
@@ -44,15 +49,18 @@ class RigTask:
         fits: Turned,
         when: Sequence[Sequence[str]],
         held: list[bool],
+        fixed: FixedBoards,
     ) -> RigTask:
-        """All views of the cameras `main` except the odd ones."""
+        """All views of the cameras `main` except the odd ones; `fits` are of boards, or of sets of them (`in_sets`)."""
         shaped = max(main, key=lambda c: (alone[c].shape is not None, len(alone[c].used_views)))
         odd, frame_of = set(fits.odd), {key: f for f, key in enumerate(fits.boards)}
         owner = {(c, k): key for c in main for key, k in sights[c].items()}
         keys: list[Key | None] = list(fits.boards)
         firsts: list[tuple[Key | None, int, int]] = [(key, -1, -1) for key in fits.boards]
         moments = [key[0] for key in fits.boards]
-        frame, camera, ij, flat, known, xy, sigma, rows, at = [], [], [], [], [], [], [], {}, 0
+        parts = {board: 1 + k for k, board in enumerate(fixed.others)}
+        frame, camera, ij, flat, known, xy, sigma, part, rows, at = [], [], [], [], [], [], [], [], {}, 0
+        boards: dict[Key, int] = {}
         for local, c in enumerate(main):
             for k, view in enumerate(alone[c].views):
                 if view.reason or view.pose is None or (c, k) in odd:
@@ -64,7 +72,7 @@ class RigTask:
                     firsts.append((None, c, k))
                     moments.append(when[c][k])
                 else:
-                    f = frame_of[key]
+                    f = boards[key] = frame_of[key[0], fixed.first_of(key[1])]
                 turn = fits.turns.get((c, k), 0)
                 labels = turn_labels(view.ij, alone[c].size or (1, 1), turn) if turn else view.ij
                 frame.append(np.full(len(view), f))
@@ -74,15 +82,24 @@ class RigTask:
                 known.append(np.full(len(view), has_shape(alone[shaped], view)))
                 xy.append(view.xy)
                 sigma.append(np.nan_to_num(view.sigma))
+                part.append(np.full(len(view), 0 if key is None else parts.get(key[1], 0)))
                 rows[c, k] = np.arange(at, at + len(view))
                 at += len(view)
         joint, board, settled = np.concatenate(ij), np.concatenate(flat), np.concatenate(known)
         basis = np.zeros((len(joint), len(FUNCTIONS)))
         if settled.any():
             basis[settled] = shape_basis(joint[settled], alone[shaped].size or (1, 1), plane_of(alone[shaped]))
-        corners = Corners3(np.concatenate(frame), np.concatenate(camera), board, np.concatenate(xy), basis)
+        corners = Corners3(
+            np.concatenate(frame),
+            np.concatenate(camera),
+            board,
+            np.concatenate(xy),
+            basis,
+            np.concatenate(part) if parts else None,
+        )
         cluster = np.unique(np.array(moments), return_inverse=True)[1]
-        return cls(main, keys, firsts, corners, np.concatenate(sigma), joint, rows, cluster, fits, shaped, held)
+        sigmas = np.concatenate(sigma)
+        return cls(main, keys, firsts, corners, sigmas, joint, rows, cluster, fits, shaped, held, sights, fixed, boards)
 
     def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
         """Initial guess: boards and cameras at the poses of the graph."""
@@ -94,7 +111,19 @@ class RigTask:
             tuple(alone[c].camera for c in self.cameras),
             np.array(poses),
             np.stack([places[c] for c in self.cameras]),
+            boards=np.stack([np.eye(4), *(self.fixed.place_of(b) for b in self.fixed.others)]),
         )
+
+    def pose(self, state: State, camera: int, view: int) -> Array:
+        """T_rig_board (4, 4) of the board of a view, by a solution."""
+        row = self.rows[camera, view][0]
+        part = 0 if self.corners.part is None else self.corners.part[row]
+        return np.asarray(state.poses[self.corners.frame[row]] @ state.boards[part])
+
+    def poses_of(self, state: State) -> dict[Key, Array]:
+        """T_rig_board (4, 4) of each board that has a name, by a solution."""
+        parts = {board: 1 + k for k, board in enumerate(self.fixed.others)}
+        return {key: state.poses[f] @ state.boards[parts.get(key[1], 0)] for key, f in self.boards.items()}
 
     @property
     def joint(self) -> Joint:

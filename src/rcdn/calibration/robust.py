@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
 from rcdn.calibration.shape import Spread, likelier, with_spread
 from rcdn.calibration.solver import BEHIND, Arrow, solve
 from rcdn.calibration.start import Seen
@@ -127,15 +127,20 @@ def _medians(gaps: Real[Array, "n 2"], frame: Array, frames: int) -> Real[Array,
     """(F,) median length of each frame's `gaps` (N, 2), px; infinite where the camera cannot see most corners, 0
     without corners."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
-    return np.array([np.median(far[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
+    return np.array([np.median(far[rows]) if len(rows) else 0.0 for rows in _rows(frame, frames)])
+
+
+def _rows(frame: Array, frames: int) -> list[Array]:
+    """For each of the frames, its corners."""
+    return np.split(np.argsort(frame, kind="stable"), np.cumsum(np.bincount(frame, minlength=frames))[:-1])
 
 
 def _flipped(state: State, corners: Corners3, frames: Array) -> State:
     """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' centres."""
-    poses = state.poses.copy()
+    poses, places = state.poses.copy(), middles(state, corners)
     for f in frames:
         R, t = poses[f, :3, :3], poses[f, :3, 3]
-        middle = R[:, :2] @ corners.board[corners.frame == f].mean(axis=0) + t
+        middle = R @ places[f] + t
         sight, normal = middle / np.linalg.norm(middle), R[:, 2]
         axis = np.cross(normal, sight)
         # rotation by twice the angle between them
@@ -216,18 +221,18 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
     """
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     px = _medians(gaps, frame, frames)
-    stated = np.array([np.median(sigma[frame == f]) if (frame == f).any() else 0.0 for f in range(frames)])
+    rows = _rows(frame, frames)
+    stated = np.array([np.median(sigma[mine]) if len(mine) else 0.0 for mine in rows])
     beyond = np.sqrt(np.maximum(np.minimum(px, BEHIND) ** 2 / MEDIAN - stated**2, 0.0))
     own = np.clip(beyond, noise, CROOKED * noise)
     good = far * _weights(own[frame], sigma) < GATE
     miss = far * _weights(noise, sigma)
     reasons = [""] * frames
-    for f in range(frames):
-        mine = frame == f
-        share = 1 - float(good[mine].mean()) if mine.any() else 1.0
+    for f, mine in enumerate(rows):
+        share = 1 - float(good[mine].mean()) if len(mine) else 1.0
         if not np.isfinite(px[f]):
             reasons[f] = "no pose fits its corners"
-        elif mine.any() and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
+        elif len(mine) and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
                 f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"

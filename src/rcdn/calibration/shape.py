@@ -10,7 +10,7 @@ board or its size would explain are not shape: the prior holds them at zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -109,7 +109,7 @@ def with_spread(state: State, spread: Spread) -> State:
     precision = lens.precision.copy()
     held = HELD**2 * np.array([spread.plane, spread.plane, spread.depth, spread.depth]) ** -2.0
     precision[at:, at:] = np.diag(each.ravel()) + _motions().T * held @ _motions()
-    return State(state.cameras, state.poses, state.rig, state.shape, Prior(lens.mean, precision))
+    return replace(state, prior=Prior(lens.mean, precision))
 
 
 def likelier(state: State, covariance: Array, spacing: float) -> Spread:

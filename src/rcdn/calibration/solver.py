@@ -8,11 +8,19 @@ by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, State, default_free, linearise, residuals
+from rcdn.calibration.bundle import (
+    Corners3,
+    State,
+    default_free,
+    linearise,
+    linearise_one,
+    residuals,
+    told_by,
+)
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -69,13 +77,17 @@ class Arrow:
         return own - self.reach @ x, x
 
 
-def _by_frame(values: Array, frame: Array, frames: int) -> Array:
-    """(F, …) sums of `values` (N, …) over the corners of each frame."""
-    out = np.zeros((frames, *values.shape[1:]))
+def _by_frame(left: Real[Array, "n 2 a"], right: Real[Array, "n 2 b"], frame: Array, frames: int) -> Array:
+    """(F, A, B) sums of leftᵀ right of the corners of each frame: one product for all frames with equally many
+    corners."""
+    out = np.zeros((frames, left.shape[2], right.shape[2]))
     order = np.argsort(frame, kind="stable")
-    present, starts = np.unique(frame[order], return_index=True)
-    if len(present):
-        out[present] = np.add.reduceat(values[order], starts, axis=0)
+    present, starts, counts = np.unique(frame[order], return_index=True, return_counts=True)
+    for count in np.unique(counts):
+        some = counts == count
+        rows = order[starts[some, None] + np.arange(count)]
+        A, B = (a[rows].reshape(len(rows), 2 * count, a.shape[2]) for a in (left, right))
+        out[present[some]] = A.transpose(0, 2, 1) @ B
     return out
 
 
@@ -124,35 +136,53 @@ class Linear:
     @classmethod
     def of(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str = "linear") -> Linear:
         """Corners that a camera cannot see contribute nothing."""
-        xy, by_frame, shared = linearise(state, corners)
-        gaps = (corners.xy - xy) * weight[:, None]
-        blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
-        firm = np.where(blind, 0.0, weight)
-        if loss == "soft_l1":
-            calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
-            by_frame, shared = by_frame * calm[:, :, None], shared * calm[:, :, None]
-            gaps = gaps * calm
-        gaps[blind] = 0.0
-        shared = shared[:, :, free]
-        by_frame, shared = (np.nan_to_num(a) * firm[:, None, None] for a in (by_frame, shared))
         prior = state.beforehand
         pull = -prior.gradient(state.values)[free]
-        return cls(gaps, by_frame, shared, corners.frame, len(state.poses), prior.precision[np.ix_(free, free)], pull)
+        xy, by_frame, shared = linearise(state, corners)
+        return cls(
+            *_whitened(corners.xy - xy, by_frame, shared[:, :, free], weight, loss),
+            corners.frame,
+            len(state.poses),
+            prior.precision[np.ix_(free, free)],
+            pull,
+        )
 
-    def of_columns(self, columns: Array) -> Linear:
-        """The problem in these of the free parameters alone, without a prior: all others' derivatives are 0."""
-        many = len(columns)
-        return replace(self, shared=self.shared[:, :, columns], precision=np.zeros((many, many)), pull=np.zeros(many))
+    @classmethod
+    def of_camera(
+        cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str, camera: int
+    ) -> tuple[Linear, Array]:
+        """For corners of one camera, without a prior: with those of the free parameters alone that it tells of, and
+        their numbers (K',) among the free ones."""
+        told = told_by(state, camera)
+        xy, by_frame, shared = linearise_one(state, corners, camera)
+        own = np.flatnonzero(told[free])
+        parts = _whitened(corners.xy - xy, by_frame, shared[:, :, free[told]], weight, loss)
+        many = len(own)
+        return cls(*parts, corners.frame, len(state.poses), np.zeros((many, many)), np.zeros(many)), own
 
     @property
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
-        joint = np.concatenate([self.by_frame, self.shared], axis=2)
-        blocks = _by_frame(np.einsum("nia,nib->nab", self.by_frame, joint, optimize=True), self.frame, self.frames)
-        flat = self.shared.reshape(2 * len(self.shared), self.shared.shape[2])
-        by_frame = _by_frame(np.einsum("nia,ni->na", self.by_frame, self.gaps), self.frame, self.frames)
-        shared = np.einsum("nik,ni->k", self.shared, self.gaps) + self.pull
-        return Normal(blocks, flat.T @ flat + self.precision, (by_frame, shared))
+        many = self.shared.shape[2]
+        joint = np.concatenate([self.by_frame, self.shared, self.gaps[:, :, None]], axis=2)
+        sums = _by_frame(self.by_frame, joint, self.frame, self.frames)
+        flat = self.shared.reshape(2 * len(self.shared), many)
+        shared = flat.T @ self.gaps.ravel() + self.pull
+        return Normal(sums[:, :, :-1], flat.T @ flat + self.precision, (sums[:, :, -1], shared))
+
+
+def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
+    """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see."""
+    gaps = gaps * weight[:, None]
+    blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
+    firm = np.where(blind, 0.0, weight)
+    if loss == "soft_l1":
+        calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
+        by_frame, shared = by_frame * calm[:, :, None], shared * calm[:, :, None]
+        gaps = gaps * calm
+    gaps[blind] = 0.0
+    by_frame, shared = (np.nan_to_num(a) * firm[:, None, None] for a in (by_frame, shared))
+    return gaps, by_frame, shared
 
 
 FEW_CAMERAS = 2
@@ -200,10 +230,10 @@ class Normal:
         by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]
         for c in range(len(state.cameras)):
             mine = np.flatnonzero(corners.camera == c)
-            own = np.flatnonzero(_told_by(state, c)[free])
             for at in range(0, len(mine), each):
                 some = mine[at : at + each]
-                part = Linear.of(state, corners.take(some), weight[some], free, loss).of_columns(own).normal
+                linear, own = Linear.of_camera(state, corners.take(some), weight[some], free, loss, c)
+                part = linear.normal
                 blocks[:, :, np.append(np.arange(6), 6 + own)] += part.blocks
                 whole[np.ix_(own, own)] += part.whole
                 by_frame += part.gradient[0]
@@ -213,19 +243,6 @@ class Normal:
     def arrow(self, damping: float = 0.0) -> Arrow:
         """The factor of the normal matrix."""
         return Arrow.of(self.blocks, self.whole, damping)
-
-
-def _told_by(state: State, camera: int) -> Array:
-    """(K,) bool: the shared parameters of which one camera's corners tell: its lens, its place, and the board's shape."""
-    *lenses, places, _ = state.counts
-    out = np.zeros(sum(state.counts), bool)
-    at = sum(lenses[:camera])
-    out[at : at + lenses[camera]] = True
-    if camera:
-        at = sum(lenses) + 6 * (camera - 1)
-        out[at : at + 6] = True
-    out[sum(lenses) + places :] = True
-    return out
 
 
 def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Array]:

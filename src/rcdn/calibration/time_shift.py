@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import Corners3, State, default_free, residuals
+from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
 from rcdn.calibration.rig_fit import refitted
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.solver import solve
@@ -75,14 +75,7 @@ class Path:
             (np.array(column) for column in zip(*sorted(shared), strict=True)) if shared else (np.zeros(0),) * 3
         )
         frame = frame.astype(int)
-        count = np.maximum(np.bincount(task.corners.frame, minlength=len(state.poses)), 1)
-        flat = (
-            np.stack(
-                [np.bincount(task.corners.frame, task.corners.board[:, i], len(state.poses)) for i in (0, 1)], axis=1
-            )
-            / count[:, None]
-        )
-        middle = np.column_stack([flat, np.zeros(len(flat))])[frame]
+        middle = middles(state, task.corners)[frame]
         gap = np.where(np.diff(target) == 0, np.diff(when), np.inf)
         usual = float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0
         close = gap <= NEAR * usual
@@ -199,7 +192,8 @@ def _own_places(task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, l
     )
     used = fit.used[rows].astype(float)
     used[np.bincount(mine.frame, used, len(frames))[mine.frame] == 0] = 1.0  # views may be left out because of a shift
-    start = State.mono(fit.state.cameras[local], fit.state.rig[local] @ fit.state.poses[frames], fit.state.shape)
+    poses = fit.state.rig[local] @ fit.state.poses[frames]
+    start = State.mono(fit.state.cameras[local], poses, fit.state.shape, fit.state.boards)
     found = solve(start, mine, used, default_free(start, lens=False), iterations=12).state.poses
     back, middle = np.linalg.inv(fit.state.rig[local]), dict(zip(path.frame.tolist(), path.middle, strict=True))
     out = {}
@@ -286,7 +280,7 @@ def _corrected(
         lost[rows] = np.isin(some.frame, path.frame[~known])
         for (c, k), mine in task.rows.items():
             if c == task.cameras[local] and not lost[mine].any():
-                taken[c, k] = state.rig[local] @ poses[int(task.corners.frame[mine[0]])]
+                taken[c, k] = state.rig[local] @ task.pose(replace(state, poses=poses), c, k)
     return replace(task.corners, xy=xy), taken, lost
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3
@@ -22,14 +24,15 @@ def alike(corners: Corners3, image_size: tuple[int, int], picture: Real[Array, "
     begins a new cluster.
     """
     limit = NEAR * float(np.hypot(*image_size))
-    places = [_places(corners, f) for f in range(len(picture))]
+    seen = _Seen.of(corners, len(picture))
     found: dict[int, int] = {}
     firsts: list[int] = []
     cluster = np.zeros(len(picture), int)
-    for f, place in enumerate(places):
+    for f in range(len(picture)):
         number = found.get(int(picture[f]))
         if number is None:
-            number = next((k for k, g in enumerate(firsts) if _distance(place, places[g]) < limit), None)
+            near = np.flatnonzero(seen.distances(f, firsts) < limit)
+            number = int(near[0]) if len(near) else None
         if number is None:
             number = len(firsts)
             firsts.append(f)
@@ -38,17 +41,28 @@ def alike(corners: Corners3, image_size: tuple[int, int], picture: Real[Array, "
     return cluster
 
 
-def _places(corners: Corners3, frame: int) -> dict[tuple[float, float], Array]:
-    """Pixels by position on the board."""
-    mine = np.flatnonzero(corners.frame == frame)
-    return {
-        (round(x, 6), round(y, 6)): corners.xy[k] for k, (x, y) in zip(mine, corners.board[mine].tolist(), strict=True)
-    }
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """`xy` (F, L, 2) px of the L positions on the board in each view, NaN where it has none; `number` (F,) of corners,
+    and `at`: for each view the positions that it has."""
 
+    xy: Array
+    number: Array
+    at: list[Array]
 
-def _distance(a: dict[tuple[float, float], Array], b: dict[tuple[float, float], Array]) -> float:
-    """Mean distance of the corners in both views, px; infinite if they share less than half."""
-    common = a.keys() & b.keys()
-    if 2 * len(common) < max(len(a), len(b), 1):
-        return float("inf")
-    return float(np.mean([np.linalg.norm(a[k] - b[k]) for k in common]))
+    @classmethod
+    def of(cls, corners: Corners3, frames: int) -> _Seen:
+        place = np.unique(corners.board.round(6), axis=0, return_inverse=True)[1].ravel()
+        xy = np.full((frames, int(place.max(initial=-1)) + 1, 2), np.nan)
+        xy[corners.frame, place] = corners.xy
+        there = np.isfinite(xy[:, :, 0])
+        return cls(xy, there.sum(axis=1), [np.flatnonzero(row) for row in there])
+
+    def distances(self, view: int, others: list[int]) -> Real[Array, " g"]:
+        """(G,) mean distance, px, of the corners that a view has in common with each of `others`; infinite where they
+        share less than half."""
+        mine = self.at[view]
+        length = np.linalg.norm(self.xy[others][:, mine] - self.xy[view, mine], axis=2)
+        common = np.isfinite(length).sum(axis=1)
+        few = 2 * common < np.maximum(np.maximum(self.number[others], len(mine)), 1)
+        return np.asarray(np.where(few, np.inf, np.nansum(length, axis=1) / np.maximum(common, 1)))

@@ -29,6 +29,7 @@ from rcdn.terminal.solve_options import (
     BoardSize,
     CorrectTime,
     FixAspect,
+    FixedBoards,
     FixPrincipalPoint,
     Flat,
     LeaveOut,
@@ -72,6 +73,7 @@ def calibrate(
     ] = False,
     camera: KnownCameras = None,
     correct_time: CorrectTime = False,
+    fixed_boards: FixedBoards = False,
     pairs: Pairs = None,
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
@@ -134,8 +136,9 @@ def calibrate(
         raise ConfigError(
             "--camera names lenses that are known, for --rig; boards before one known camera are placed by `rcdn pose`"
         )
-    if correct_time and not rig:
-        raise ConfigError("--correct-time is for cameras of a rig; give it with --rig")
+    for name, given in (("--correct-time", correct_time), ("--fixed-boards", fixed_boards)):
+        if given and not rig:
+            raise ConfigError(f"{name} is for cameras of a rig; give it with --rig")
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
@@ -150,7 +153,8 @@ def calibrate(
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, LOOKS)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
-    problem = Problem(length, model.value, flat, tuple(leave_out or ()), fix, select, tuple(camera or ()), correct_time)
+    left_out, known = tuple(leave_out or ()), tuple(camera or ())
+    problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards)
     if rig:
         found = many_cameras(run, inputs, problem, outputs)
     elif stereo:

@@ -1,4 +1,4 @@
-"""`rcdn report`: the report of a saved calibration."""
+"""`rcdn report`: the report of a saved calibration of a camera, a pair or a rig."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import typer
 
 from rcdn.batch.paths import check_file
 from rcdn.batch.pictures import Pictures
-from rcdn.errors import FormatError
 from rcdn.terminal.options import PicturePlaces
 
 if TYPE_CHECKING:
@@ -24,33 +23,47 @@ def report(
     ),
     shown: PicturePlaces = None,
 ) -> None:
-    """Write the page of a calibration again, from its JSON; photographs that are still where they were are drawn in.
+    """Write the page of a calibration (of a camera, a pair or a rig) again, from its JSON; photographs that are still where they were are drawn in.
 
     Only those in the JSON's own folder, or in --pictures: a file from elsewhere could name any picture of yours.
 
     Exit code: 0 if it was written, 1 if not, 2 for wrong use.
     """
-    from rcdn.io import read_calibration, read_stereo_calibration
-    from rcdn.report.calibration import write_report, write_stereo_report
-
     check_file("--output", output, [calibration])
-    try:
-        mono = read_calibration(calibration)
-    except FormatError as error:
-        try:
-            pair = read_stereo_calibration(calibration)
-        except FormatError:
-            raise error from None
-        left, right = (_of(side.views, calibration, shown) for side in (pair.left, pair.right))
-        write_stereo_report(output, pair, left, right)
-        notes = [left.left_out, right.left_out]
-    else:
-        pictures = _of(mono.views, calibration, shown)
-        write_report(output, mono, pictures)
-        notes = [pictures.left_out]
-    for note in dict.fromkeys(filter(None, notes)):
+    for note in dict.fromkeys(filter(None, _written(calibration, output, shown))):
         typer.echo(f"note: {note}", err=True)
     typer.echo(f"written: {output}", err=True)
+
+
+def _written(file: Path, output: Path, shown: Sequence[Path] | None) -> list[str]:
+    """Writes the page, and returns notes on pictures that aren't drawn in. Raises FormatError if `file` isn't the
+    calibration of a camera, a pair or a rig."""
+    from rcdn.io import read_calibration, read_rig_calibration, read_stereo_calibration
+    from rcdn.report.calibration import write_report, write_rig_report, write_stereo_report
+
+    kind = _kind(file)
+    if kind == "rig":
+        rig = read_rig_calibration(file)
+        each = {name: _of(camera.views, file, shown) for name, camera in rig.cameras.items()}
+        write_rig_report(output, rig, each)
+        return [pictures.left_out for pictures in each.values()]
+    if kind == "stereo calibration":
+        pair = read_stereo_calibration(file)
+        left, right = (_of(side.views, file, shown) for side in (pair.left, pair.right))
+        write_stereo_report(output, pair, left, right)
+        return [left.left_out, right.left_out]
+    mono = read_calibration(file)
+    pictures = _of(mono.views, file, shown)
+    write_report(output, mono, pictures)
+    return [pictures.left_out]
+
+
+def _kind(file: Path) -> str:
+    """What rcdn's JSON holds."""
+    from rcdn.io.cameras import ours
+    from rcdn.io.fields import read_text
+
+    return str(ours.load(str(file), read_text(file)).get("kind"))
 
 
 def _of(views: Sequence[BoardView], file: Path, shown: Sequence[Path] | None) -> Pictures:

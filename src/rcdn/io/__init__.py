@@ -29,7 +29,7 @@ from rcdn.io.formats import (
 )
 from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 from rcdn.io.maps import write_maps, write_stereo_maps
-from rcdn.io.rig_calibration import write_rig_calibration
+from rcdn.io.rig_calibration import read_rig_calibration, write_rig_calibration
 from rcdn.io.rig_files import RigFormat, check_rig, read_rig, rig_format, rig_paths, write_rig
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
@@ -64,6 +64,7 @@ __all__ = [
     "read_image",
     "read_pixels",
     "read_rig",
+    "read_rig_calibration",
     "read_stereo",
     "read_stereo_calibration",
     "read_vnl",

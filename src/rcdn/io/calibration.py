@@ -54,19 +54,19 @@ def read_calibration(path: str | Path) -> Calibration:
     file and the field, if the file can't be read, isn't JSON, is of another version or kind, or doesn't have the
     structure of docs/formats.md.
     """
-    return _calibration(_load(path, "calibration"), str(path))
+    return calibration_of(load_kind(path, "calibration"), str(path))
 
 
 def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     """Read the calibration of two cameras from a file of `write_calibration`; as `read_calibration`."""
-    data, where = _load(path, "stereo calibration"), str(path)
-    left, right = (_calibration(take(data, side, dict, where), f"{where}: {side}") for side in ("left", "right"))
+    data, where = load_kind(path, "stereo calibration"), str(path)
+    left, right = (calibration_of(take(data, side, dict, where), f"{where}: {side}") for side in ("left", "right"))
     T = rigid(data, "T_right_left", where)
     R_left, R_right, P_left, P_right, Q = (numbers(data, n, where, shape=shape) for n, shape in ours.SHAPES.items())
-    rms, epipolar = _known(data, "rms", where), _known(data, "epipolar", where)
+    rms, epipolar = known(data, "rms", where), known(data, "epipolar", where)
     cov = _covariance(data, where, 6)
     advice = _texts(data, "advice", where)
-    verdict = _verdict(data, where)
+    verdict = verdict_of(data, where)
     return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice, verdict)
 
 
@@ -166,7 +166,7 @@ def _print_record(view: BoardView) -> dict[str, Any]:
 # ---- JSON → values
 
 
-def _load(path: str | Path, kind: str) -> Any:
+def load_kind(path: str | Path, kind: str) -> Any:
     data = ours.load(str(path), read_text(path))
     if data.get("kind") != kind:
         raise FormatError(
@@ -175,7 +175,7 @@ def _load(path: str | Path, kind: str) -> Any:
     return data
 
 
-def _calibration(data: Any, where: str) -> Calibration:
+def calibration_of(data: Any, where: str) -> Calibration:
     camera = ours.camera_of(data, where)
     many = len(camera.parameters) + 6
     size = None if data.get("size") is None else two_whole_numbers(data, "size", where)
@@ -188,13 +188,13 @@ def _calibration(data: Any, where: str) -> Calibration:
         spacing=_spacing(data, where),
         views=tuple(views),
         cov=_covariance(data, where, many),
-        noise=_known(data, "noise", where),
+        noise=known(data, "noise", where),
         models=tuple(models),
         size=size,
         orientation=_orientation(data, where),
         shape=_shape(data, where),
         advice=_texts(data, "advice", where),
-        verdict=_verdict(data, where),
+        verdict=verdict_of(data, where),
         target=_target(data, where),
     )
 
@@ -237,7 +237,7 @@ def _shape(data: Any, where: str) -> BoardShape | None:
     return BoardShape(offsets)
 
 
-def _verdict(data: dict[str, Any], where: str) -> Verdict | None:
+def verdict_of(data: dict[str, Any], where: str) -> Verdict | None:
     """The verdict; None if the file has none: it was written before calibrations had verdicts."""
     if data.get("verdict") is None:
         return None
@@ -249,7 +249,7 @@ def _verdict(data: dict[str, Any], where: str) -> Verdict | None:
 
 def _reason(record: Any, where: str) -> Reason:
     texts = {name: take(record, name, str, where) for name in ("key", "what", "unit", "sentence", "action")}
-    value, limit = _known(record, "value", where), _known(record, "limit", where)
+    value, limit = known(record, "value", where), known(record, "limit", where)
     return Reason(level=_level(record, "level", where), value=value, limit=limit, **texts)
 
 
@@ -314,10 +314,10 @@ def _print(record: Any, where: str) -> dict[str, Any]:
 
 def _score(record: Any, where: str) -> ModelScore:
     name = take(record, "model", str, where)
-    return ModelScore(name, _known(record, "rms", where), _known(record, "held_out", where))
+    return ModelScore(name, known(record, "rms", where), known(record, "held_out", where))
 
 
-def _known(record: Any, key: str, where: str) -> float:
+def known(record: Any, key: str, where: str) -> float:
     """A number, NaN if it is null; the field must be present."""
     if not isinstance(record, dict) or key not in record:
         raise FormatError(f"{where}: {key!r} must be a number or null")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from rcdn.io.calibration import calibration_record, reason_record
+from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.io.calibration import calibration_of, calibration_record, known, load_kind, reason_record, verdict_of
 from rcdn.io.cameras import ours
-from rcdn.io.fields import nullable
+from rcdn.io.fields import nullable, numbers, rigid, take
 from rcdn.io.files import write_text
-from rcdn.io.rig_files import rig_record
-from rcdn.types import RigCalibration
+from rcdn.io.rig_files import rig_of_record, rig_record
+from rcdn.types import Array, FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
 
 
 def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
@@ -32,8 +34,80 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
         "boards": [
             {"moment": m, "target": n, "T_rig_board": T.tolist()} for (m, n), T in found.boards.items()
         ],
+        "fixed_boards": [
+            {"target": b.target, "name": b.name, "first": b.first, "T_first_board": b.T_first_board.tolist(), "cov": b.cov.tolist()}
+            for b in found.fixed_boards
+        ],
         "cameras": [
             {"name": name, "T_cam_rig": places.get(name), **calibration_record(c)} for name, c in found.cameras.items()
         ],
     }  # fmt: skip
     write_text(path, ours.to_text("rig", record))
+
+
+def read_rig_calibration(path: str | Path) -> RigCalibration:
+    """Read the calibration of a rig from a file of `write_rig_calibration`: equal in every number.
+
+    Unknown fields, and those that follow from others, are ignored. Raises FormatError, naming the file and the field, if
+    the file can't be read, is of another version or kind, or doesn't have the structure of docs/formats.md.
+    """
+    data, where = load_kind(path, "rig"), str(path)
+    records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]
+    cameras = {take(r, "name", str, at): calibration_of(r, at) for at, r in records}
+    shifts = {n: _shift(s, f"{where}: shifts[{n!r}]") for n, s in take(data, "shifts", dict, where).items()}
+    try:
+        return RigCalibration(
+            rig=rig_of_record(data, where),
+            cameras=cameras,
+            boards=dict(_board(r, at) for at, r in _records(data, "boards", where)),
+            rms=known(data, "rms", where),
+            pairs=tuple(_pair(r, at) for at, r in _records(data, "pairs", where)),
+            components=tuple(_names(part, f"{where}: components") for part in take(data, "components", list, where)),
+            links=tuple(_link(r, at) for at, r in _records(data, "links", where)),
+            thin=_names(data.get("thin"), f"{where}: thin"),
+            shifts=shifts,
+            verdict=verdict_of(data, where),
+            given=_names(data.get("given"), f"{where}: given"),
+            corrected=_names(data.get("corrected"), f"{where}: corrected"),
+            fixed_boards=tuple(_fixed(r, at) for at, r in _records(data, "fixed_boards", where)),
+        )
+    except RcdnError as error:
+        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
+
+
+def _records(data: Any, key: str, where: str) -> list[tuple[str, Any]]:
+    """The objects of a list, each with the place for messages; [] if a file of an earlier version has no such list."""
+    every = take(data, key, list, where) if key in data else []
+    return [(f"{where}: {key}[{k}]", record) for k, record in enumerate(every)]
+
+
+def _names(values: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
+        raise FormatError(f"{where} must be a list of names, not {shown(values)}")
+    return tuple(values)
+
+
+def _board(record: Any, where: str) -> tuple[tuple[str, int], Array]:
+    key = take(record, "moment", str, where), take(record, "target", int, where)
+    return key, rigid(record, "T_rig_board", where)
+
+
+def _pair(record: Any, where: str) -> RigPair:
+    first, second = (take(record, key, str, where) for key in ("first", "second"))
+    shared, used = (take(record, key, int, where) for key in ("shared", "used"))
+    return RigPair(first, second, shared, used, known(record, "rms", where), known(record, "epipolar", where))
+
+
+def _link(record: Any, where: str) -> MissingLink:
+    texts = {key: take(record, key, str, where) for key in ("first", "second", "first_picture", "second_picture")}
+    return MissingLink(**texts, same_moment=take(record, "same_moment", bool, where))
+
+
+def _shift(record: Any, where: str) -> TimeShift:
+    return TimeShift(known(record, "moments", where), known(record, "std", where))
+
+
+def _fixed(record: Any, where: str) -> FixedBoard:
+    target, first = (take(record, key, int, where) for key in ("target", "first"))
+    T, cov = rigid(record, "T_first_board", where), numbers(record, "cov", where, finite=True, shape=(6, 6))
+    return FixedBoard(target, take(record, "name", str, where), first, T, cov)

@@ -130,7 +130,7 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
         if text.lstrip().startswith("["):
             return rig_colmap.rig_of(read_json(where, text, "export the rig_config.json again"), where)
         if text.lstrip().startswith("{"):
-            return _of_json(ours.load(where, text), where)
+            return rig_of_record(ours.load(where, text), where)
         data = parsed("kalibr", where, text)
         if not kalibr.names(data):
             raise FormatError(
@@ -171,7 +171,8 @@ def _json(rig: Rig) -> str:
     return ours.to_text("rig", rig_record(rig) | {"cameras": cameras})
 
 
-def _of_json(data: Any, where: str) -> Rig:
+def rig_of_record(data: Any, where: str) -> Rig:
+    """The rig of rcdn's JSON."""
     if data.get("kind") != "rig":
         raise FormatError(
             f"{where}: holds {shown(data.get('kind'))}, not 'rig'; write it with `rcdn calibrate --rig --json`"

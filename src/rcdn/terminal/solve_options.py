@@ -60,6 +60,14 @@ CorrectTime = Annotated[
         "are looked at, too.",
     ),
 ]
+FixedBoards = Annotated[
+    bool,
+    typer.Option(
+        "--fixed-boards",
+        help="With --rig: the boards with different codes are fixed to each other (on both sides of a plate, on a frame, in a room); their "
+        "places are solved for, and connect cameras that see different ones.",
+    ),
+]
 Select = Annotated[
     int | None,
     typer.Option(

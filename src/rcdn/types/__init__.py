@@ -13,7 +13,7 @@ from rcdn.types.limits import Warnings, allowed
 from rcdn.types.plane import SQUARES, Pattern, Plane, plane_points
 from rcdn.types.printed import Checkerboard, Deltille, Print, Printed, PuzzlePart
 from rcdn.types.rig import Rig, RigPoseEstimate
-from rcdn.types.rig_calibration import MissingLink, RigCalibration, RigPair, TimeShift
+from rcdn.types.rig_calibration import FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "Checkerboard",
     "Corners",
     "Deltille",
+    "FixedBoard",
     "LensCorrection",
     "Level",
     "MissingLink",

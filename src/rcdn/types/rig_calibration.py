@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rcdn.types.base import Array, Value
+import numpy as np
+
+from rcdn.types.base import Array, Value, freeze
 from rcdn.types.calibration import Calibration, Verdict
 from rcdn.types.rig import Rig
 
@@ -14,7 +16,8 @@ from rcdn.types.rig import Rig
 class RigPair:
     """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
     square `rms` of their corners' residuals in both pictures, px (NaN if none was used). `epipolar`: of the corners' distances from each other's
-    epipolar planes, px (NaN unless both cameras are in the rig)."""
+    epipolar planes in moments that were held out, under lenses and places that were solved for without them, px (NaN unless both cameras are in
+    the rig and other moments connect them)."""
 
     first: str
     second: str
@@ -52,6 +55,28 @@ class TimeShift:
 
 
 @dataclass(frozen=True, eq=False)
+class FixedBoard(Value):
+    """One of several boards that are fixed to each other: the number of its `target`, as in `RigCalibration.boards`,
+    its `name`, the number of the `first` board of its set, and `T_first_board` (4, 4), which takes its coordinates to
+    those of the first, m, with the covariance `cov` (6, 6) of its left increment (rotation vector, rad; translation, m),
+    zero for the first board itself."""
+
+    target: int
+    name: str
+    first: int
+    T_first_board: Array
+    cov: Array
+
+    def __post_init__(self) -> None:
+        freeze(self, "T_first_board", self.T_first_board, np.float64, (4,))
+        freeze(self, "cov", self.cov, np.float64, (6,))
+
+    def __repr__(self) -> str:
+        x, y, z = self.T_first_board[:3, 3]
+        return f"<FixedBoard: {self.name} at ({x:.4g}, {y:.4g}, {z:.4g})>"
+
+
+@dataclass(frozen=True, eq=False)
 class RigCalibration(Value):
     """Cameras of a rig with the data that show the quality of their calibration.
 
@@ -61,7 +86,8 @@ class RigCalibration(Value):
     `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
     `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras
     whose lens was given and held; its covariance is zero. `corrected`: names of cameras that were brought into step; poses of their views
-    are those when the pictures were really taken.
+    are those when the pictures were really taken. `fixed_boards`: the boards whose relative poses were estimated, each
+    set's first board first.
     """
 
     rig: Rig
@@ -76,6 +102,7 @@ class RigCalibration(Value):
     verdict: Verdict | None = None
     given: tuple[str, ...] = ()
     corrected: tuple[str, ...] = ()
+    fixed_boards: tuple[FixedBoard, ...] = ()
 
     def __repr__(self) -> str:
         level = "not judged" if self.verdict is None else self.verdict.level

@@ -31,8 +31,9 @@ WORDS = (
     ),
     (
         "Distance from epipolar planes",
-        "A corner in one picture pins its partner in another one to a plane. Its distance from it, px, root mean square over both pictures; boards "
-        "and their shapes play no part. These corners were used to place the cameras, too.",
+        "A corner in one picture pins its partner in another one to a plane. Its distance from it, px, root mean square over both pictures, in "
+        "moments held out: for each fifth of them, lenses and places were solved for without it. Boards and their shapes play no part in the "
+        "distance.",
     ),
     ("Agree", "Boards that both cameras saw whole at one moment, and that lie where the others have them."),
     *page.WORDS,
@@ -66,6 +67,7 @@ def report(
     parts = [
         ("rig", "Where the cameras stand", page.pair(rig_figure(found, weakest), _places(found, weakest, partner))),
         ("pairs", "Pair by pair", _pairs(found)),
+        *([("boards", "Boards fixed to each other", _boards(found))] if found.fixed_boards else []),
         ("numbers", "Each camera", _cameras(found)),
         (
             "sensor",
@@ -95,7 +97,7 @@ def _subtitle(found: RigCalibration) -> str:
 def _summary(found: RigCalibration) -> str:
     gaps = [p.epipolar for p in found.pairs if np.isfinite(p.epipolar)]
     rows = (
-        f" Corners that two cameras saw lie within {pixels(max(gaps))} (RMS, the worst pair) of each other’s epipolar planes."
+        f" In moments held out, corners that two cameras saw lie within {pixels(max(gaps))} (RMS, the worst pair) of each other’s epipolar planes."
         if gaps
         else ""
     )
@@ -106,7 +108,7 @@ def _key_figures(found: RigCalibration, weakest: str) -> Html:
     gaps = [p.epipolar for p in found.pairs if np.isfinite(p.epipolar)]
     return sections.key_figures([
         ("RMS, all cameras", pixels(found.rms), ""),
-        ("Epipolar distance", pixels(float(np.median(gaps))) if gaps else "–", "median of the pairs"),
+        ("Epipolar distance", pixels(float(np.median(gaps))) if gaps else "–", "held out, median of the pairs"),
         ("Cameras connected", f"{len(found.rig)}", f"of {len(found.cameras)}"),
         ("Known least", weakest or "–", f"± {_millimetres(found, weakest)} mm" if weakest else ""),
         ("Boards", f"{len(found.boards)}", ""),
@@ -166,7 +168,7 @@ def _pairs(found: RigCalibration) -> Html:
         for p in order
     ]
     every = len(found.rig) * (len(found.rig) - 1) // 2
-    caption = f"{counted(len(rows), 'pair')} of {every} saw boards together; the worst first"
+    caption = f"{counted(len(rows), 'pair')} of {every} saw boards together, the worst first; epipolar distances are of moments that were held out"
     heads = ["pair", "shared boards", "agree", "RMS, px", "epipolar, px", "apart, mm", "± mm"]
     return _table(caption, heads, rows)
 
@@ -181,6 +183,23 @@ def _pair_cells(found: RigCalibration, p: RigPair) -> list[str]:
     # a small rotation of the second camera changes t by ω × t, which doesn't change its length
     spread = float("nan") if cov is None else float(np.sqrt(max(float(along @ cov[3:, 3:] @ along), 0.0)))
     return [str(p.shared), str(p.used), rms, gap, *value_and_std(1000 * far, 1000 * spread)]
+
+
+def _boards(found: RigCalibration) -> Html:
+    """The places of boards that are fixed to each other."""
+    rows, names = [], {b.target: b.name for b in found.fixed_boards}
+    for board in found.fixed_boards:
+        if board.target == board.first:
+            rows.append(_row(board.name, ["–"] * 6, "first"))
+            continue
+        spread = 1000 * np.sqrt(np.diag(board.cov)[3:])
+        cells = [value_and_std(v, s)[0] for v, s in zip(1000 * board.T_first_board[:3, 3], spread, strict=True)]
+        turn = np.degrees(np.arccos(np.clip((np.trace(board.T_first_board[:3, :3]) - 1) / 2, -1, 1)))
+        sure = float(np.degrees(np.sqrt(np.trace(board.cov[:3, :3]))))
+        cells += [number(float(np.sqrt((spread**2).sum())), 2), *value_and_std(float(turn), sure)]
+        rows.append(_row(f"{board.name}, to {names[board.first]}", cells))
+    caption = "Each board’s corner (0, 0) in the axes of the first board of its set, and how far it is turned, with standard deviations"
+    return _table(caption, ["board", "x, mm", "y, mm", "z, mm", "± mm", "turned, °", "± °"], rows)
 
 
 def _cameras(found: RigCalibration) -> Html:

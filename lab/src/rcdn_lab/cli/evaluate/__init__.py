@@ -17,6 +17,7 @@ from rcdn_lab.cli.evaluate import (
     figures,
     guided,
     real_rigs,
+    rig_shifts,
     rigs,
     selected,
     sieve,
@@ -42,6 +43,7 @@ app.command("coded")(coded.coded)
 app.command("coded-cameras")(coded_cameras.coded_cameras)
 app.command("guided")(guided.guided)
 app.command("real-rigs")(real_rigs.real_rigs)
+app.command("rig-shifts")(rig_shifts.rig_shifts)
 app.command("rigs")(rigs.rigs)
 app.command("selected")(selected.selected)
 app.command("sieve")(sieve.sieve)
