@@ -114,7 +114,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
         for name in done.corrected
         if done.shifts is not None
     ]
-    return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
+    return lines + _weakest(done) + _against(done.verdict.against, rig.names)
 
 
 def _weakest(done: RigCalibration) -> list[str]:

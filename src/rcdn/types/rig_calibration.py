@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rcdn.types.base import Array, Value
-from rcdn.types.calibration import Calibration, Verdict
+from rcdn.types.calibration import NOT_JUDGED, Calibration, Verdict
 from rcdn.types.rig import Rig
 
 
@@ -73,10 +73,10 @@ class RigCalibration(Value):
     links: tuple[MissingLink, ...] = ()
     thin: tuple[str, ...] = ()
     shifts: Mapping[str, TimeShift] | None = None
-    verdict: Verdict | None = None
+    verdict: Verdict = NOT_JUDGED
     given: tuple[str, ...] = ()
     corrected: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        level = "not judged" if self.verdict is None else self.verdict.level
+        level = self.verdict.level if self.verdict.judged else "not judged"
         return f"<RigCalibration: {level}, {len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px>"

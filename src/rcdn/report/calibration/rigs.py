@@ -53,7 +53,7 @@ def report(
     found: RigCalibration, shown: Mapping[str, Pictures] | None = None, title: str = "Calibration of a rig"
 ) -> str:
     """The text of the page that `write_rig_report` writes."""
-    judged = present(found.verdict or judged_rig(found).verdict, "the verdict")
+    judged = (found if found.verdict.judged else judged_rig(found)).verdict
     weakest, partner = least_known(found) or ("", "")
     facts = {name: measure(found.cameras[name]) for name in found.rig.names}
     limits = [*RIG_LIMITS.values(), *LIMITS.values()]
