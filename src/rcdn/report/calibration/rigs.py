@@ -10,7 +10,6 @@ import numpy as np
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS, RIG_LIMITS, growth
 from rcdn.calibration.rig_facts import judged_rig, least_known
-from rcdn.errors import present
 from rcdn.io import write_text
 from rcdn.report.calibration import gallery, page, sections, style, verdict
 from rcdn.report.calibration.markup import Html, counted, each, join, number, pixels, tag, value_and_std
