@@ -175,12 +175,12 @@ class Calibration(Value):
             raise RcdnError(f"Calibration.cov must have shape ({many}, {many}), not {self.cov.shape}")
 
     def __repr__(self) -> str:
-        return f"<Calibration: {_level(self.verdict)}, {self._facts}>"
+        return f"<Calibration: {level_in_words(self.verdict)}, {self._facts}>"
 
     def _repr_html_(self) -> str:
         few = self.camera.coefficients
         table = deviations(self.camera.parameter_names[:few], self.camera.parameters[:few], self.std[:few])
-        return _verdict_html("Calibration", self.verdict) + paragraph(self._facts) + table
+        return verdict_html("Calibration", self.verdict) + paragraph(self._facts) + table
 
     @property
     def _facts(self) -> str:
@@ -252,11 +252,11 @@ class StereoCalibration(Value):
             freeze(self, name, getattr(self, name), np.float64, (width,))
 
     def __repr__(self) -> str:
-        return f"<StereoCalibration: {_level(self.verdict)}, {self._facts}>"
+        return f"<StereoCalibration: {level_in_words(self.verdict)}, {self._facts}>"
 
     def _repr_html_(self) -> str:
         sides = f"{self.left._repr_html_()}{self.right._repr_html_()}"
-        return _verdict_html("Stereo calibration", self.verdict) + paragraph(self._facts) + sides
+        return verdict_html("Stereo calibration", self.verdict) + paragraph(self._facts) + sides
 
     @property
     def _facts(self) -> str:
@@ -268,13 +268,13 @@ class StereoCalibration(Value):
         return float(np.linalg.norm(self.T_right_left[:3, 3]))
 
 
-def _level(verdict: Verdict) -> str:
+def level_in_words(verdict: Verdict) -> str:
     return verdict.level if verdict.judged else "not judged"
 
 
-def _verdict_html(title: str, verdict: Verdict) -> str:
+def verdict_html(title: str, verdict: Verdict) -> str:
     """HTML of the verdict with the checks that were not `good`."""
-    head = paragraph(f"{title}: {_level(verdict)}", verdict.level if verdict.judged else None)
+    head = paragraph(f"{title}: {level_in_words(verdict)}", verdict.level if verdict.judged else None)
     return head + "".join(paragraph(f"{reason.sentence} {reason.action}".strip()) for reason in verdict.against)
 
 

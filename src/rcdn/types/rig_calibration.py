@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rcdn.types.base import Array, Value
-from rcdn.types.calibration import NOT_JUDGED, Calibration, Verdict
+from rcdn.types.calibration import NOT_JUDGED, Calibration, Verdict, level_in_words, verdict_html
 from rcdn.types.rig import Rig
+from rcdn.types.shown import paragraph, table
 
 
 @dataclass(frozen=True)
@@ -78,5 +79,14 @@ class RigCalibration(Value):
     corrected: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        level = self.verdict.level if self.verdict.judged else "not judged"
-        return f"<RigCalibration: {level}, {len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px>"
+        return f"<RigCalibration: {level_in_words(self.verdict)}, {self._facts}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(*row, f"{self.cameras[row[0]].rms:.3g}") for row in self.rig._rows()]
+        rows += [(name, "not connected", "", "", "") for name in self.cameras if name not in self.rig.names]
+        shown = table(("camera", "lens", "px", "centre, m", "rms, px"), rows)
+        return verdict_html("Rig calibration", self.verdict) + paragraph(self._facts) + shown
+
+    @property
+    def _facts(self) -> str:
+        return f"{len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px"
