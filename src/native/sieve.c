@@ -6,15 +6,15 @@
 #define TAPS 3   /* reach of the longest filter */
 #define STEP 64  /* number of columns that are tested together */
 #define PAD 8    /* columns of padding on either side of a row */
-#define SADDLE 1 /* marks of a cell */
-#define STEEP 2
-#define REACH 5 /* px around a saddle in which the response may peak, half a px less on either side */
+#define LEVELS 3 /* of the strength of saddles */
+#define SADDLE 1 /* marks of a cell: one bit for each level */
+#define REACH 5  /* px around a saddle in which the response may peak, half a px less on either side */
 
 typedef struct {
     index_t height, width; /* of the half-resolution image */
     index_t stride;        /* of its rows, with PAD columns on either side */
     float *grey;           /* (height, stride) */
-    float *limit[2];       /* (blocks down, blocks across): least −det of the Hessian of any saddle, of a steep one */
+    float *limit[LEVELS];  /* (blocks down, blocks across): least −det of the Hessian of a saddle of each level */
     float *rows[3];        /* −det of three rows */
     float *down[3];        /* a row filtered along y: smoothed, first and second derivative */
 } Half;
@@ -46,7 +46,7 @@ typedef struct {
 
 /* The limits of all blocks, squared, from standard deviations over 3×3 blocks. `sums` (3, blocks down, blocks across)
  * is a buffer. */
-INLINE void limits(Half *h, const Steepness least[2], double *sums) {
+INLINE void limits(Half *h, const Steepness least[LEVELS], double *sums) {
     const index_t down = (h->height + BLOCK - 1) / BLOCK, across = (h->width + BLOCK - 1) / BLOCK;
     double *one = sums, *square = sums + down * across, *count = square + down * across;
     float *restrict column = h->down[0], *restrict columns = h->down[1]; /* sums over a block's rows */
@@ -77,7 +77,7 @@ INLINE void limits(Half *h, const Steepness least[2], double *sums) {
                     n += count[y * across + x];
                 }
             const double variance = q / n - s / n * (s / n);
-            for (int k = 0; k < 2; k++) {
+            for (int k = 0; k < LEVELS; k++) {
                 const float limit = least[k].share * ((float)sqrt(variance > 0 ? variance : 0) + least[k].floor_);
                 h->limit[k][j * across + i] = limit * limit;
             }
@@ -127,9 +127,10 @@ static void mark(uint8_t *cells, index_t down, index_t across, index_t x, index_
             cells[j * across + i] |= kind;
 }
 
-/* Mark the cells around the peaks in the middle row, `y`, of three rows that exceed the limits (2 rows) of its pixels.
+/* Mark the cells around the peaks in the middle row, `y`, of three rows that exceed the limits (rows) of its pixels.
  * Returns the number of peaks. */
-INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t *cells, index_t down, index_t across) {
+INLINE index_t marked(const Half *h, index_t y, float *const limits[LEVELS], uint8_t *cells, index_t down,
+                      index_t across) {
     const float *limit = limits[0];
     const float *a = h->rows[0], *b = h->rows[1], *c = h->rows[2];
     index_t count = 0;
@@ -146,7 +147,10 @@ INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t 
             const index_t w = x > 0 ? x - 1 : x, e = x + 1 < h->width ? x + 1 : x;
             if (b[x] >= b[w] && b[x] >= b[e] && b[x] >= a[w] && b[x] >= a[x] && b[x] >= a[e] && b[x] >= c[w] &&
                 b[x] >= c[x] && b[x] >= c[e]) {
-                mark(cells, down, across, x, y, b[x] > limits[1][x] ? SADDLE | STEEP : SADDLE);
+                uint8_t kind = SADDLE;
+                for (int k = 1; k < LEVELS; k++)
+                    kind |= (uint8_t)((b[x] > limits[k][x]) << k);
+                mark(cells, down, across, x, y, kind);
                 count++;
             }
         }
@@ -154,18 +158,19 @@ INLINE index_t marked(const Half *h, index_t y, float *const limits[2], uint8_t 
     return count;
 }
 
-/* Mark in `cells` (down, across), initially 0, those in which an X-corner's response may peak: 1, and 3 where a saddle
- * also exceeds `steep` × (the contrast + `steep_floor`). Returns the number of saddles. */
+/* Mark in `cells` (down, across), initially 0, those in which an X-corner's response may peak by 1, and in addition by
+ * 2 and 4 where a saddle also exceeds `blunt` and `steep` × (the contrast + `steep_floor`). Returns the number of
+ * saddles. */
 FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
-            (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_), (REAL, steep),
+            (LET, across, (p.width + CELL - 1) / CELL), (REAL, share), (REAL, floor_), (REAL, blunt), (REAL, steep),
             (REAL, steep_floor), (OUT, uint8_t, cells, down, across)) {
-    Half h = {p.height / 2, p.width / 2, 0, NULL, {NULL, NULL}, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
+    Half h = {p.height / 2, p.width / 2, 0, NULL, {NULL, NULL, NULL}, {NULL, NULL, NULL}, {NULL, NULL, NULL}};
     if (h.height < 1 || h.width < 1)
         return 0;
     h.stride = h.width + 2 * PAD;
     const index_t across_blocks = (h.width + BLOCK - 1) / BLOCK,
                   blocks = (h.height + BLOCK - 1) / BLOCK * across_blocks;
-    float *room = malloc(((size_t)((h.height + 8) * h.stride) + 2 * (size_t)blocks) * sizeof *room);
+    float *room = malloc(((size_t)((h.height + 6 + LEVELS) * h.stride) + LEVELS * (size_t)blocks) * sizeof *room);
     double *sums = malloc(3 * (size_t)blocks * sizeof *sums);
     if (!room || !sums) {
         free(room);
@@ -177,10 +182,11 @@ FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
         h.rows[k] = room + (h.height + k) * h.stride;
         h.down[k] = room + (h.height + 3 + k) * h.stride;
     }
-    const Steepness least[2] = {{(float)share, (float)floor_}, {(float)steep, (float)steep_floor}};
-    float *limit[2];
-    for (int k = 0; k < 2; k++) {
-        h.limit[k] = room + (h.height + 8) * h.stride + k * blocks;
+    const Steepness least[LEVELS] = {
+        {(float)share, (float)floor_}, {(float)blunt, (float)steep_floor}, {(float)steep, (float)steep_floor}};
+    float *limit[LEVELS];
+    for (int k = 0; k < LEVELS; k++) {
+        h.limit[k] = room + (h.height + 6 + LEVELS) * h.stride + k * blocks;
         limit[k] = room + (h.height + 6 + k) * h.stride;
     }
     halved(&p, &h);
@@ -194,7 +200,7 @@ FAST_KERNEL(rcdn_sieve, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
         else
             memcpy(h.rows[2], h.rows[1], (size_t)h.stride * sizeof(float));
         if (y % BLOCK == 0)
-            for (int k = 0; k < 2; k++)
+            for (int k = 0; k < LEVELS; k++)
                 for (index_t x = 0; x < h.width; x++)
                     limit[k][x] = h.limit[k][y / BLOCK * across_blocks + x / BLOCK];
         count += marked(&h, y, limit, cells, down, across);

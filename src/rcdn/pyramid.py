@@ -43,6 +43,9 @@ of the same board"""
 FAINT, FAINT_SIDE, FAINT_SHARE = 0.25, 15, 0.12
 """likewise for squares nearly too small for that view: least response, side of a window, px, and least share of it with
 such a response"""
+BARE, BARE_SIDE, BARE_SHARE = 0.05, 31, 0.06
+"""likewise for blurred squares of 3 to 5 px of that view, where it shows no board: its response there is hardly more
+than in textures, so that only cells with blunt saddles count"""
 TINY = 8.5
 """px; squares below this size are worth an enlarged view"""
 LEAST_TINY = 12
@@ -178,8 +181,20 @@ def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple
 def shown_faintly(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) where the `response` (h, w) of a coarser view is faint but dense, as
     on squares that are nearly too small for it."""
-    share = cv2.blur((response >= FAINT).view(np.uint8) * np.uint8(255), (FAINT_SIDE, FAINT_SIDE))
-    return _cells_under((share >= round(255 * FAINT_SHARE)).view(np.uint8), shape)
+    return _dense(response, FAINT, FAINT_SIDE, FAINT_SHARE, shape)
+
+
+def shown_barely(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
+    """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) where there is at least a trace of `response` (h, w) of a coarser
+    view, as on blurred squares that are too small for it, and in textures."""
+    return _dense(response, BARE, BARE_SIDE, BARE_SHARE, shape)
+
+
+def _dense(response: Real[Array, "h w"], least: float, side: int, share: float, shape: tuple[int, ...]) -> Array:
+    """Cells of an image (H, W) around which, in a window of `side` px of the view, at least a `share` of the `response`
+    (h, w) is `least` or more."""
+    dense = cv2.blur((response >= least).view(np.uint8) * np.uint8(255), (side, side))
+    return _cells_under((dense >= round(255 * share)).view(np.uint8), shape)
 
 
 def _cells_under(mask: Shaped[Array, "h w"], shape: tuple[int, ...]) -> Array:

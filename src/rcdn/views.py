@@ -17,7 +17,7 @@ from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.refine import saddle_position
 from rcdn.corners.response import ResponseModel
-from rcdn.corners.sieve import STEEP_FLOOR, STEEP_FLOOR_BESIDE, saddles_and_steep_ones
+from rcdn.corners.sieve import STEEP_FLOOR, STEEP_FLOOR_BESIDE, saddles_by_steepness
 from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
@@ -34,6 +34,7 @@ from rcdn.pyramid import (
     pictures_of,
     plainly_seen,
     settled,
+    shown_barely,
     shown_faintly,
     shown_nearby,
     unexplained,
@@ -213,9 +214,10 @@ class Views:
 
 def _open_cells(part: Array, coarser: ViewResult, near: Array, floor: float) -> Array:
     """Cells of the image `part` in which it may show more than its half-size view, `coarser`: those `near` the
-    detections there, and those where squares are small for it (`floor`: see `saddles_and_steep_ones`)."""
-    saddles, steep = saddles_and_steep_ones(part, floor)
-    return (saddles & (near | shown_faintly(coarser.response, part.shape))) | steep
+    detections there, and those where squares are small for it (`floor`: see `saddles_by_steepness`)."""
+    saddles, blunt, steep = saddles_by_steepness(part, floor)
+    cells = (saddles & (near | shown_faintly(coarser.response, part.shape))) | steep
+    return cells if coarser.boards else cells | (blunt & shown_barely(coarser.response, part.shape))
 
 
 def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:

@@ -16,7 +16,7 @@ from rcdn.corners.sieve import (
     STEEP_FLOOR_BESIDE,
     cells_with_saddles,
     every_cell,
-    saddles_and_steep_ones,
+    saddles_by_steepness,
 )
 
 
@@ -241,7 +241,7 @@ def chequer(pitch, contrast, blur, noise, size=(160, 160)):
 @pytest.mark.parametrize(("contrast", "blur", "noise"), [(170, 0.7, 17), (40, 0.7, 4), (60, 1.2, 2)])
 def test_small_squares_are_steep_all_over(pitch, contrast, blur, noise):
     for floor in (STEEP_FLOOR, STEEP_FLOOR_BESIDE):
-        cells, steep = saddles_and_steep_ones(chequer(pitch, contrast, blur, noise), floor)
+        cells, _, steep = saddles_by_steepness(chequer(pitch, contrast, blur, noise), floor)
         assert inner(steep).mean() > 0.97
         assert cells[steep].all()
 
@@ -250,5 +250,5 @@ def test_noise_has_many_saddles_but_few_steep_ones():
     noise = np.random.default_rng(1).normal(128, 30, (400, 400)).clip(0, 255).astype(np.uint8)
     smooth = cv2.GaussianBlur(noise.astype(np.float32), (0, 0), 2.5)
     for grey in (noise, smooth):
-        cells, steep = saddles_and_steep_ones(grey, STEEP_FLOOR_BESIDE)
+        cells, _, steep = saddles_by_steepness(grey, STEEP_FLOOR_BESIDE)
         assert steep.mean() < 0.2 * cells.mean()

@@ -17,7 +17,7 @@ from rcdn.types import AprilGrid
 WIDTH, HEIGHT = 640, 480
 
 
-def pictured(drawing, fisheye=0.0, tilt=0.3, share=0.8, noise=2.0):
+def pictured(drawing, fisheye=0.0, tilt=0.3, share=0.8, noise=2.0, blur=0.6):
     """The drawing and its corners in a picture `share` of whose height it spans, through a lens of `fisheye` degrees
     across, equidistant (0: a pinhole)."""
     h, w = np.array(drawing.image.shape) / drawing.unit
@@ -30,7 +30,7 @@ def pictured(drawing, fisheye=0.0, tilt=0.3, share=0.8, noise=2.0):
     board = BoardSpec(9, 7, tuple(cv2.Rodrigues(R)[0].ravel().tolist()), tuple(t.tolist()), black=0.1, white=0.9)
     scene = Scene(
         WIDTH, HEIGHT, centre=((WIDTH - 1) / 2, (HEIGHT - 1) / 2), boards=(board,), seed=1,
-        sensor=Sensor(blur=0.6, noise=noise), background=Background("noise", 1), **lens,
+        sensor=Sensor(blur=blur, noise=noise), background=Background("noise", 1), **lens,
     )  # fmt: skip
     return render_drawing(drawing, scene), drawing_truth(drawing, scene).xy
 
@@ -116,3 +116,13 @@ def test_what_is_covered_is_not_made_up():
     for board in Detector().boards(image):
         gap = np.linalg.norm(board.xy[:, None] - xy[None, hidden], axis=2).min()
         assert gap > 3
+
+
+@pytest.mark.parametrize("share", [0.7, 0.8])
+def test_a_blurred_aprilgrid_of_small_tags_is_read(share):
+    """Its squares between tags are 3 to 4 px wide, its blur 2.5 px: half of the picture shows hardly anything of it."""
+    board = aprilgrid(6, 5, gap=0.2)
+    image, xy = pictured(board, share=share, blur=2.5)
+    right, wrong, shown = numbers(image, board, xy)
+    assert wrong == 0
+    assert right == shown == len(xy)

@@ -18,6 +18,8 @@ FLOOR = 6.0
 STEEP = 0.45
 """the same for steep saddles: the saddles of squares of 5 to 10 px are all steep, with noise of up to a tenth of their
 contrast and blur of up to 1.5 px"""
+BLUNT = 0.33
+"""the same for blunt saddles: those of such squares under a blur of up to 3 px, and many others"""
 STEEP_FLOOR, STEEP_FLOOR_BESIDE = 1.0, 3.0
 """grey levels added to the contrast for steep saddles. The first finds squares with a contrast of 15 levels or more,
 and marks 2 to 8 % of the cells of textures and drawings; the second, for use beside known boards, finds those of 30
@@ -37,16 +39,16 @@ def cells_with_saddles(grey: Shaped[Array, "h w"], share: float = SHARE) -> Arra
     return _marked(grey, share) > 0
 
 
-def saddles_and_steep_ones(grey: Array, floor: float) -> tuple[Array, Array]:
-    """`cells_with_saddles`, and those among them with a steep saddle, as in small squares: at least
-    `STEEP` · (local standard deviation + `floor`)."""
+def saddles_by_steepness(grey: Array, floor: float) -> tuple[Array, Array, Array]:
+    """`cells_with_saddles`, and those among them with a blunt and with a steep saddle, as in small squares: at least
+    `BLUNT` and `STEEP` · (local standard deviation + `floor`)."""
     kinds = _marked(grey, SHARE, floor)
-    return kinds > 0, kinds > 1
+    return kinds > 0, (kinds & 2) > 0, (kinds & 4) > 0
 
 
 def _marked(grey: Array, share: float, steep_floor: float = STEEP_FLOOR) -> Array:
     out = np.zeros([-(-n // CELL) for n in grey.shape], np.uint8)
-    _sieve(np.ascontiguousarray(grey), share, FLOOR, STEEP, steep_floor, out)
+    _sieve(np.ascontiguousarray(grey), share, FLOOR, BLUNT, STEEP, steep_floor, out)
     return out
 
 

@@ -27,7 +27,7 @@ STAGES = (
     ("views", "rcdn.pyramid:View.of"),
     ("views", "rcdn.pyramid:View.reduced"),
     ("sieve", "rcdn.corners.response:cells_with_saddles"),
-    ("sieve", "rcdn.views:saddles_and_steep_ones"),
+    ("sieve", "rcdn.views:saddles_by_steepness"),
     ("response", "rcdn.corners.response:ResponseModel.__call__"),
     ("threshold", "rcdn.corners.maxima:threshold_value"),
     ("nms", "rcdn.corners.maxima:nms"),
