@@ -103,8 +103,8 @@ FAST_KERNEL(rcdn_links, (PICTURE, p), (SIZE, n, near, 0), (SIZE, most, near, 1),
                 continue;
             /* an edge already found visible from its other end need not be tested again */
             int seen = j < i && leads_to(out + 4 * j, i);
-            if (!seen) {
-                sides_differ(&p, xy + 2 * i, xy + 2 * j, &w, shown);
+            for (int close = 0; !seen && close < 2; close++) { /* a marker may leave only a narrow rim of a square */
+                sides_differ(&p, xy + 2 * i, xy + 2 * j, close, &w, shown);
                 const double weaker = corner[i].contrast < corner[j].contrast ? corner[i].contrast : corner[j].contrast;
                 seen = colour * shown[0] > least * weaker && colour * shown[1] > least * weaker &&
                        colour * shown[2] > least * weaker;

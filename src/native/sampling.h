@@ -87,17 +87,19 @@ INLINE void grey_levels(const Spot *s, Places *w, index_t count, float *out) {
 
 /* Contrast between the two sides of a link, the mean difference in each third of its length: see boards/edges.py,
  * `edge_contrast`. 9 positions along the link without 0.15 of it at both ends, where blur mixes all four squares; on
- * both sides at 0.08, 0.14 and 0.2 of its length, clamped to 1..5 px. */
+ * both sides at 0.08, 0.14 and 0.2 of its length, or `close` to it at 0.02, 0.045 and 0.07, clamped to 1..5 px. */
 enum { ALONG = 9, ACROSS = 3, AROUND = 2 * ACROSS * ALONG };
-INLINE void sides_differ(const Picture *p, const double *start, const double *end, Places *w, double *out) {
-    static const double across[ACROSS] = {0.08, 0.14, 0.2}, skip = 0.15;
+INLINE void sides_differ(const Picture *p, const double *start, const double *end, int close, Places *w, double *out) {
+    static const double both[2][ACROSS] = {{0.08, 0.14, 0.2}, {0.015, 0.03, 0.045}}, skip = 0.15;
+    const double *across = both[close];
     const Spot s = spot_at(p, start[0], start[1]);
     const double dx = end[0] - start[0], dy = end[1] - start[1], size = sqrt(dx * dx + dy * dy),
                  length = size > 1e-9 ? size : 1e-9;
     float value[AROUND];
     index_t k = 0;
     for (int a = 0; a < ACROSS; a++) {
-        const double reach = limited(length * across[a], 1, 5) / length, side_x = -dy * reach, side_y = dx * reach;
+        const double reach = limited(length * across[a], 1, close ? 2.5 : 5) / length, side_x = -dy * reach,
+                     side_y = dx * reach;
         for (int n = 0; n < ALONG; n++, k += 2) {
             const double t = skip + (1 - 2 * skip) / (ALONG - 1) * n, x = start[0] - s.x + t * dx,
                          y = start[1] - s.y + t * dy;

@@ -138,7 +138,9 @@ class Detector:
                 from rcdn.targets.pieces import read_pieces
 
                 out = read_pieces(grey, out, pieces, self._told)
-        return [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
+        out = [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
+        # parts of one board that its codes have completed are that board, each
+        return distinct_boards([out]) if sum(board.target is not None for board in out) > 1 else out
 
     def _is_circle_grid(self, glance: Glance | None) -> bool:
         literal = self.config.recovery == "growth"  # the paper's method does not distinguish kinds of targets

@@ -126,3 +126,18 @@ def test_a_blurred_aprilgrid_of_small_tags_is_read(share):
     right, wrong, shown = numbers(image, board, xy)
     assert wrong == 0
     assert right == shown == len(xy)
+
+
+@pytest.mark.parametrize("tilt", [1.0, 1.1])
+def test_squares_of_which_a_marker_leaves_a_narrow_rim_are_linked_at_a_steep_tilt(tilt):
+    board = charuco(8, 6, "DICT_4X4_50", 0.78)
+    image, xy = pictured(board, tilt=tilt)
+    right, wrong, shown = numbers(image, board, xy)
+    assert wrong == 0
+    assert right == shown == len(xy)
+
+
+def test_parts_that_codes_complete_to_the_same_board_are_one_board():
+    board = charuco(8, 6, "DICT_4X4_50", 0.74)
+    image, xy = pictured(board, tilt=1.1)
+    assert [len(found) for found in Detector().boards(image)] == [len(xy)]

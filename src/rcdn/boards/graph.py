@@ -27,8 +27,8 @@ _mutual = bind("rcdn_mutual")
 _cells = bind("rcdn_cells")
 _label = bind("rcdn_label")
 
-NEIGHBOURS = 14
-"""nearest corners that may be linked: the next line is among them while steps along both axes differ by less than 7 : 1"""
+NEIGHBOURS = 30
+"""nearest corners that may be linked: the next line is among them even where corners of markers are nearer"""
 TOLERANCE, TOLERANCE_SMALL, SMALL = np.deg2rad(20), np.deg2rad(27), 10.0
 """largest angle between a link and the axes at its ends; more for links under 10 px, whose axes are less accurate"""
 LEAST_CONTRAST = 0.3

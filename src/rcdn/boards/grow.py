@@ -155,6 +155,10 @@ class _Growth:
         shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(asked), np.uint8)
         _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
+            way = np.sign(level)[:, None]
+            shown = way * np.maximum(way * shown, way * edge_contrast(self.field.grey, start, end, close=True))
+            _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
+        if not seen.all():
             self.refused = np.concatenate([self.refused, asked[seen == 0]])
         rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
         return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
