@@ -79,7 +79,7 @@ def main() -> None:
             cloud.channels.append(ChannelFloat32(name=name, values=[row[at] for row in rows]))
         corners_out.publish(cloud)
 
-    def publish_pose(header: Any, board: rcdn.Board) -> None:
+    def publish_pose(header: Any, board: rcdn.Board, camera: rcdn.Camera) -> None:
         pose = rcdn.estimate_pose(board, camera, spacing=spacing)
         out = PoseWithCovarianceStamped(header=header)
         at, turn = out.pose.pose.position, out.pose.pose.orientation
@@ -94,7 +94,7 @@ def main() -> None:
             boards = [b for b in boards if size == (0, 0) or (b.complete and size in (b.size, b.size[::-1]))]
             publish_corners(message.header, boards)
             if camera is not None and boards:
-                publish_pose(message.header, boards[0])
+                publish_pose(message.header, boards[0], camera)
         except rcdn.RcdnError as error:  # one bad picture stops nothing
             node.get_logger().warning(str(error), throttle_duration_sec=5.0)
 

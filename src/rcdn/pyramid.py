@@ -100,6 +100,10 @@ class View:
             return np.asarray(xy + np.array(self.box[:2], float))
         return (xy + 0.5) / self.ratio() - 0.5 + np.array(self.box[:2])
 
+    def from_picture(self, xy: Array) -> Real[Array, "n 2"]:
+        """The inverse of `to_picture`."""
+        return np.asarray((xy - np.array(self.box[:2]) + 0.5) * self.ratio() - 0.5)
+
 
 def whole_views(shape: tuple[int, ...]) -> list[View]:
     """Views of a whole image (H, W), the full-size one first."""

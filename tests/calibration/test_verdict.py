@@ -34,7 +34,7 @@ def found(calibration, key):
 
 
 def test_a_good_calibration_is_good(good):
-    assert good.verdict is not None
+    assert good.verdict.judged
     assert good.verdict.level == "good"
     assert good.verdict == judge(good)
     assert good.verdict.against == advise(good) == good.advice == ()

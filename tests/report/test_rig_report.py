@@ -10,7 +10,7 @@ from test_space import polygons
 
 from rcdn.geometry import rotation
 from rcdn.report.calibration import rig_space, space, write_rig_report
-from rcdn.types import MissingLink, Pose, Rig, RigCalibration, RigPair, TimeShift
+from rcdn.types import NOT_JUDGED, MissingLink, Pose, Rig, RigCalibration, RigPair, TimeShift
 
 
 def found(covariance=1e-6, cameras=3):
@@ -25,7 +25,7 @@ def found(covariance=1e-6, cameras=3):
     scale = np.repeat(np.arange(cameras, dtype=float), 6)
     rig = Rig(names, tuple(c.camera for c in each), tuple(poses), covariance * np.diag(scale**2))
     pairs = (RigPair(names[0], names[1], 5, 4, 0.2, 0.15), RigPair(names[1], names[2], 3, 3, 0.9, 0.1))
-    views = {name: replace(c, verdict=None) for name, c in zip(names, each, strict=True)}
+    views = {name: replace(c, verdict=NOT_JUDGED) for name, c in zip(names, each, strict=True)}
     boards = {(str(k), 0): v.pose.T_cam_board for k, v in enumerate(each[0].views)}
     return RigCalibration(
         rig, views, boards, 0.3, pairs, (names,), given=(names[0],), shifts={names[1]: TimeShift(0.01, 0.02)}

@@ -15,12 +15,15 @@ import pytest
 pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[train]")
 
 import cv2
+import numpy as np
 import torch
 from lightning_fabric import Fabric
 
+from rcdn.corners.onnx_file import read_graph
 from rcdn.errors import ConfigError, OutputError, RcdnError
 from rcdn.training import alone, loop, validate
 from rcdn.training.config import TrainConfig, read_config
+from rcdn.training.export import export
 from rcdn.training.loop import DeadNetError, train
 from rcdn.training.samples import PoolConfig
 
@@ -199,6 +202,27 @@ def test_a_run_begins_from_the_weights_of_another(tmp_path):
             run(dataclasses.replace(follower, name="c", architecture=architecture, start=str(start)), tmp_path)
 
 
+@pytest.mark.parametrize("config", [A, Q], ids=["A", "Q"])
+def test_a_run_begins_from_an_exported_network(config, tmp_path):
+    """With a rate of nearly nothing it computes what the exported one computes."""
+    first = run(config, tmp_path)
+    export(first, tmp_path / "old.onnx")
+    follower = dataclasses.replace(config, name="b", start=str(tmp_path / "old.onnx"), rate=1e-12, decay=0.0, seed=9)
+    export(run(follower, tmp_path), tmp_path / "new.onnx")
+    old, new = (read_graph((tmp_path / name).read_bytes()).tensors for name in ("old.onnx", "new.onnx"))
+    assert old.keys() == new.keys()
+    assert all(np.allclose(old[k], new[k], atol=1e-9) for k in old)
+    (tmp_path / "none.onnx").write_bytes(b"nothing")
+    for start, architecture in (("none", config.architecture), ("nowhere", config.architecture), ("old", "B")):
+        wrong = dataclasses.replace(
+            follower, name="c", architecture=architecture, side=61, start=str(tmp_path / f"{start}.onnx")
+        )
+        with pytest.raises(RcdnError, match=r"no weights of `rcdn train` that fit"):
+            run(wrong, tmp_path)
+    with pytest.raises(ConfigError, match="has no `batch_norm`"):
+        dataclasses.replace(follower, batch_norm=True)
+
+
 def test_a_few_crops_are_learnt_by_heart(tmp_path, monkeypatch):
     monkeypatch.setattr(validate, "validation_set", None)  # the crops themselves are validated on
     many = dataclasses.replace(POOL, count=10**6)  # of which two are rendered
@@ -215,7 +239,7 @@ def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "DEAD_AFTER", 4)
     original = loop.build
 
-    def dead(name, batch_norm=False):
+    def dead(name, batch_norm=False, start=""):
         net = original(name)
         torch.nn.init.constant_(net.blocks[-1][0].bias, -100.0)
         return net

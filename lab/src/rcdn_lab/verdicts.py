@@ -89,7 +89,7 @@ def judged_input(given: CaseInput, model: str = "auto") -> tuple[str, str, str]:
         done = calibrate(given.boards, given.spacing, names=given.names, **({"model": model} | given.options))
     except CalibrationError as error:
         return "error", "error", str(error)
-    verdict = done.verdict or judge(done)
+    verdict = done.verdict if done.verdict.judged else judge(done)
     key = verdict.against[0].key if fails(verdict, "fair") else ""
     return verdict.level, key, headline(verdict)
 

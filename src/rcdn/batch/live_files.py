@@ -47,8 +47,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
         files += _cameras(folder, done, lines)
     write_report(folder / REPORT, done, Pictures(paths))
     write_calibration(folder / CALIBRATION, done)
-    level = "unsure" if done.verdict is None else done.verdict.level
-    return Written((*files, folder / CALIBRATION, folder / REPORT), level, tuple(lines))
+    return Written((*files, folder / CALIBRATION, folder / REPORT), done.verdict.level, tuple(lines))
 
 
 def _cameras(folder: Path, done: Calibration, lines: list[str]) -> list[Path]:

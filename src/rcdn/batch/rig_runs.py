@@ -116,7 +116,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
         if done.shifts is not None
     ]
     lines += [_board_line(b) for b in done.fixed_boards if b.target != b.first]
-    return lines + _weakest(done) + _against(done.verdict.against if done.verdict else (), rig.names)
+    return lines + _weakest(done) + _against(done.verdict.against, rig.names)
 
 
 def _board_line(board: FixedBoard) -> str:

@@ -28,7 +28,7 @@ from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
+from rcdn.types import NOT_JUDGED, Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
 
 PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
 ODD = "it disagrees with the other cameras on where the board is"
@@ -335,5 +335,5 @@ def _one(
         )
     return replace(
         before, camera=fit.state.cameras[local], views=tuple(views), cov=cov, noise=fit.noise, shape=shape,
-        advice=(), verdict=None,
+        advice=(), verdict=NOT_JUDGED,
     )  # fmt: skip

@@ -184,7 +184,7 @@ LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
 
 
 def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
-    against = camera.verdict.against if camera.verdict else ()
+    against = camera.verdict.against
 
     def action(r: Reason) -> str:
         anew = "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture may have changed."

@@ -23,7 +23,7 @@ from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.geometry import cross_matrix
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
+from rcdn.types import NOT_JUDGED, Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -256,7 +256,14 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
         )
     lens = fit.state.cameras[camera]
     return replace(
-        before, camera=lens, views=tuple(views), cov=cov, noise=fit.noise, shape=task.shape, advice=(), verdict=None
+        before,
+        camera=lens,
+        views=tuple(views),
+        cov=cov,
+        noise=fit.noise,
+        shape=task.shape,
+        advice=(),
+        verdict=NOT_JUDGED,
     )
 
 

@@ -70,7 +70,7 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
 
 
 def _of_camera(name: str, camera: Calibration) -> list[Reason]:
-    verdict = camera.verdict or judge(camera)
+    verdict = camera.verdict if camera.verdict.judged else judge(camera)
     return [
         replace(
             r,

@@ -27,6 +27,14 @@ def train(
             "configuration names; none: drawn clutter only.",
         ),
     ] = None,
+    labelled: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|DIR",
+            help="Labelled pictures of your own, crops of which are mixed with the rendered ones: what rcdn detect --json "
+            "wrote, once its errors are corrected, or a truth.json, or the folder of one; none: the configuration's aren't used.",
+        ),
+    ] = None,
     overfit: Annotated[
         int,
         typer.Option(min=0, metavar="N", help="Learn N crops by heart, to check that learning works: F1 goes to 1."),
@@ -48,7 +56,7 @@ def train(
     it. A run that was stopped goes on where it was: run the same command again. Relative folders in the configuration
     start at the current directory. Needs: pip install 'rcdn[train]'.
     """
-    chosen = [_settings(path, backgrounds, steps, seed) for path in config]
+    chosen = [_settings(path, backgrounds, labelled, steps, seed) for path in config]
     import torch
 
     from rcdn.training.loop import train as learn
@@ -62,7 +70,7 @@ def train(
             typer.echo(f"{folder} is complete; its weights: rcdn export {folder} -o FILE.onnx")
 
 
-def _settings(path: Path, backgrounds: str | None, steps: int | None, seed: int | None) -> Any:
+def _settings(path: Path, backgrounds: str | None, labelled: str | None, steps: int | None, seed: int | None) -> Any:
     """The configuration, overridden by the options of the command line."""
     from rcdn.training.config import read_config
 
@@ -70,6 +78,8 @@ def _settings(path: Path, backgrounds: str | None, steps: int | None, seed: int 
     changes: dict[str, Any] = {"steps": steps, "seed": seed}
     if backgrounds is not None:
         changes["pool"] = replace(config.pool, backgrounds="" if backgrounds == "none" else backgrounds)
+    if labelled is not None:
+        changes["labelled"] = "" if labelled == "none" else labelled
     return replace(config, **{key: value for key, value in changes.items() if value is not None})
 
 

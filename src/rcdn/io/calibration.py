@@ -13,6 +13,7 @@ from rcdn.io.fields import nullable, number, numbers, read_text, rigid, take, tw
 from rcdn.io.files import write_text
 from rcdn.types import (
     LEVELS,
+    NOT_JUDGED,
     Array,
     BoardShape,
     BoardView,
@@ -91,7 +92,7 @@ def calibration_record(found: Calibration) -> dict[str, Any]:
     names = found.camera.parameter_names
     return {
         "camera": ours.camera_record(found.camera),
-        "verdict": None if found.verdict is None else found.verdict.level,
+        "verdict": found.verdict.level if found.verdict.judged else None,
         "rms": nullable(found.rms),
         "held_out": nullable(found.held_out),
         "std": dict(zip(names, nullable(found.std), strict=True)),
@@ -102,7 +103,7 @@ def calibration_record(found: Calibration) -> dict[str, Any]:
         "shape": None if found.shape is None else nullable(found.shape.offsets),
         "noise": nullable(found.noise),
         "models": [{"model": m.model, "rms": nullable(m.rms), "held_out": nullable(m.held_out)} for m in found.models],
-        "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
+        "reasons": [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
         "views": [_view_record(view) for view in found.views],
@@ -111,13 +112,13 @@ def calibration_record(found: Calibration) -> dict[str, Any]:
 
 def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
     return {
-        "verdict": None if found.verdict is None else found.verdict.level,
+        "verdict": found.verdict.level if found.verdict.judged else None,
         "T_right_left": found.T_right_left.tolist(),
         **{name: nullable(getattr(found, name)) for name in ours.SHAPES},
         "rms": nullable(found.rms),
         "epipolar": nullable(found.epipolar),
         "baseline": nullable(found.baseline),
-        "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
+        "reasons": [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),
         "left": calibration_record(found.left),
@@ -237,10 +238,10 @@ def _shape(data: Any, where: str) -> BoardShape | None:
     return BoardShape(offsets)
 
 
-def verdict_of(data: dict[str, Any], where: str) -> Verdict | None:
-    """The verdict; None if the file has none: it was written before calibrations had verdicts."""
+def verdict_of(data: dict[str, Any], where: str) -> Verdict:
+    """The verdict; `NOT_JUDGED` if the file has none: it was written before calibrations had verdicts."""
     if data.get("verdict") is None:
-        return None
+        return NOT_JUDGED
     reasons = take(data, "reasons", list, where)
     return Verdict(
         _level(data, "verdict", where), tuple(_reason(r, f"{where}: reasons[{k}]") for k, r in enumerate(reasons))

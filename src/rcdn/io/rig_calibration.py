@@ -20,9 +20,9 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
     rig = found.rig
     places = {name: pose.T_cam_board.tolist() for name, pose in zip(rig.names, rig.poses, strict=True)}
     record = {
-        "verdict": None if found.verdict is None else found.verdict.level,
+        "verdict": found.verdict.level if found.verdict.judged else None,
         "rms": nullable(found.rms),
-        "reasons": [] if found.verdict is None else [reason_record(r) for r in found.verdict.reasons],
+        "reasons": [reason_record(r) for r in found.verdict.reasons],
         **rig_record(rig),
         "components": [list(part) for part in found.components],
         "links": [dict(vars(link)) for link in found.links],

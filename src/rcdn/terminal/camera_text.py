@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
 
 
-def verdict_line(verdict: Verdict | None) -> list[str]:
+def verdict_line(verdict: Verdict) -> list[str]:
     """The line of the verdict, which is printed first; empty if there is none."""
     from rcdn.calibration.verdict import headline
 
-    return [] if verdict is None else [headline(verdict)]
+    return [headline(verdict)] if verdict.judged else []
 
 
-def advice_lines(verdict: Verdict | None, advice: Sequence[str]) -> list[str]:
+def advice_lines(verdict: Verdict, advice: Sequence[str]) -> list[str]:
     """Lines of advice, without the most severe reason, which is already in the first line."""
     from rcdn.calibration.verdict import sentences
 
-    said = () if verdict is None else sentences(verdict)[:1]
+    said = sentences(verdict)[:1] if verdict.judged else ()
     return [f"- {text}" for text in advice if text not in said]
 
 

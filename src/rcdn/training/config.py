@@ -29,9 +29,12 @@ class TrainConfig:
     adamw (one-cycle); `decay`: λ of Eq. 1 (sgd: on all parameters) or AdamW's weight decay;
     `clip`: largest gradient norm, 0 = none; `side`: side of a training window, px, context included;
     `ring`: the 8 neighbours of a corner are excluded from the loss;
-    `start`: weights of another run as initial values, or '';
+    `start`: weights as initial values, or '': `last.pt` of another run, or an exported network (.onnx), which trains
+    without batch normalisation;
     `teacher`: name of a run in the same folder to whose network one 1×1 layer is added (A → B, E → F; paper section
-    3.1), or ''; the teacher's layers are frozen for the first `frozen` steps.
+    3.1), or ''; the teacher's layers are frozen for the first `frozen` steps;
+    `labelled`: a file of labelled pictures, or its folder (`labelled.read_labelled`), or ''; crops of them are the
+    share `labelled_share` of the training data.
     """
 
     name: str
@@ -53,6 +56,8 @@ class TrainConfig:
     teacher: str = ""
     frozen: int = 0
     batch_norm: bool = False
+    labelled: str = ""
+    labelled_share: float = 0.25
     pool: PoolConfig = field(default_factory=PoolConfig)
 
     def __post_init__(self) -> None:
@@ -74,6 +79,10 @@ class TrainConfig:
                 raise ConfigError(f"config: {key} must be in [{least}, {most}], not {shown(getattr(self, key))}")
         if not self.rate > 0 or not self.ema < 1:
             raise ConfigError(f"config: rate must be above 0 and ema below 1, not {self.rate} and {self.ema}")
+        if not 0 < self.labelled_share < 1:
+            raise ConfigError(f"config: labelled_share must be between 0 and 1, not {self.labelled_share}")
+        if self.batch_norm and Path(self.start).suffix == ".onnx":
+            raise ConfigError("config: an exported network as `start` has no `batch_norm`; remove that line")
         if self.teacher and (self.start or self.batch_norm):
             raise ConfigError("config: a network with a teacher has neither `start` nor `batch_norm`")
         arch = ARCHITECTURES[self.architecture]

@@ -84,7 +84,7 @@ def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str,
         "commit": report.get("commit") or commit(),
         "date": datetime.date.today().isoformat(),
         "machine": report.get("machine") or machine(),
-    }
+    } | ({"labelled": report["labelled"]} if "labelled" in report else {})
 
 
 def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | None = None) -> float:

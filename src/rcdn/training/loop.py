@@ -27,12 +27,14 @@ from rcdn.children import end_with_parent
 from rcdn.errors import ConfigError, OutputError, RcdnError
 from rcdn.io import write_text
 from rcdn.provenance import commit
+from rcdn.synthetic import PRESETS
 from rcdn.training.alone import alone
 from rcdn.training.config import TrainConfig
+from rcdn.training.labelled import fingerprint, labelled_pool, read_labelled
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, read_report, without_norms
-from rcdn.training.samples import Batches, Pool, batch, make_pool
+from rcdn.training.samples import Batches, Pool, batch, joined, make_pool
 from rcdn.training.validate import validate
 
 DEAD_AFTER, DEAD_RESPONSE = 500, 1e-3
@@ -57,7 +59,8 @@ def train(
     the folder's old run is removed. `overfit`: train and validate on that many crops only, always from the start, in
     `name`-overfit (sanity check: F1 must approach 1). `workers`: processes that prepare batches, 0 = none.
     Raises ConfigError if the folder holds a run with other settings, or if another process trains there; OutputError if
-    a checkpoint can't be written; DeadNetError if the positives' mean response stays below 1e-3.
+    a checkpoint can't be written; DeadNetError if the positives' mean response stays below 1e-3; and the errors of
+    `read_labelled`, before anything is rendered.
     """
     fabric = fabric or Fabric(accelerator="auto", devices="auto")
     fabric.launch()
@@ -66,9 +69,14 @@ def train(
         few = dataclasses.replace(config.pool, count=min(overfit, config.pool.count))
         config, resume = dataclasses.replace(config, name=f"{config.name}-overfit", pool=few), False
     folder = runs / config.name
-    _check_same(config, folder, resume)
+    pictures = read_labelled(config.labelled, _pattern(config)) if config.labelled else []
+    facts = fingerprint(pictures) if pictures else None
+    _check_same(config, folder, resume, facts)
     with fabric.rank_zero_first():  # one process renders, the others wait and then read
         pool = make_pool(config.pool, runs, progress=lambda n, total: print(f"rendering pool: {n}/{total}", flush=True))
+    if pictures:
+        crops = round(config.pool.count * config.labelled_share / (1 - config.labelled_share))
+        pool = joined(pool, labelled_pool(pictures, max(crops, 1), config.pool.size, config.pool.seed), facts)
     with alone(folder) if fabric.is_global_zero else contextlib.nullcontext():
         _learn(config, runs, pool, bool(overfit), workers, resume, fabric)
     return folder
@@ -78,9 +86,9 @@ def _learn(
     config: TrainConfig, runs: Path, pool: Pool, overfit: bool, workers: int, resume: bool, fabric: Fabric
 ) -> None:
     folder = runs / config.name
-    _check_same(config, folder, resume)  # again, since another process may have started meanwhile
+    _check_same(config, folder, resume, pool.labelled)  # again, since another process may have started meanwhile
     fabric.seed_everything(config.seed, verbose=False)
-    net = build(config.architecture, config.batch_norm).to(memory_format=torch.channels_last)
+    net = build(config.architecture, config.batch_norm, config.start).to(memory_format=torch.channels_last)
     if config.start:
         load_average(net, Path(config.start))
     kept = _from_teacher(net, runs / config.teacher) if config.teacher else []
@@ -97,6 +105,7 @@ def _learn(
         _clear_after(state["step"], folder)
     loader = fabric.setup_dataloaders(_loader(config, pool, state["step"], workers, fabric))
     run = _Run(config, folder, fabric, state, pool if overfit else None, kept)
+    run.facts |= {"labelled": pool.labelled} if pool.labelled else {}
     try:
         run.go(loader)
     finally:
@@ -122,13 +131,23 @@ def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
     return grow(net, without_norms(teacher))
 
 
-def _check_same(config: TrainConfig, folder: Path, resume: bool) -> None:
-    """Raise ConfigError if the folder's run was started with other settings, instead of resuming it."""
+def _pattern(config: TrainConfig) -> str:
+    """The pattern of the boards whose corners the network learns."""
+    return "deltille" if PRESETS[config.pool.ranges].deltille_p else "checker"
+
+
+def _check_same(config: TrainConfig, folder: Path, resume: bool, labelled: dict[str, Any] | None) -> None:
+    """Raise ConfigError if the folder's run was started with other settings or labelled pictures, instead of resuming
+    it."""
     if not resume or not (folder / "last.pt").exists():
         return
-    before: dict[str, Any] = read_report(folder)["config"]
+    report = read_report(folder)
+    before: dict[str, Any] = report["config"]
     now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # doesn't affect training
-    changed = [key for key in now if before.get(key, now[key]) != now[key]]
+    usual = {f.name: f.default for f in dataclasses.fields(config)}  # of settings that are newer than the run
+    changed = [key for key in now if before.get(key, usual[key]) != now[key]]
+    if not changed and report.get("labelled") != labelled:
+        changed = ["other labelled pictures"]
     if changed:
         raise ConfigError(
             f"{folder} holds a run of other settings ({', '.join(changed)}); "
@@ -190,7 +209,7 @@ class _Run:
         self.config, self.folder, self.fabric, self.state, self.overfit = config, folder, fabric, state, overfit
         self.loss_sum, self.positive_sum, self.count, self.silent = 0.0, 0.0, 0, 0
         self.clock = time.perf_counter()
-        self.place = {"commit": commit(), "machine": machine()}  # of the code that runs now, not later
+        self.facts: dict[str, Any] = {"commit": commit(), "machine": machine()}  # of the code that runs now, not later
         self.events: Any = SummaryWriter(str(folder / "events")) if fabric.is_global_zero else None
 
     def go(self, loader: Any) -> None:
@@ -293,6 +312,6 @@ class _Run:
             self.events.add_scalar(key, value, row["step"])
         self.events.flush()
         metrics = {key: value if math.isfinite(value) else None for key, value in row.items()}  # JSON has no NaN
-        facts = {"config": dataclasses.asdict(self.config), "metrics": metrics} | self.place
+        facts = {"config": dataclasses.asdict(self.config), "metrics": metrics} | self.facts
         write_text(self.folder / "run.json", json.dumps(facts, indent=1) + "\n")
         print(", ".join(f"{k} {v}" for k, v in row.items()), flush=True)

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from rcdn.corners.onnx_file import read_graph
 from rcdn.errors import ConfigError, RcdnError
 
 
@@ -110,12 +111,21 @@ class CornerNet(nn.Module):
         return out[:, 0]
 
 
-def build(name: str, batch_norm: bool = False) -> CornerNet:
-    """The network called `name`, with initial weights; `batch_norm` adds batch normalisation if it has none."""
+def build(name: str, batch_norm: bool = False, start: str = "") -> CornerNet:
+    """The network called `name`, with initial weights; `batch_norm` adds batch normalisation if it has none.
+
+    `start`: the file of weights that it will begin with; an exported network (.onnx) has no batch normalisation any
+    more, so that this one gets none.
+    """
     if name not in ARCHITECTURES:
         raise ConfigError(f"architecture must be one of {sorted(ARCHITECTURES)}, not {name!r}")
     arch = ARCHITECTURES[name]
-    return CornerNet(replace(arch, batch_norm=arch.batch_norm or batch_norm))
+    return CornerNet(replace(arch, batch_norm=(arch.batch_norm or batch_norm) and not exported(start)))
+
+
+def exported(start: str | Path) -> bool:
+    """Whether a file of weights is an exported network, by its name."""
+    return Path(start).suffix == ".onnx"
 
 
 def grow(student: CornerNet, teacher: CornerNet, noise: float = 0.01) -> list[nn.Parameter]:
@@ -173,11 +183,21 @@ def without_norms(net: CornerNet) -> CornerNet:
 
 
 def load_average(net: CornerNet, path: Path) -> None:
-    """Load the averaged weights of a checkpoint (last.pt) into `net`. Raises RcdnError if there are none that fit."""
+    """Load the averaged weights of a checkpoint (last.pt), or those of an exported network (.onnx), into `net`. Raises
+    RcdnError if there are none that fit."""
     try:
-        net.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["ema"])
-    except (OSError, EOFError, KeyError, TypeError, RuntimeError, pickle.UnpicklingError) as error:
+        net.load_state_dict(
+            _of_onnx(path) if exported(path) else torch.load(path, map_location="cpu", weights_only=True)["ema"]
+        )
+    except (OSError, EOFError, KeyError, TypeError, RuntimeError, RcdnError, pickle.UnpicklingError) as error:
         raise RcdnError(f"{path} holds no weights of `rcdn train` that fit this network: {error}") from error
+
+
+def _of_onnx(path: Path) -> dict[str, Tensor]:
+    """The state of a network without batch normalisation from a file that `rcdn export` wrote."""
+    parts = {"w": "weight", "b": "bias"}
+    tensors = read_graph(path.read_bytes()).tensors
+    return {f"blocks.{n[1:]}.0.{parts[n[0]]}": torch.from_numpy(t.copy()) for n, t in tensors.items() if n[0] in parts}
 
 
 def parameter_count(net: nn.Module) -> int:
@@ -190,7 +210,7 @@ def load_run(folder: Path) -> tuple[CornerNet, dict[str, Any]]:
     """The network of a training run with its averaged weights, in evaluation mode, and the content of `run.json`."""
     report = read_report(folder)
     config = report["config"]
-    net = build(config["architecture"], config.get("batch_norm") is True)
+    net = build(config["architecture"], config.get("batch_norm") is True, str(config.get("start", "")))
     load_average(net, folder / "last.pt")
     return net.eval(), report
 

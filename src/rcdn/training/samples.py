@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -54,13 +55,20 @@ class PoolConfig:
 
 
 class Pool:
-    """Rendered crops: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded."""
+    """Crops: `images` (N, S, S) uint8, `labels` (N, 512, 3) float32 as in `random_crop`, NaN-padded. `labelled`: facts
+    about the labelled pictures among their sources, if any."""
 
-    def __init__(self, images: Array, labels: Array) -> None:
-        self.images, self.labels = images, labels
+    def __init__(self, images: Array, labels: Array, labelled: dict[str, Any] | None = None) -> None:
+        self.images, self.labels, self.labelled = images, labels, labelled
 
     def __len__(self) -> int:
         return len(self.images)
+
+
+def joined(one: Pool, other: Pool, labelled: dict[str, Any] | None) -> Pool:
+    """The crops of both; `labelled` as in `Pool`."""
+    images, labels = (np.concatenate([getattr(one, k), getattr(other, k)]) for k in ("images", "labels"))
+    return Pool(images, labels, labelled)
 
 
 def load_backgrounds(folder: str) -> list[Array]:

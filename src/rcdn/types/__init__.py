@@ -5,7 +5,17 @@ Pixel (0, 0) is the centre of the top-left pixel; x right, y down; camera z forw
 
 from rcdn.types.base import Array
 from rcdn.types.board_shape import BoardShape
-from rcdn.types.calibration import LEVELS, BoardView, Calibration, Level, ModelScore, Reason, StereoCalibration, Verdict
+from rcdn.types.calibration import (
+    LEVELS,
+    NOT_JUDGED,
+    BoardView,
+    Calibration,
+    Level,
+    ModelScore,
+    Reason,
+    StereoCalibration,
+    Verdict,
+)
 from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
 from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
 from rcdn.types.correction import LensCorrection
@@ -19,6 +29,7 @@ from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
 __all__ = [
     "LENS",
     "LEVELS",
+    "NOT_JUDGED",
     "SQUARES",
     "AprilGrid",
     "Array",

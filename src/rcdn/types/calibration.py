@@ -111,19 +111,31 @@ class Reason:
 @dataclass(frozen=True)
 class Verdict:
     """Whether to use a calibration: `good`: use it; `fair`: usable with care; `unsure`: the data can't confirm some
-    aspect of it; `bad`: don't use it. `reasons`: all checks, the most severe first; `level` is that of the first."""
+    aspect of it; `bad`: don't use it. `reasons`: all checks, the most severe first; `level` is that of the first. Without any, it is
+    `NOT_JUDGED`."""
 
     level: Level
     reasons: tuple[Reason, ...] = ()
 
     def __repr__(self) -> str:
+        if not self.judged:
+            return "<Verdict not judged>"
         first = f": {self.reasons[0].sentence}" if self.against else ""
         return f"<Verdict {self.level}, {len(self.against)} of {len(self.reasons)} checks against it{first}>"
+
+    @property
+    def judged(self) -> bool:
+        """Whether any check was made."""
+        return bool(self.reasons)
 
     @property
     def against(self) -> tuple[Reason, ...]:
         """The checks with a level other than `good`."""
         return tuple(r for r in self.reasons if r.level != "good")
+
+
+NOT_JUDGED = Verdict("unsure")
+"""before the checks, and in files written before calibrations had verdicts"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +152,7 @@ class Calibration(Value):
     a plain board. If the views show several targets, `spacing`, `size`, `orientation`, `shape` and `target` are those
     of the target that most views show. `advice`: sentences for the user, the most severe first: the findings of the
     `verdict`, then neutral notes.
-    `verdict`: None before the checks were made.
+    `verdict`: `NOT_JUDGED` before the checks were made.
     """
 
     camera: Camera
@@ -153,7 +165,7 @@ class Calibration(Value):
     orientation: Orientation | None = None
     shape: BoardShape | None = None
     advice: tuple[str, ...] = ()
-    verdict: Verdict | None = None
+    verdict: Verdict = NOT_JUDGED
     target: Target | None = None
 
     def __post_init__(self) -> None:
@@ -163,12 +175,12 @@ class Calibration(Value):
             raise RcdnError(f"Calibration.cov must have shape ({many}, {many}), not {self.cov.shape}")
 
     def __repr__(self) -> str:
-        return f"<Calibration: {_level(self.verdict)}, {self._facts}>"
+        return f"<Calibration: {level_in_words(self.verdict)}, {self._facts}>"
 
     def _repr_html_(self) -> str:
         few = self.camera.coefficients
         table = deviations(self.camera.parameter_names[:few], self.camera.parameters[:few], self.std[:few])
-        return _verdict_html("Calibration", self.verdict) + paragraph(self._facts) + table
+        return verdict_html("Calibration", self.verdict) + paragraph(self._facts) + table
 
     @property
     def _facts(self) -> str:
@@ -232,7 +244,7 @@ class StereoCalibration(Value):
     P_right: Array
     Q: Array
     advice: tuple[str, ...] = ()
-    verdict: Verdict | None = None
+    verdict: Verdict = NOT_JUDGED
 
     def __post_init__(self) -> None:
         shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}
@@ -240,11 +252,11 @@ class StereoCalibration(Value):
             freeze(self, name, getattr(self, name), np.float64, (width,))
 
     def __repr__(self) -> str:
-        return f"<StereoCalibration: {_level(self.verdict)}, {self._facts}>"
+        return f"<StereoCalibration: {level_in_words(self.verdict)}, {self._facts}>"
 
     def _repr_html_(self) -> str:
         sides = f"{self.left._repr_html_()}{self.right._repr_html_()}"
-        return _verdict_html("Stereo calibration", self.verdict) + paragraph(self._facts) + sides
+        return verdict_html("Stereo calibration", self.verdict) + paragraph(self._facts) + sides
 
     @property
     def _facts(self) -> str:
@@ -256,15 +268,14 @@ class StereoCalibration(Value):
         return float(np.linalg.norm(self.T_right_left[:3, 3]))
 
 
-def _level(verdict: Verdict | None) -> str:
-    return "not judged" if verdict is None else verdict.level
+def level_in_words(verdict: Verdict) -> str:
+    return verdict.level if verdict.judged else "not judged"
 
 
-def _verdict_html(title: str, verdict: Verdict | None) -> str:
+def verdict_html(title: str, verdict: Verdict) -> str:
     """HTML of the verdict with the checks that were not `good`."""
-    against = () if verdict is None else verdict.against
-    head = paragraph(f"{title}: {_level(verdict)}", None if verdict is None else verdict.level)
-    return head + "".join(paragraph(f"{reason.sentence} {reason.action}".strip()) for reason in against)
+    head = paragraph(f"{title}: {level_in_words(verdict)}", verdict.level if verdict.judged else None)
+    return head + "".join(paragraph(f"{reason.sentence} {reason.action}".strip()) for reason in verdict.against)
 
 
 def _rms(residuals: Array) -> float:

@@ -11,6 +11,7 @@ from rcdn.errors import RcdnError, many
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.camera import Camera, Pose
+from rcdn.types.shown import table
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,17 @@ class Rig(Value):
 
     def __repr__(self) -> str:
         return f"<Rig: {many(len(self), 'camera')}, {', '.join(self.names)}>"
+
+    def _repr_html_(self) -> str:
+        return table(("camera", "lens", "px", "centre, m"), self._rows())
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """Of each camera its name, lens, size, and the place of its centre in the rig's frame, as texts."""
+        rows: list[tuple[str, ...]] = []
+        for name, camera, pose in zip(self.names, self.cameras, self.poses, strict=True):
+            centre = ", ".join(f"{value:.5g}" for value in (-pose.R.T @ pose.t + 0.0).tolist())
+            rows.append((name, camera.model, f"{camera.image_size[0]}×{camera.image_size[1]}", centre))
+        return rows
 
     def index(self, name: str) -> int:
         """The index of the camera called `name`. Raises RcdnError if there is none."""

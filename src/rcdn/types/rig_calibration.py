@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.types.base import Array, Value, freeze
-from rcdn.types.calibration import Calibration, Verdict
+from rcdn.types.calibration import NOT_JUDGED, Calibration, Verdict, level_in_words, verdict_html
 from rcdn.types.rig import Rig
+from rcdn.types.shown import paragraph, table
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,20 @@ class RigCalibration(Value):
     links: tuple[MissingLink, ...] = ()
     thin: tuple[str, ...] = ()
     shifts: Mapping[str, TimeShift] | None = None
-    verdict: Verdict | None = None
+    verdict: Verdict = NOT_JUDGED
     given: tuple[str, ...] = ()
     corrected: tuple[str, ...] = ()
     fixed_boards: tuple[FixedBoard, ...] = ()
 
     def __repr__(self) -> str:
-        level = "not judged" if self.verdict is None else self.verdict.level
-        return f"<RigCalibration: {level}, {len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px>"
+        return f"<RigCalibration: {level_in_words(self.verdict)}, {self._facts}>"
+
+    def _repr_html_(self) -> str:
+        rows = [(*row, f"{self.cameras[row[0]].rms:.3g}") for row in self.rig._rows()]
+        rows += [(name, "not connected", "", "", "") for name in self.cameras if name not in self.rig.names]
+        shown = table(("camera", "lens", "px", "centre, m", "rms, px"), rows)
+        return verdict_html("Rig calibration", self.verdict) + paragraph(self._facts) + shown
+
+    @property
+    def _facts(self) -> str:
+        return f"{len(self.rig.names)} of {len(self.cameras)} cameras, rms {self.rms:.3g} px"

@@ -164,7 +164,7 @@ def _hopeless(found: Calibration, worst: float, target: float) -> str:
     """The reason why more pictures of this kind will not reach `target` px, or ""."""
     n = len(found.used_views)
     needed = n * ((worst / target) ** 2 - 1)  # the variance of a mean is inversely proportional to the number of views
-    if n < SETTLED or needed <= ENDLESS or found.verdict is None:
+    if n < SETTLED or needed <= ENDLESS or not found.verdict.judged:
         return ""
     cause = next((r for r in found.verdict.against if r.key in HINDRANCES), None)
     if cause is None:

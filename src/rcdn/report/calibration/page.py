@@ -81,7 +81,7 @@ def write_report(
 def report(calibration: Calibration, pictures: Pictures | None = None, title: str = "Camera calibration") -> str:
     """The text of the page that `write_report` writes."""
     facts = measure(calibration)
-    found = calibration.verdict or judge(calibration, facts)
+    found = calibration.verdict if calibration.verdict.judged else judge(calibration, facts)
     why = verdict.reasons(
         found, calibration.advice, list(LIMITS.values()), verdict.limits_hint(calibration.camera.image_size)
     )

@@ -10,7 +10,6 @@ import numpy as np
 from rcdn.calibration.facts import Facts, measure
 from rcdn.calibration.limits import LIMITS, RIG_LIMITS, growth
 from rcdn.calibration.rig_facts import judged_rig, least_known
-from rcdn.errors import present
 from rcdn.io import write_text
 from rcdn.report.calibration import gallery, page, sections, style, verdict
 from rcdn.report.calibration.markup import Html, counted, each, join, number, pixels, tag, value_and_std
@@ -54,7 +53,7 @@ def report(
     found: RigCalibration, shown: Mapping[str, Pictures] | None = None, title: str = "Calibration of a rig"
 ) -> str:
     """The text of the page that `write_rig_report` writes."""
-    judged = present(found.verdict or judged_rig(found).verdict, "the verdict")
+    judged = (found if found.verdict.judged else judged_rig(found)).verdict
     weakest, partner = least_known(found) or ("", "")
     facts = {name: measure(found.cameras[name]) for name in found.rig.names}
     limits = [*RIG_LIMITS.values(), *LIMITS.values()]

@@ -66,7 +66,7 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
     """The text of the page that `write_stereo_report` writes."""
     both = ("Left", stereo.left, measure(stereo.left)), ("Right", stereo.right, measure(stereo.right))
     std = baseline_std(stereo)
-    found = stereo.verdict or judge_stereo(stereo)
+    found = stereo.verdict if stereo.verdict.judged else judge_stereo(stereo)
     hint = verdict.limits_hint(stereo.left.camera.image_size)
     limits = [*STEREO_LIMITS.values(), *LIMITS.values()]
     gaps = row_gaps(stereo)
