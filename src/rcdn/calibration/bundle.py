@@ -169,7 +169,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     parameters (N, 2, K)."""
     T, cam, offsets = state.poses[corners.frame], corners.camera, np.cumsum([0, *state.counts])
     first, points = _placed(state, corners)
-    by_motion = _motion_jacobian(first)
+    by_motion = motion_jacobian(first)
     xy, by_frame = np.full((len(corners), 2), np.nan), np.zeros((len(corners), 2, 6))
     shared = np.zeros((len(corners), 2, offsets[-1]))
     for c, camera in enumerate(state.cameras):
@@ -179,7 +179,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
         by_frame[of] = in_first @ by_motion[of]
         if c:
             at = offsets[-3] + 6 * (c - 1)
-            shared[of, :, at : at + 6] = by_point @ _motion_jacobian(points[of])
+            shared[of, :, at : at + 6] = by_point @ motion_jacobian(points[of])
         if len(state.shape):
             by_board = in_first @ T[of, :3, :3]
             functions = corners.basis[of, : len(state.shape)]
@@ -189,7 +189,7 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     return xy, by_frame, shared
 
 
-def _motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
+def motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
     """∂point/∂motion (N, 3, 6) of `points` (N, 3)."""
     out = np.zeros((len(points), 3, 6))
     out[:, :, :3] = -cross_matrix(points)
