@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from rcdn.calibration.added_pair import PairCovariance
 from rcdn.calibration.added_view import weight_of
 from rcdn.calibration.bundle import Prior, default_free
 from rcdn.calibration.guidance.first_guess import SCATTER, camera_prior, first_guess
-from rcdn.calibration.guidance.progress import Wish
+from rcdn.calibration.guidance.progress import FEWEST, Wish
 from rcdn.calibration.labels import Size
 from rcdn.calibration.rig import FEWEST_PAIRS, hypothesis, most_agreed, nearest, tells
 from rcdn.calibration.solver import solve
@@ -23,13 +23,16 @@ from rcdn.types import Board, Calibration, Plane, StereoCalibration
 Moment = tuple[Board | None, Board | None]
 """the board in the left and in the right picture of one moment, None where it isn't used"""
 Wishes = tuple[Wish, Wish]
+GROWN = 1.5
+"""× the moments of the last choice of a lens model: with as many it is made again"""
 
 
 @dataclass(frozen=True, eq=False)
 class PairKnown:
     """The present estimate: `stereo` from the accepted pairs, None until they determine it; `sides`, the best available
     calibration of each camera; `pair`, both with their covariance, None until both have seen the whole board at once;
-    the pairs' `names`; the board's `size` (columns, rows) in corners and `plane`; `trouble`: why there is no `stereo`."""
+    the pairs' `names`; the board's `size` (columns, rows) in corners and `plane`; `trouble`: why there is no `stereo`;
+    `lens`: the lens model to go on with, chosen among all with the first `chosen` moments."""
 
     stereo: StereoCalibration | None
     sides: tuple[Calibration, Calibration]
@@ -38,22 +41,29 @@ class PairKnown:
     size: Size | None
     plane: Plane
     trouble: str = ""
+    lens: str = "auto"
+    chosen: int = 0
 
 
 def pair_learned(
-    wishes: Wishes, moments: Sequence[Moment], names: Sequence[str], size: Size | None, plane: Plane
+    wishes: Wishes,
+    moments: Sequence[Moment],
+    names: Sequence[str],
+    size: Size | None,
+    plane: Plane,
+    before: PairKnown | None = None,
 ) -> PairKnown:
-    """The estimate from the boards of `moments`."""
+    """The estimate from the boards of `moments`; `before`: the last one."""
     boards, named, pairs = by_camera(moments, names)
-    trouble = ""
+    trouble, lens = "", _lens(wishes[0].model, len(moments), before)
     if len(pairs) >= FEWEST_PAIRS:
         try:
-            found = stereo_solution(
-                *boards, wishes[0].spacing, pairs=pairs, names=named, model=wishes[0].model, size=size
-            )
+            found = stereo_solution(*boards, wishes[0].spacing, pairs=pairs, names=named, model=lens, size=size)
             if np.isfinite(found.cov).all():
                 sides = (found.stereo.left, found.stereo.right)
-                return PairKnown(found.stereo, sides, _solved(found), tuple(names), size, plane)
+                chosen = before.chosen if before is not None and lens != "auto" else len(moments)
+                known = PairKnown(found.stereo, sides, _solved(found), tuple(names), size, plane)
+                return replace(known, lens=_common(s.models[0].model for s in sides), chosen=chosen)
         except CalibrationError as error:
             trouble = str(error)
     guesses = [first_guess(w.image_size, b, n, w.spacing, size) for w, b, n in zip(wishes, boards, named, strict=True)]
@@ -63,7 +73,25 @@ def pair_learned(
     pair = _guessed(wishes, first, second)
     if pair is not None:
         first, second = (replace(g, camera=c) for g, c in zip((first, second), pair.cameras, strict=True))
-    return PairKnown(None, (first, second), pair, tuple(names), size, plane, trouble)
+    guessed = _common(s.camera.model for s in (first, second))
+    return PairKnown(None, (first, second), pair, tuple(names), size, plane, trouble, guessed)
+
+
+def _lens(wanted: str, n: int, before: PairKnown | None) -> str:
+    """The lens model with which to calibrate from `n` moments. A choice among all takes most of the time, and from few
+    moments it isn't settled: below FEWEST the first guess's is kept, then the choice is made again whenever the number
+    of moments has grown by half."""
+    if wanted != "auto" or before is None:
+        return wanted
+    if n < FEWEST or (before.chosen >= FEWEST and n < GROWN * before.chosen):
+        return before.lens
+    return "auto"
+
+
+def _common(models: Iterable[str]) -> str:
+    """The lens model of both cameras; `auto` if they have different ones."""
+    found = set(models)
+    return found.pop() if len(found) == 1 else "auto"
 
 
 def by_camera(

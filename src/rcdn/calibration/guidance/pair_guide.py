@@ -11,7 +11,7 @@ from rcdn.calibration.added_pair import SideForecast
 from rcdn.calibration.arguments import check_board
 from rcdn.calibration.coded import Spacing
 from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
-from rcdn.calibration.guidance.pair_estimate import Moment, pair_learned
+from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
 from rcdn.calibration.guidance.progress import Known, Plan, Progress
 from rcdn.calibration.labels import Size
@@ -60,7 +60,7 @@ class PairGuide:
         self._sides = (left, right)
         self._writing = threading.Lock()
         self._moments: dict[str, Moment] = {}
-        self._plan = self._planned(None, SQUARES)
+        self._plan = self._planned(None, SQUARES, None)
 
     @property
     def progress(self) -> PairProgress:
@@ -111,12 +111,12 @@ class PairGuide:
         for k, side in enumerate(self._sides):
             side.hold({n: b for n, m in self._moments.items() if (b := m[k]) is not None})
         size, plane = next((p for p in (s.printed for s in self._sides) if p[0] is not None), (None, SQUARES))
-        self._plan = self._planned(size, plane)
+        self._plan = self._planned(size, plane, self._plan.known)
         return self._plan.progress
 
-    def _planned(self, size: Size | None, plane: Plane) -> PairPlan:
+    def _planned(self, size: Size | None, plane: Plane, before: PairKnown | None) -> PairPlan:
         wishes = (self._sides[0].wish, self._sides[1].wish)
-        known = pair_learned(wishes, list(self._moments.values()), list(self._moments), size, plane)
+        known = pair_learned(wishes, list(self._moments.values()), list(self._moments), size, plane, before)
         return pair_planned(wishes, known, (self._sides[0].sharp, self._sides[1].sharp))
 
 
