@@ -7,7 +7,7 @@ import time
 import cv2
 import numpy as np
 from tests.live.following import MOVES, RATE
-from tests.live.moving_board import CAMERA, IMAGE, Renderer, between, journey, pose, towards
+from tests.live.moving_board import IMAGE, Renderer, between, journey, pose, towards
 
 from rcdn.geometry import rotation
 from rcdn.types import Camera

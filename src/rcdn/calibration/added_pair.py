@@ -46,12 +46,13 @@ class PairCovariance:
 class Projections:
     """G projections that are to be known: pixels `xy` (G, 2), of the left picture in the parts `left` and `between`;
     their derivatives `by_shared` (G, 2, P) and `by_motion` (G, 2, 6) with respect to the parameters and to the boards'
-    mean motion; `part` (G,): 0 left, 1 right, 2 from left to right."""
+    mean motion; `part` (G,): 0 left, 1 right, 2 from left to right; `distance` (G,) m of the points."""
 
     xy: Array
     by_shared: Array
     by_motion: Array
     part: Array
+    distance: Array
 
     def deviations(self, cov: Array) -> Real[Array, " g"]:
         """(G,) px: standard deviations, root mean square of both axes, under the covariance `cov` (P + 6, P + 6)."""
@@ -79,10 +80,10 @@ def pair_projections(pair: PairCovariance, distance: float) -> Projections:
         else:
             shared[:, :, a : a + b], shared[:, :, a + b :] = by_camera, turn
             motion = np.concatenate([turn[:, :, :3] @ T[:3, :3], 0 * by_point], axis=2)
-        every.append(Projections(xy, shared, motion, np.full(len(xy), part)))
+        every.append(Projections(xy, shared, motion, np.full(len(xy), part), np.full(len(xy), np.inf)))
     every += [_between(pair, far) for far in (distance, np.inf)]
     return Projections(
-        *(np.concatenate([getattr(p, n) for p in every]) for n in ("xy", "by_shared", "by_motion", "part"))
+        *(np.concatenate([getattr(p, n) for p in every]) for n in ("xy", "by_shared", "by_motion", "part", "distance"))
     )
 
 
@@ -111,7 +112,7 @@ def _between(pair: PairCovariance, distance: float) -> Projections:
     shared[:, :, :a] = by_point @ R @ ray_by_left
     shared[:, :, a : a + b] = by_right
     shared[:, :, a + b :] = np.concatenate([-by_point @ cross_matrix(there), by_point / distance], axis=2)
-    return Projections(xy, shared, np.zeros((len(xy), 2, 6)), np.full(len(xy), 2))
+    return Projections(xy, shared, np.zeros((len(xy), 2, 6)), np.full(len(xy), 2), np.full(len(xy), distance))
 
 
 @dataclass(frozen=True, eq=False)

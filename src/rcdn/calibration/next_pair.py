@@ -9,9 +9,15 @@ import numpy as np
 from rcdn.calibration.added_pair import PairForecast
 from rcdn.calibration.candidates import Candidates, board_corners, candidates, in_frame, placed
 from rcdn.calibration.next_view import INSIDE, NextView, best_of, described
+from rcdn.calibration.outlines import distances as distances_from
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
 from rcdn.types.arrays import Bool, Real
+
+ALIKE = 0.04
+"""diagonals by which the outline of a wanted board differs from those before, in one of the pictures: twice the
+distance below which a picture is refused, since nobody holds a board exactly"""
+NO_OUTLINES = np.zeros((0, 4, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +43,15 @@ def next_pair(
     plane: Plane,
     distances: tuple[Real[Array, " d"], Real[Array, " e"]],
     common: bool = False,
+    taken: tuple[Array, Array] = (NO_OUTLINES, NO_OUTLINES),
 ) -> NextPair | None:
     """The pose that would reduce the mean uncertainty of the forecast's projections most; None if there is none.
 
     Candidates are those of `next_view` for both cameras, at `distances` from each. A camera counts if it sees at least
     half of the corners; both count together only if they see the whole board, since a part of a plain board doesn't
     tell which corner is which; else the one whose candidate it is. `common`: only poses that both see whole.
+    None is wanted that all its pictures would show almost as those before, whose outlines in the left and in the right
+    camera are `taken` (N, 4, 2), as in `outlines`.
     """
     board, share = board_corners(size, plane, sides[0].spacing)
     every = [
@@ -56,7 +65,8 @@ def next_pair(
     points = placed(pool.T, board)
     seen = _seen(forecast, points, lead)
     flat = seen.reshape(len(seen), -1)
-    good = np.flatnonzero(flat.all(axis=1) if common else flat.any(axis=1))
+    new = ~_repeated(forecast, pool.T, np.asarray(seen.any(axis=2)), (size, plane, sides[0].spacing), taken)
+    good = np.flatnonzero((flat.all(axis=1) if common else flat.any(axis=1)) & new)
     if not len(good):
         return None
     pool, seen, lead, points = pool.take(good), seen[good], lead[good], points[good]
@@ -92,6 +102,24 @@ def _seen(forecast: PairForecast, points: Real[Array, "c n 3"], lead: Array) -> 
     counts[alone, 1 - lead[alone]] = False
     counts[~counts[np.arange(len(lead)), lead]] = False
     return np.asarray(seen & counts[:, :, None])
+
+
+def _repeated(
+    forecast: PairForecast,
+    T: Array,
+    counts: Bool[Array, "c 2"],
+    board: tuple[tuple[int, int], Plane, float],
+    taken: tuple[Array, Array],
+) -> Bool[Array, " c"]:
+    """(C,) bool: every picture that `counts` of a board at `T` (C, 4, 4) would be like one before."""
+    (cols, rows), plane, spacing = board
+    box = plane.points(np.array([[0, 0], [cols - 1, 0], [cols - 1, rows - 1], [0, rows - 1]])) * spacing
+    points, alike = placed(T, box), ~counts
+    for side, camera in enumerate(forecast.pair.cameras):
+        xy = project(camera, forecast.pair.in_right(points) if side else points) / float(np.hypot(*camera.image_size))
+        for one in taken[side]:
+            alike[:, side] |= distances_from(xy, one) < ALIKE
+    return np.asarray(alike.all(axis=1))
 
 
 def _view(

@@ -7,14 +7,19 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rcdn.calibration.added_pair import SideForecast
 from rcdn.calibration.arguments import check_board
 from rcdn.calibration.coded import Spacing
+from rcdn.calibration.guidance.gates import TAKEN
 from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
 from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
 from rcdn.calibration.guidance.progress import Known, Plan, Progress
 from rcdn.calibration.labels import Size
+from rcdn.calibration.next_pair import NO_OUTLINES
+from rcdn.calibration.outlines import outline
 from rcdn.errors import ConfigError, shown
 from rcdn.types import SQUARES, Array, Board, Plane
 
@@ -117,7 +122,8 @@ class PairGuide:
     def _planned(self, size: Size | None, plane: Plane, before: PairKnown | None) -> PairPlan:
         wishes = (self._sides[0].wish, self._sides[1].wish)
         known = pair_learned(wishes, list(self._moments.values()), list(self._moments), size, plane, before)
-        return pair_planned(wishes, known, (self._sides[0].sharp, self._sides[1].sharp))
+        left, right = self._sides
+        return pair_planned(wishes, known, (left.sharp, right.sharp), (left.outlines, right.outlines))
 
 
 def _check(boards: Moment, name: str) -> None:
@@ -161,6 +167,8 @@ def _later(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
 def _refused(looks: Sequence[Look], counts: tuple[bool, bool]) -> str:
     """Why the moment can't be taken: the first reason of a camera that counts, named if the other one has none."""
     reasons = [x.refused if c else "" for x, c in zip(looks, counts, strict=True)]
+    if any(not r and c for r, c in zip(reasons, counts, strict=True)):  # one of them shows something new
+        reasons = ["" if r == TAKEN else r for r in reasons]
     if reasons[0] == reasons[1]:
         return reasons[0]
     return next(f"{side} camera: {why}" for side, why in zip(SIDES, reasons, strict=True) if why)
@@ -184,6 +192,11 @@ class _Side(Guide):
         found = [self._printed(board) for board in self._boards.values()]
         own = (self._plan.known.size, self._plan.known.plane)
         return next((p for p in [*found, own] if p[0] is not None), own)
+
+    @property
+    def outlines(self) -> Array:
+        """(N, 4, 2) outlines of the accepted boards."""
+        return np.stack([outline(b) for b in self._boards.values()]) if self._boards else NO_OUTLINES
 
     def hold(self, boards: Mapping[str, Board]) -> None:
         """The boards of this camera that were taken."""

@@ -53,8 +53,9 @@ Limits = tuple[tuple[float, float], tuple[float, float]]
 """m: least and greatest distance of the wanted pose from the left and from the right camera"""
 
 
-def pair_planned(wishes: Wishes, known: PairKnown, sharp: Limits) -> PairPlan:
-    """The plan for the estimate `known`; `sharp`: the depths of field, as far as they are known."""
+def pair_planned(wishes: Wishes, known: PairKnown, sharp: Limits, taken: tuple[Array, Array]) -> PairPlan:
+    """The plan for the estimate `known`; `sharp`: the depths of field, as far as they are known; `taken`: outlines of
+    the boards in the accepted left and right pictures."""
     if known.pair is None or known.size is None:
         return PairPlan(_nothing(wishes, known), known, None)
     forecast = PairForecast.of(known.pair, _working_distance(known))
@@ -62,9 +63,8 @@ def pair_planned(wishes: Wishes, known: PairKnown, sharp: Limits) -> PairPlan:
         np.unique(np.clip(reach_of(c.camera, known.size, known.plane, c.spacing), *limits))
         for c, limits in zip(known.sides, sharp, strict=True)
     ]
-    wanted = next_pair(
-        known.sides, forecast, known.size, known.plane, (distances[0], distances[1]), common=known.stereo is None
-    )
+    near = (distances[0], distances[1])
+    wanted = next_pair(known.sides, forecast, known.size, known.plane, near, known.stereo is None, taken)
     return PairPlan(_progress(wishes, known, wanted, forecast), known, forecast)
 
 
