@@ -61,7 +61,8 @@ function drawMap(name, map, target, size, part) {
   let most = [-1, 0, 0];
   map.forEach((row, j) => row.forEach((value, i) => {
     const unsure = value === null ? 1 : Math.max(0, Math.min(1, 0.5 + 0.5 * Math.log(value / target) / Math.log(SPAN)));
-    image.data.set([...mixed(unsure), 255], 4 * (j * canvas.width + i));
+    image.data.set([...mixed(unsure), value === null && part === PARTS[2] ? 0 : 255], // what the other camera doesn't see has no value
+      4 * (j * canvas.width + i));
     if (value !== null && value > most[0]) most = [value, (i + 0.5) / canvas.width, (j + 0.5) / canvas.height];
   }));
   pen.putImageData(image, 0, 0);
