@@ -20,8 +20,9 @@ return {rate: (shown.length - 1) / span, median: sorted[sorted.length >> 1], mos
 """
 
 
-def open_browser(video, size=(1280, 900), dark=False):
-    """Chromium without a window, whose camera shows `video` in a loop. Skips the test where there is none."""
+def open_browser(video, size=(1280, 900), dark=False, devices=1):
+    """Chromium without a window, whose camera shows `video` in a loop; None: whose `devices` show its own test picture.
+    Skips the test where there is none."""
     selenium = pytest.importorskip("selenium.webdriver")
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("Chromium and chromedriver aren't installed: the page is not tried in a browser")
@@ -29,8 +30,10 @@ def open_browser(video, size=(1280, 900), dark=False):
     options.binary_location = CHROMIUM
     words = [
         "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--mute-audio", f"--window-size={size[0]},{size[1]}",
-        "--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", f"--use-file-for-fake-video-capture={video}",
+        "--use-fake-ui-for-media-stream", f"--use-fake-device-for-media-stream=device-count={devices}",
     ]  # fmt: skip
+    if video is not None:
+        words[-1:] = ["--use-fake-device-for-media-stream", f"--use-file-for-fake-video-capture={video}"]
     for word in words:
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

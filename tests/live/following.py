@@ -57,11 +57,11 @@ class Hand:
 
 
 @contextmanager
-def served(path, source):
-    """The address of a page with rcdn's own guide, whose camera is `source`."""
-    folder = Folder(path)
+def served(path, source, cameras=1):
+    """The address of a page with rcdn's own guide, whose camera (or `cameras`) is `source`."""
+    folder = Folder(path, cameras)
     settings = folder.agree(Settings(SPACING))
-    session = source.session = Session(folder, settings, _tools(settings, DEFAULT, 0.1))
+    session = source.session = Session(folder, settings, _tools(settings, DEFAULT, 0.1, cameras == 2))
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
     app = Server(session, source).app(folder.token(), names_of("127.0.0.1", port))

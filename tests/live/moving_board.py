@@ -43,16 +43,18 @@ def room(seed=3):
 
 @dataclass
 class Renderer:
-    """Frames (H, W) uint8 of `CAMERA`, 2 × 2 samples a pixel."""
+    """Frames (H, W) uint8 of a `camera`, 2 × 2 samples a pixel; `seed` of the room and the noise."""
 
     noise: float = 1.5
+    camera: Camera = CAMERA
+    seed: int = 1
 
     def __post_init__(self):
         width, height = IMAGE
         x, y = np.meshgrid(np.arange(2 * width) / 2 - 0.25, np.arange(2 * height) / 2 - 0.25)
-        self._rays = unproject(CAMERA, np.stack([x, y], axis=-1)).astype(np.float32)
-        self._sheet, self._room = drawing(), room()
-        self._rng = np.random.default_rng(1)
+        self._rays = unproject(self.camera, np.stack([x, y], axis=-1)).astype(np.float32)
+        self._sheet, self._room = drawing(), room(self.seed + 2)
+        self._rng = np.random.default_rng(self.seed)
 
     def frame(self, T=None, motion=0.0, coarse=False):
         """The board at T_cam_board (4, 4), m, or none; `motion`: px of blur along the rows; `coarse`: one sample a pixel, for frames between."""
@@ -108,11 +110,11 @@ def journey(poses, rate=15, hold=1.1, move=0.7):
             yield between(here, there, share * share * (3 - 2 * share)), True
 
 
-def towards(outline):
-    """T_cam_board at which the board's outermost corners are nearest to an `outline` (4, 2) px, in order around."""
+def towards(outline, camera=CAMERA):
+    """T_cam_board of the `camera` at which the board's outermost corners are nearest to an `outline` (4, 2) px, in order around."""
     cols, rows = (np.array(SIZE) - 1) * SPACING
     corners = np.array([[0.0, 0, 0], [cols, 0, 0], [cols, rows, 0], [0, rows, 0]])
-    flat = cv2.undistortPoints(np.asarray(outline, float)[:, None], CAMERA.K, CAMERA.distortion)[:, 0]
+    flat = cv2.undistortPoints(np.asarray(outline, float)[:, None], camera.K, camera.distortion)[:, 0]
     best = None
     for shift in range(4):
         for order in (1, -1):

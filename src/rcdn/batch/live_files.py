@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 from rcdn.errors import CalibrationError, FormatError
 
 if TYPE_CHECKING:
+    from rcdn.calibration.guidance.pair_estimate import Moment
     from rcdn.live.folder import Settings
     from rcdn.live.session import Written
-    from rcdn.types import Board, Calibration
+    from rcdn.types import Board, Calibration, StereoCalibration
 
 CAMERAS = ("camera.yaml", "camera_info.yaml", "camera.json")
 """the formats of OpenCV, ROS and rcdn"""
@@ -48,6 +49,55 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
     write_report(folder / REPORT, done, Pictures(paths))
     write_calibration(folder / CALIBRATION, done)
     return Written((*files, folder / CALIBRATION, folder / REPORT), done.verdict.level, tuple(lines))
+
+
+PAIR = ("cameras.yaml", "camera_info.yaml", "cameras.json")
+"""the formats of OpenCV, ROS (two files) and rcdn for two cameras"""
+
+
+def write_pair_files(folder: Path, names: Sequence[str], moments: Sequence[Moment], settings: Settings) -> Written:
+    """As `write_camera_files`, for two cameras: `moments` are the boards of the left and of the right picture, None
+    where one isn't used."""
+    from rcdn.batch.pictures import Pictures
+    from rcdn.calibration import calibrate_stereo
+    from rcdn.calibration.guidance.pair_estimate import by_camera
+    from rcdn.calibration.observability import unsettled
+    from rcdn.io import write_calibration
+    from rcdn.live.folder import SIDES
+    from rcdn.live.session import Written
+    from rcdn.report.calibration import write_stereo_report
+    from rcdn.terminal.camera_text import advice_lines, verdict_line
+
+    if settings.spacing is None:
+        raise CalibrationError("the side of a square isn't known")
+    (left, right), named, pairs = by_camera(moments, names)
+    paths = tuple([str(folder / side / n) for n in of] for side, of in zip(SIDES, named, strict=True))
+    done = calibrate_stereo(
+        left, right, settings.spacing, pairs=pairs, names=(paths[0], paths[1]), model=settings.model, size=settings.size
+    )
+    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice)]
+    files: list[Path] = []
+    if any(unsettled(side) for side in (done.left, done.right)):
+        lines.append("The cameras are not written: these pictures don't settle them.")
+    else:
+        files += _pair(folder, done, lines)
+    write_stereo_report(folder / REPORT, done, Pictures(paths[0]), Pictures(paths[1]))
+    write_calibration(folder / CALIBRATION, done)
+    level = "unsure" if done.verdict is None else done.verdict.level
+    return Written((*files, folder / CALIBRATION, folder / REPORT), level, tuple(lines))
+
+
+def _pair(folder: Path, done: StereoCalibration, lines: list[str]) -> list[Path]:
+    """As `_cameras`, for two."""
+    from rcdn.io import write_stereo
+
+    written: list[Path] = []
+    for name in PAIR:
+        try:
+            written += write_stereo(folder / name, done)
+        except FormatError as error:
+            lines.append(f"{name} is not written: {error}")
+    return written
 
 
 def _cameras(folder: Path, done: Calibration, lines: list[str]) -> list[Path]:

@@ -47,7 +47,11 @@ class Information:
         by_motion = np.concatenate([-by_point @ cross_matrix(flat), by_point], axis=2)
         shape = (len(points), -1)
         scale = np.repeat(weight.reshape(-1), 2).reshape(*shape, 1)
-        J, B = (np.nan_to_num(a.reshape(*shape, a.shape[2])) * scale for a in (by_camera, by_motion))
+        return cls.marginalised(*(np.nan_to_num(a.reshape(*shape, a.shape[2])) * scale for a in (by_camera, by_motion)))
+
+    @classmethod
+    def marginalised(cls, J: Real[Array, "c n p"], B: Real[Array, "c n 6"]) -> Information:
+        """From the whitened Jacobians with respect to the parameters and to the board's motion, of C views."""
         own = np.linalg.pinv(B.transpose(0, 2, 1) @ B, rcond=1e-12, hermitian=True)
         mixed = B.transpose(0, 2, 1) @ J
         reach = own @ mixed
@@ -68,7 +72,11 @@ class Prior:
     @classmethod
     def of(cls, calibration: Calibration) -> Prior:
         """From `calibration.cov`; parameters that are held fixed have no freedom."""
-        cov, P = calibration.cov, len(calibration.camera.parameters)
+        return cls.split(calibration.cov, len(calibration.camera.parameters), len(calibration.used_views))
+
+    @classmethod
+    def split(cls, cov: Real[Array, "k k"], P: int, views: int) -> Prior:
+        """From the covariance `cov` (P + 6, P + 6) of P parameters and of the mean motion over `views` views."""
         unit = np.sqrt(np.maximum(np.diag(cov)[:P], 0))
         safe = np.where(unit > 0, unit, 1.0)
         values, vectors = np.linalg.eigh(cov[:P, :P] / np.outer(safe, safe))
@@ -77,7 +85,7 @@ class Prior:
         inverse = (vectors[:, free] / np.sqrt(values[free])).T / safe
         reach = -(inverse.T @ (inverse @ cov[:P, P:])).T
         own = cov[P:, P:] - reach @ cov[:P, :P] @ reach.T
-        return cls(root, reach, own, len(calibration.used_views))
+        return cls(root, reach, own, views)
 
 
 def weight_of(calibration: Calibration) -> float:
@@ -144,7 +152,7 @@ class Forecast:
         prior = Prior.of(calibration)
         weight = weight_of(calibration) * float(np.sqrt(share_known(calibration, prior)))
         now = projection_uncertainty(calibration, points)
-        before, level = float(np.nanmax(now)), float(_level(now[None] ** 2)[0])
+        before, level = float(np.nanmax(now)), float(level_of(now[None] ** 2)[0])
         return cls(calibration.camera, prior, weight, by_camera, by_motion, before, level)
 
     def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> tuple[Array, Array]:
@@ -156,14 +164,14 @@ class Forecast:
             more = Information.of(self.camera, points[k : k + BATCH], self.weight * np.sqrt(seen[k : k + BATCH]))
             every.append(variances(self.prior, more, self.by_camera, self.by_motion))
         found = np.concatenate(every)
-        return np.sqrt(found.max(axis=1)), _level(found)
+        return np.sqrt(found.max(axis=1)), level_of(found)
 
     def gain(self, level: Real[Array, " c"]) -> Real[Array, " c"]:
         """(C,) decrease of the logarithm of the NORM-mean to `level` (C,) px."""
         return np.asarray(np.log(self.level / np.maximum(level, 1e-12)))
 
 
-def _level(variances: Real[Array, "c g"]) -> Real[Array, " c"]:
+def level_of(variances: Real[Array, "c g"]) -> Real[Array, " c"]:
     """(C,) px: root of the NORM-mean of `variances` (C, G) px², relative to the largest lest powers overflow."""
     worst = np.nanmax(variances, axis=1)
     return np.asarray(np.sqrt(worst * np.nanmean((variances / worst[:, None]) ** NORM, axis=1) ** (1 / NORM)))

@@ -229,16 +229,16 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     by_board = in_first @ state.poses[corners.frame, :3, :3]
     parts = [by_lens]
     if camera:
-        parts.append(by_point @ _motion_jacobian(points))
+        parts.append(by_point @ motion_jacobian(points))
     if corners.part is not None and len(state.boards) > 1:
-        parts.append(_by_places(corners.part, len(state.boards), by_board @ _motion_jacobian(board)))
+        parts.append(_by_places(corners.part, len(state.boards), by_board @ motion_jacobian(board)))
         by_board = by_board @ state.boards[corners.part, :3, :3]
     if len(state.shape):
         functions = corners.basis[:, : len(state.shape)]
         by_shape = functions[:, None, :, None] * by_board[:, :, None, :]
         parts.append(by_shape.reshape(len(corners), 2, state.shape.size))
     shared = np.concatenate(parts, axis=2) if len(parts) > 1 else by_lens
-    return xy, in_first @ _motion_jacobian(first), shared
+    return xy, in_first @ motion_jacobian(first), shared
 
 
 def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Real[Array, "n 2 k"]:
@@ -249,7 +249,7 @@ def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Rea
     return out[:, :, 1:].reshape(len(part), 2, 6 * (boards - 1))
 
 
-def _motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
+def motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
     """∂point/∂motion (N, 3, 6) of `points` (N, 3)."""
     out = np.zeros((len(points), 3, 6))
     out[:, :, :3] = -cross_matrix(points)

@@ -91,12 +91,12 @@ def next_view(
         return None
     every, seen = every.take(good), seen[good]
     worst, level = forecast.after(placed(every.T, board), seen * share)
-    best = _best(level, seen.mean(axis=1))
+    best = best_of(level, seen.mean(axis=1))
     foreseen = (forecast.before, float(worst[best]), float(forecast.gain(level[best : best + 1])[0]))
-    return _found(calibration, every, best, size, plane, float(seen[best].mean()), foreseen)
+    return described(calibration, every, best, size, plane, float(seen[best].mean()), foreseen)
 
 
-def _best(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
+def best_of(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
     """Index of the candidate with the lowest uncertainty `after` (C,), or of one that is nearly as good with more of
     the board in the frame, `inside` (C,)."""
     nearly = np.flatnonzero(after <= NEARLY * after.min())
@@ -155,7 +155,7 @@ def _size(calibration: Calibration) -> tuple[int, int]:
     return (cols, rows) if (cols >= rows) == (width >= height) else (rows, cols)
 
 
-def _found(
+def described(
     calibration: Calibration,
     every: Candidates,
     best: int,
@@ -164,7 +164,7 @@ def _found(
     inside: float,
     foreseen: tuple[float, float, float],
 ) -> NextView:
-    """The candidate with the index `best`; `foreseen`: `before`, `after` and `gain`."""
+    """The candidate with the index `best` of a board of `size` (columns, rows); `foreseen`: `before`, `after` and `gain`."""
     last = np.array(size) - 1
     box = plane.points(np.array([[0, 0], [last[0], 0], last, [0, last[1]]])) * calibration.spacing
     tilt = float(every.tilt[best])

@@ -18,6 +18,7 @@ from rcdn.calibration.epipolar import epipolar_gaps
 from rcdn.calibration.labels import Size, turn_labels
 from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
 from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.solver import Arrow
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
@@ -51,6 +52,33 @@ def calibrate_stereo(
     """
     check_boards(left, "left")
     check_boards(right, "right")
+    return stereo_solution(left, right, spacing, pairs=pairs, names=names, model=model, size=size).stereo
+
+
+@dataclass(frozen=True, eq=False)
+class StereoSolution:
+    """A stereo calibration and its joint solution: `state`, both cameras, the poses in the left one, and the relative
+    pose; `arrow`, the factor of its normal matrix; `cov` (P + 6, P + 6), the covariance of the shared parameters (left
+    lens, right lens, relative pose) and of the boards' mean motion in the left camera, over `used` frames."""
+
+    stereo: StereoCalibration
+    state: State
+    arrow: Arrow
+    cov: Array
+    used: int
+
+
+def stereo_solution(
+    left: Sequence[Board],
+    right: Sequence[Board],
+    spacing: Spacing,
+    *,
+    pairs: Sequence[tuple[int, int]] | None = None,
+    names: Names | None = None,
+    model: str = "auto",
+    size: Size | None = None,
+) -> StereoSolution:
+    """`calibrate_stereo` with the covariance of all parameters together."""
     pairs = _pairs(left, right, pairs)
     named = names or (None, None)
     geometries = _common(left, right, spacing, size)
@@ -76,12 +104,13 @@ def calibrate_stereo(
             "and check that the pictures are given in the same order or with the same names"
         )
     T, turned, odd = place(first, second, shared, pairs)
-    task = _task(first, second, [p for p in shared if p not in odd], turned)
-    start = _start(task, first, second, T)
+    task = stereo_task(first, second, [p for p in shared if p not in odd], turned)
+    start = stereo_start(task, first, second, T)
     start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, rig=True))
     fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
-    done = _result(task, fit, first, second, odd)
-    return judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
+    done, cov = _result(task, fit, first, second, odd)
+    judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
+    return StereoSolution(judged, fit.state, fit.arrow, cov, sum(not reason for reason in fit.reasons))
 
 
 def _common(left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None) -> Geometries | None:
@@ -131,7 +160,7 @@ def _pairs(
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class StereoTask:
     """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their
     `corners` and labels `ij` (N, 2); `rows`: (camera, view) → rows of the corners; `shape` of the board, that of the
     left camera's calibration."""
@@ -144,7 +173,11 @@ class _Task:
     shape: BoardShape | None
 
 
-def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]], turned: dict[int, int]) -> _Task:
+def stereo_task(
+    first: Calibration, second: Calibration, pairs: list[tuple[int, int]], turned: dict[int, int]
+) -> StereoTask:
+    """The joint problem of the views of both calibrations, of which `pairs` are of the same board at the same moment;
+    `turned`: quarter turns of the right views' labels."""
     lefts, rights = {a for a, _ in pairs}, {b for _, b in pairs}
     alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
     alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
@@ -175,17 +208,19 @@ def _task(first: Calibration, second: Calibration, pairs: list[tuple[int, int]],
         np.concatenate(xy),
         basis,
     )
-    return _Task(seen, joint, corners, np.concatenate(sigma), rows, first.shape)
+    return StereoTask(seen, joint, corners, np.concatenate(sigma), rows, first.shape)
 
 
-def _start(task: _Task, first: Calibration, second: Calibration, T: Array) -> State:
+def stereo_start(task: StereoTask, first: Calibration, second: Calibration, T: Array) -> State:
+    """The joint state from both calibrations and the relative pose `T` (4, 4)."""
     poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
     return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), KNOWN)
 
 
 def _result(
-    task: _Task, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
-) -> StereoCalibration:
+    task: StereoTask, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
+) -> tuple[StereoCalibration, Array]:
+    """The calibration, and the covariance of all parameters as in `StereoSolution`."""
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     pairs = [f for f in used if min(task.seen[f]) >= 0]
     if len(pairs) < FEWEST_PAIRS:
@@ -209,7 +244,7 @@ def _result(
     rms = float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
-    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, advice)
+    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, advice), cov
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
@@ -234,7 +269,7 @@ def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
     return M
 
 
-def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Array) -> Calibration:
+def _one(task: StereoTask, fit: robust.Fit, before: Calibration, camera: int, cov: Array) -> Calibration:
     """One camera's calibration after the joint solution."""
     views = []
     for k, view in enumerate(before.views):
@@ -267,7 +302,7 @@ def _one(task: _Task, fit: robust.Fit, before: Calibration, camera: int, cov: Ar
     )
 
 
-def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:
+def _paired(task: StereoTask, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:
     """The calibration with views in the order of the frames, so that pairs come first, in the same order for both
     cameras."""
     order = [pair[camera] for pair in task.seen if pair[camera] >= 0]
@@ -275,7 +310,7 @@ def _paired(task: _Task, odd: list[tuple[int, int]], camera: int, calibration: C
     return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
 
 
-def _epipolar(task: _Task, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
+def _epipolar(task: StereoTask, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
     """RMS distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if no
     corner was seen by both."""
     squares = []

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rcdn.live.folder import Settings
     from rcdn.live.run import Place
     from rcdn.live.session import Tools
+    from rcdn.live.sources import PairSource, Source
 
 SquareSide = Annotated[
     Length | None,
@@ -44,12 +45,16 @@ def live(
     ] = Path("camera"),
     spacing: SquareSide = None,
     camera: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
             metavar="WHICH",
-            help="browser: the camera that the page may use. 0, 1, …: a camera of this computer; rtsp://…: one on the network; or a video file.",
+            help="browser (the default): the camera that the page may use. 0, 1, …: a camera of this computer; rtsp://…: one on the "
+            "network; or a video file. With --stereo twice, LEFT and RIGHT, or once for one whose pictures hold both side by side.",
         ),
-    ] = "browser",
+    ] = None,
+    stereo: Annotated[
+        bool, typer.Option("--stereo", help="Calibrate two cameras that are fixed to one another.")
+    ] = False,
     model: LensModel = Model.auto,
     board: BoardSize = None,
     target: Target = DEFAULT,
@@ -79,8 +84,8 @@ def live(
 
     The page is for this machine only, and its address holds a secret. Pictures go to FOLDER and nowhere else: each one
     that is taken is there at once, and after a pause, or a crash, the same command goes on. At the end FOLDER holds the
-    camera (OpenCV, ROS, JSON), the pictures and the report. One camera only: for two side by side take pictures, and
-    run `rcdn calibrate --stereo`.
+    camera (OpenCV, ROS, JSON), the pictures and the report. With --stereo all this is of two cameras, and of where they
+    stand to one another.
 
     Exit code: 1 if the page can't be served, 2 for wrong use, 130 after Ctrl-C, which ends it.
     """
@@ -96,16 +101,22 @@ def live(
     from rcdn.live.folder import Folder, Settings
     from rcdn.live.run import serve
     from rcdn.live.session import Session
-    from rcdn.live.sources import check_source, open_source
+    from rcdn.live.sources import check_source
 
-    check_source(camera)
-    kept = Folder(folder)
+    named = camera or ["browser"]
+    for name in named:
+        check_source(name)
+    if len(named) > 1 and not stereo:
+        raise ConfigError("--camera is given more than once; for two cameras add --stereo")
+    kept = Folder(folder, 2 if stereo else 1)
     place = _place(folder, host, port, (certificate, key), self_signed)
     settings = kept.agree(Settings(length, model.value, None if size is None else (size.cols, size.rows)))
-    session = Session(kept, settings, _tools(settings, target, enough))
+    source = _source(named, stereo)
+    session = Session(kept, settings, _tools(settings, target, enough, stereo))
     with contextlib.suppress(KeyboardInterrupt):
-        serve(kept, session, open_source(camera), place, lambda address: _opened(address, place, open_page))
-    say_stopped(f"; what was taken is in {folder}, and `rcdn live {folder}` goes on")
+        serve(kept, session, source, place, lambda address: _opened(address, place, open_page))
+    again = f"rcdn live {folder}{' --stereo' if stereo else ''}"
+    say_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
     raise typer.Exit(INTERRUPTED)
 
 
@@ -133,10 +144,17 @@ def _place(folder: Path, host: str, port: int, tls: tuple[Path | None, Path | No
     return place
 
 
-def _tools(settings: Settings, target: Told, enough: float) -> Tools:
+def _source(cameras: list[str], stereo: bool) -> Source | PairSource | None:
+    """The server's own camera or cameras; None to use the browser's."""
+    from rcdn.live.sources import open_pair, open_source
+
+    return open_pair(cameras) if stereo else open_source(cameras[0])
+
+
+def _tools(settings: Settings, target: Told, enough: float, stereo: bool = False) -> Tools:
     """The functions for detection, guidance, and writing the camera."""
-    from rcdn.batch.live_files import write_camera_files
-    from rcdn.calibration.guidance import Guide
+    from rcdn.batch.live_files import write_camera_files, write_pair_files
+    from rcdn.calibration.guidance import Guide, PairGuide
     from rcdn.config import DetectorConfig
     from rcdn.detector import Detector
     from rcdn.live.session import Tools
@@ -154,6 +172,11 @@ def _tools(settings: Settings, target: Told, enough: float) -> Tools:
     def guide(image_size: tuple[int, int], spacing: float) -> Guide:
         return Guide(image_size, spacing, model=settings.model, size=settings.size, target=enough)
 
+    def pair_guide(sizes: tuple[tuple[int, int], tuple[int, int]], spacing: float) -> PairGuide:
+        return PairGuide(sizes, spacing, model=settings.model, size=settings.size, target=enough)
+
+    if stereo:
+        return Tools(pair_guide, follow, careful.boards, write_pair_files)
     return Tools(guide, follow, careful.boards, write_camera_files)
 
 

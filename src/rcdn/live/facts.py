@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.guidance import Look, Progress
+from rcdn.calibration.guidance import Look, PairLook, PairProgress, Progress
 from rcdn.types import Array, Board
 
 DECIMALS = 1
@@ -34,17 +35,39 @@ def look_facts(board: Board | None, look: Look | None, refused: str) -> dict[str
     return record
 
 
-def progress_facts(progress: Progress | None) -> dict[str, Any]:
-    """Progress of the calibration; empty without a guide."""
+def pair_look_facts(boards: Sequence[Board | None], look: PairLook | None, refused: str) -> dict[str, Any]:
+    """The message about the frames of two cameras: that of each in `sides`, and what holds for both."""
+    sides = [None, None] if look is None else look.sides
+    record = look_facts(None, None, refused)
+    record["sides"] = [look_facts(b, s, "") for b, s in zip(boards, sides, strict=True)]
+    if look is not None:
+        record["refused"], record["hint"] = look.refused, look.hint
+        record["fit"], record["take"] = _number(look.fit, 3) or 0.0, bool(look.take)
+    return record
+
+
+def progress_facts(progress: Progress | PairProgress | None) -> dict[str, Any]:
+    """Progress of the calibration; empty without a guide. `wanted` and `maps` of two cameras are lists."""
     if progress is None:
         return {"sentence": "", "worst": None, "target": None, "map": None, "done": False, "wanted": None}
-    wanted = progress.wanted
-    return {
+    record = {
         "sentence": progress.sentence,
         "worst": _number(progress.worst, 4),
         "target": _number(progress.target, 4),
-        "map": None if progress.map is None else _rows(progress.map),
         "done": bool(progress.done),
+    }
+    if isinstance(progress, PairProgress):
+        views = (None, None) if progress.wanted is None else progress.wanted.views
+        maps = progress.maps
+        return record | {
+            "parts": [_number(p, 4) for p in progress.parts],
+            "map": None,
+            "maps": None if maps is None else [_rows(m) for m in maps],
+            "wanted": [None if v is None else _rounded(v.outline) for v in views],
+        }
+    wanted = progress.wanted
+    return record | {
+        "map": None if progress.map is None else _rows(progress.map),
         "wanted": None if wanted is None else _rounded(wanted.outline),
     }
 

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import secrets
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ except ImportError:  # Windows
 
 SESSION, ADDRESS = "session.json", ".address"
 PICTURES, DETECTIONS = "pictures", "detections"
+SIDES = ("left", "right")
 NAME = re.compile(r"frame-(\d{4})\.png")
 MOST = 200
 """largest number of pictures in a session"""
@@ -42,20 +44,24 @@ class Settings:
 
 class Folder:
     """Pictures (grey PNG, with the pixels from which the corners were computed) and detections of a session below
-    `path`.
+    `path`: of one camera in `pictures`, of two `cameras` in `left` and `right`, those of one moment with the same name.
 
-    A picture is part of the session if its detections exist; they are written last and removed first.
-    Raises ConfigError if the folder contains other files, or if another process uses it; OutputError if it can't be
-    written.
+    A moment is part of the session if its detections exist; they are written last and removed first.
+    Raises ConfigError if the folder contains other files, belongs to a session with another number of cameras, or if
+    another process uses it; OutputError if it can't be written.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, cameras: int = 1) -> None:
+        self.path, self.cameras = path, cameras
+        self._places = [(PICTURES, DETECTIONS)] if cameras == 1 else [(s, f"{DETECTIONS}/{s}") for s in SIDES]
         new = not (path / SESSION).exists()
         if new and path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ConfigError(f"{path}: holds other files; name a new or an empty folder, or one of an earlier session")
         if new:
             self._write_settings(Settings())
+        elif (before := _read(path / SESSION).get("cameras", 1)) != cameras:
+            fix = "one camera; leave --stereo out" if before == 1 else "two cameras; give --stereo"
+            raise ConfigError(f"{path}: belongs to a session of {fix}, or name another folder")
         self._lock = self._locked()
 
     def _locked(self) -> IO[bytes] | None:
@@ -102,6 +108,7 @@ class Folder:
 
     def _write_settings(self, settings: Settings) -> None:
         record = {"version": VERSION, "spacing": settings.spacing, "model": settings.model, "size": settings.size}
+        record["cameras"] = self.cameras
         write_text(self.path / SESSION, json.dumps(record) + "\n")
 
     # ---- address
@@ -139,46 +146,82 @@ class Folder:
 
     def names(self) -> list[str]:
         """Names of the accepted pictures, in the order of capture."""
-        there = (f"{p.stem}.png" for p in (self.path / DETECTIONS).glob("frame-*.json"))
-        return sorted(n for n in there if NAME.fullmatch(n) and self.picture(n).exists())
+        sides = range(self.cameras)
+        there = {f"{p.stem}.png" for p in (self.path / self._places[0][1]).glob("frame-*.json")}
+        whole = lambda n: all(self._detections(n, c).exists() and self.picture(n, c).exists() for c in sides)  # noqa: E731
+        return sorted(n for n in there if NAME.fullmatch(n) and whole(n))
 
-    def picture(self, name: str) -> Path:
+    def picture(self, name: str, camera: int = 0) -> Path:
         """The file of a picture. Raises RcdnError for a name that isn't a picture's."""
         if NAME.fullmatch(name) is None:
             raise RcdnError(f"{shown(name)} is no picture of this session")
-        return self.path / PICTURES / name
+        return self.path / self._places[camera][0] / name
 
     def add(self, grey: Array, board: Board) -> str:
         """Store a picture (H, W) uint8 and its board; returns its name. Both are on the disk when this returns."""
-        taken = [int(m[1]) for p in (self.path / PICTURES).glob("*.png") if (m := NAME.fullmatch(p.name))]
+        return self.add_moment((grey,), (board,))
+
+    def add_moment(self, greys: Sequence[Array], boards: Sequence[Board | None]) -> str:
+        """Store the pictures (H, W) uint8 of one moment and their boards, None where it isn't used; as `add`."""
+        every = [p for places in self._places for p in (self.path / places[0]).glob("*.png")]
+        taken = [int(m[1]) for p in every if (m := NAME.fullmatch(p.name))]
         if len(self.names()) >= MOST or max(taken, default=0) >= 9999:
             raise RcdnError(f"there are {MOST} pictures already; remove some")
         name = f"frame-{max(taken, default=0) + 1:04d}.png"
-        write_image(self.picture(name), grey)
-        corners = Corners(board.xy, board.response, board.status, sigma=board.sigma)
-        found = ImageResult(f"{PICTURES}/{name}", *board.image_size, corners, (board,))
-        write_detections(self._detections(name), [found])
+        for camera, grey in enumerate(greys):
+            write_image(self.picture(name, camera), grey)
+        for camera, (grey, board) in enumerate(zip(greys, boards, strict=True)):
+            found = _result(f"{self._places[camera][0]}/{name}", (grey.shape[1], grey.shape[0]), board)
+            write_detections(self._detections(name, camera), [found])
         return name
 
     def board(self, name: str) -> Board:
         """The stored board of a picture. Raises RcdnError if the file can't be read or contains no board."""
-        images, _ = read_detections(self._detections(name))
-        if len(images) != 1 or not images[0].boards:
+        board = self.moment(name)[0]
+        if board is None:
             raise FormatError(f"{self._detections(name)}: holds no board; remove it")
-        return images[0].boards[0]
+        return board
 
-    def grey(self, name: str) -> Array:
+    def moment(self, name: str) -> tuple[Board | None, ...]:
+        """The stored board of each camera's picture, None where it isn't used. Raises RcdnError if a file can't be read
+        or if there is none."""
+        found = tuple(next(iter(self._stored(name, c).boards), None) for c in range(self.cameras))
+        if all(board is None for board in found):
+            raise FormatError(f"{self._detections(name)}: holds no board; remove it")
+        return found
+
+    def sizes(self, name: str) -> tuple[tuple[int, int], ...]:
+        """(width, height) px of each camera's picture."""
+        found = [self._stored(name, c) for c in range(self.cameras)]
+        return tuple((f.width, f.height) for f in found)
+
+    def _stored(self, name: str, camera: int) -> ImageResult:
+        images, _ = read_detections(self._detections(name, camera))
+        if len(images) != 1:
+            raise FormatError(f"{self._detections(name, camera)}: holds no board; remove it")
+        return images[0]
+
+    def grey(self, name: str, camera: int = 0) -> Array:
         """The picture (H, W) uint8."""
-        return np.asarray(read_image(self.picture(name)))
+        return np.asarray(read_image(self.picture(name, camera)))
 
     def remove(self, name: str) -> None:
-        """Remove a picture and its detections."""
-        picture = self.picture(name)
-        self._detections(name).unlink(missing_ok=True)
-        picture.unlink(missing_ok=True)
+        """Remove the pictures of a moment and their detections."""
+        cameras = range(self.cameras)
+        for path in [*(self._detections(name, c) for c in cameras), *(self.picture(name, c) for c in cameras)]:
+            path.unlink(missing_ok=True)
 
-    def _detections(self, name: str) -> Path:
-        return self.path / DETECTIONS / self.picture(name).with_suffix(".json").name
+    def _detections(self, name: str, camera: int = 0) -> Path:
+        return self.path / self._places[camera][1] / self.picture(name).with_suffix(".json").name
+
+
+def _result(path: str, image_size: tuple[int, int], board: Board | None) -> ImageResult:
+    """What is stored of a picture."""
+    if board is None:
+        nothing = np.zeros((0, 2))
+        return ImageResult(path, *image_size, Corners(nothing, nothing[:, 0], nothing[:, 0]), ())
+    corners = Corners(board.xy, board.response, board.status, sigma=board.sigma)
+    return ImageResult(path, *image_size, corners, (board,))
 
 
 def _read(path: Path) -> dict[str, Any]:

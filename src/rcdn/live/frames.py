@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import simplejpeg
@@ -44,3 +46,15 @@ def encoded(picture: Array, width: int, quality: int = 75) -> bytes:
         height = max(1, round(picture.shape[0] * scale))
         picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
     return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
+def side_by_side(pictures: Sequence[Array], width: int) -> bytes:
+    """Pictures (H, W) uint8 as one JPEG, each at most `width` px wide and as high as the first."""
+    height = pictures[0].shape[0]
+    level = [p if p.shape[0] == height else _as_high(p, height) for p in pictures]
+    return encoded(np.hstack(level), width * len(level))
+
+
+def _as_high(picture: Array, height: int) -> Array:
+    width = max(1, round(picture.shape[1] * height / picture.shape[0]))
+    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)

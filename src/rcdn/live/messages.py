@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, cast, get_args
 
@@ -12,8 +13,12 @@ from rcdn.errors import RcdnError
 
 HEADER = struct.Struct("<Id")
 """header of a frame: its number, and its time, ms of the page's clock; a JPEG follows"""
+PAIR = struct.Struct("<dI")
+"""second header of a frame of two cameras: the time of the right one's, ms, and the bytes of the left one's JPEG; both
+JPEGs follow"""
 PREVIEW = struct.Struct("<I")
-"""header of a frame that the server sends: its number; a JPEG follows"""
+"""header of a frame that the server sends: its number; a JPEG follows, for two cameras the bytes of the left one's JPEG
+in the same form, and both"""
 MOST_TEXT = 500
 """largest number of characters of a request"""
 Wish = Literal["begin", "take", "remove", "write", "shown"]
@@ -26,6 +31,15 @@ class Frame:
     number: int
     time: float
     data: bytes
+
+
+@dataclass(frozen=True)
+class PairFrame:
+    """The frames of two cameras from the page: `number`, `times` of the page's clock, s, and two JPEGs."""
+
+    number: int
+    times: tuple[float, float]
+    data: tuple[bytes, bytes]
 
 
 @dataclass(frozen=True)
@@ -46,6 +60,26 @@ def frame_of(message: bytes) -> Frame:
     if not math.isfinite(time):
         raise RcdnError("a frame's time is no number")
     return Frame(number, time / 1000, message[HEADER.size :])
+
+
+def pair_of(message: bytes) -> PairFrame:
+    """Parse the frames of two cameras. Raises RcdnError as `frame_of`, and for a length that the message doesn't have."""
+    left = frame_of(message)
+    if len(left.data) <= PAIR.size:
+        raise RcdnError("a frame is too short")
+    time, length = PAIR.unpack_from(left.data)
+    if not math.isfinite(time):
+        raise RcdnError("a frame's time is no number")
+    pictures = left.data[PAIR.size :]
+    if not 0 < length < len(pictures):
+        raise RcdnError("a frame's length is wrong")
+    return PairFrame(left.number, (left.time, time / 1000), (pictures[:length], pictures[length:]))
+
+
+def preview_of(number: int, pictures: Sequence[bytes]) -> bytes:
+    """The message with the preview (JPEG) of each camera."""
+    lengths = b"".join(PREVIEW.pack(len(p)) for p in pictures[:-1])
+    return PREVIEW.pack(number) + lengths + b"".join(pictures)
 
 
 def wish_of(text: str) -> Wanted:

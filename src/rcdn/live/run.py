@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from rcdn.errors import ConfigError, OutputError
 from rcdn.live.folder import Folder
 from rcdn.live.security import check_host, names_of
-from rcdn.live.server import MOST_MESSAGE, Server
+from rcdn.live.server import MOST_MESSAGE, MOST_PAIR, Server
 from rcdn.live.session import Session
-from rcdn.live.sources import Source
+from rcdn.live.sources import PairSource, Source
 
 if TYPE_CHECKING:
     import uvicorn
@@ -49,7 +49,9 @@ class Place:
                 raise ConfigError(f"{name} {path}: no such file; check the path")
 
 
-def serve(folder: Folder, session: Session, source: Source | None, place: Place, say: Callable[[str], None]) -> None:
+def serve(
+    folder: Folder, session: Session, source: Source | PairSource | None, place: Place, say: Callable[[str], None]
+) -> None:
     """Serve the page until Ctrl-C; `say` is called with its address as soon as it can be opened."""
     import uvicorn
 
@@ -61,21 +63,21 @@ def serve(folder: Folder, session: Session, source: Source | None, place: Place,
     shown = f"[{place.host}]" if ":" in place.host else place.host
     say(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
     try:
-        uvicorn.Server(config_of(app, place)).run(sockets=[listening])
+        uvicorn.Server(config_of(app, place, folder.cameras)).run(sockets=[listening])
     finally:
         listening.close()
         session.close()
 
 
-def config_of(app: Gate, place: Place) -> uvicorn.Config:
+def config_of(app: Gate, place: Place, cameras: int = 1) -> uvicorn.Config:
     """uvicorn's configuration for `app`: without an access log, since that would reveal the token, and without messages
-    larger than a frame."""
+    larger than a frame of all `cameras`."""
     import uvicorn
 
     return uvicorn.Config(
         app,
         ws="websockets-sansio",
-        ws_max_size=MOST_MESSAGE,
+        ws_max_size=MOST_MESSAGE if cameras == 1 else MOST_PAIR,
         ws_max_queue=4,
         ws_per_message_deflate=False,
         limit_concurrency=BACKLOG,

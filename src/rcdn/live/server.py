@@ -19,17 +19,19 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rcdn.errors import RcdnError
-from rcdn.live.frames import MOST_BYTES, THUMB, decoded, encoded
+from rcdn.live.frames import MOST_BYTES, THUMB, decoded, encoded, side_by_side
 from rcdn.live.frames import PREVIEW as PREVIEW_WIDTH
-from rcdn.live.messages import HEADER, PREVIEW, Frame, Wanted, frame_of, wish_of
+from rcdn.live.messages import HEADER, PAIR, Frame, PairFrame, Wanted, frame_of, pair_of, preview_of, wish_of
 from rcdn.live.security import REPORT_POLICY, Gate
 from rcdn.live.session import Session
-from rcdn.live.sources import Source
+from rcdn.live.sources import PairSource, Source
 from rcdn.report.target import make_page, to_pdf
-from rcdn.types import Checkerboard, Printed
+from rcdn.types import Array, Checkerboard, Printed
 
 MOST_MESSAGE = MOST_BYTES + HEADER.size
 """largest message, bytes; a longer one ends the connection before it is read completely"""
+MOST_PAIR = 2 * MOST_BYTES + HEADER.size + PAIR.size
+"""the same for two cameras"""
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -55,9 +57,9 @@ def page_files() -> dict[str, tuple[bytes, str]]:
 
 class Server:
     """Serves one session to one page at a time; a page that connects later takes over. `source`: the server's own
-    camera, None to use the page's."""
+    camera (a `PairSource` if the session has two), None to use the page's."""
 
-    def __init__(self, session: Session, source: Source | None = None) -> None:
+    def __init__(self, session: Session, source: Source | PairSource | None = None) -> None:
         self.session, self._source = session, source
         self._files = page_files()
         self._looker = ThreadPoolExecutor(1, "frames")
@@ -105,7 +107,8 @@ class Server:
         if name not in self.session.state()["views"]:
             return Response("not here\n", 404, media_type="text/plain")
         if name not in self._thumbs:
-            make = lambda: encoded(self.session.folder.grey(name), THUMB)  # noqa: E731
+            folder = self.session.folder
+            make = lambda: side_by_side([folder.grey(name, c) for c in range(folder.cameras)], THUMB)  # noqa: E731
             try:
                 self._thumbs[name] = await asyncio.get_running_loop().run_in_executor(None, make)
             except RcdnError:
@@ -157,7 +160,7 @@ class Server:
         if (data := message.get("bytes")) is not None:
             if self._source is not None:
                 raise RcdnError("the server has a camera of its own")
-            page.put(await self._see(page, frame_of(data)))
+            page.put(await self._see(page, frame_of(data) if self.session.folder.cameras == 1 else pair_of(data)))
         else:
             wanted = wish_of(message.get("text") or "")
             if wanted.wish == "shown":
@@ -179,15 +182,22 @@ class Server:
             case "write":
                 self.session.write()
 
-    async def _see(self, page: _Page, frame: Frame) -> dict[str, Any]:
+    async def _see(self, page: _Page, frame: Frame | PairFrame) -> dict[str, Any]:
         """The response to a frame from the page. Each page's clock is shifted so that its times continue those of the
         previous page."""
+        here = frame.time if isinstance(frame, Frame) else frame.times[0]
         if page.clock is None:
-            page.clock = max(self._clock, time.monotonic()) - frame.time
-        self._clock = max(self._clock, page.clock + frame.time)
+            page.clock = max(self._clock, time.monotonic()) - here
+        self._clock = max(self._clock, page.clock + here)
         at, loop = self._clock, asyncio.get_running_loop()
-        look = await loop.run_in_executor(self._looker, lambda: self.session.see(decoded(frame.data), at))
-        return {**look, "n": frame.number}
+
+        def see() -> dict[str, Any]:
+            if isinstance(frame, Frame):
+                return self.session.see(decoded(frame.data), at)
+            left, right = (decoded(data) for data in frame.data)
+            return self.session.see_pair((left, right), (at, at + frame.times[1] - here))
+
+        return {**await loop.run_in_executor(self._looker, see), "n": frame.number}
 
     def _changed(self) -> None:
         """Send the session's state to the page."""
@@ -195,10 +205,8 @@ class Server:
             state = {**self.session.state(), "source": "browser" if self._source is None else "server"}
             self._page.put(state)
 
-    async def _read_source(self, source: Source) -> None:
+    async def _read_source(self, source: Source | PairSource) -> None:
         """Process frames of the server's camera while a page is connected."""
-        from rcdn.io import as_grey
-
         loop, number = asyncio.get_running_loop(), 0
         while True:
             page = self._page
@@ -211,14 +219,23 @@ class Server:
                 self._changed()
             if got is None:
                 continue
-            picture, at = got
             number += 1
             with suppress(RcdnError):
-                look = await loop.run_in_executor(self._looker, lambda p=picture, t=at: self.session.see(as_grey(p), t))  # type: ignore[misc]
-                preview = await loop.run_in_executor(self._looker, encoded, picture, PREVIEW_WIDTH)
+                look, preview = await loop.run_in_executor(self._looker, self._look_at, number, *got)
                 page.ahead += 1
-                page.put(PREVIEW.pack(number) + preview)
+                page.put(preview)
                 page.put({**look, "n": number})
+
+    def _look_at(self, number: int, read: Array | tuple[Array, Array], at: float) -> tuple[dict[str, Any], bytes]:
+        """The response to a frame of the server's camera, and its preview."""
+        from rcdn.io import as_grey
+
+        pictures = read if isinstance(read, tuple) else (read,)
+        greys = [as_grey(p) for p in pictures]
+        look = (
+            self.session.see(greys[0], at) if len(greys) == 1 else self.session.see_pair((greys[0], greys[1]), (at, at))
+        )
+        return look, preview_of(number, [encoded(p, PREVIEW_WIDTH) for p in pictures])
 
 
 class _Page:

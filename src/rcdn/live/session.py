@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.guidance import Guide
 from rcdn.errors import RcdnError
-from rcdn.live.facts import look_facts, progress_facts
+from rcdn.live.facts import look_facts, pair_look_facts, progress_facts
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.follow import Detect, Follower, yielding
 from rcdn.live.frames import check_sides
+from rcdn.live.guides import AnyGuide, OneCamera
+from rcdn.live.sources import APART
 from rcdn.types import Array, Board
 
 NEAR = 6.0
@@ -38,10 +39,16 @@ class Written:
     lines: tuple[str, ...]
 
 
-MakeGuide = Callable[[tuple[int, int], float], Guide]
-"""creates a guide for pictures of a size (width, height) px and squares of a side, m"""
-Write = Callable[[Path, Sequence[str], Sequence[Board], Settings], Written]
-"""writes the camera's files into a folder, given the names of the pictures and their boards"""
+Moment = tuple[Board | None, ...]
+"""the board in each camera's picture of one moment, None where there is none or it isn't used"""
+Sizes = tuple[tuple[int, int], ...]
+"""(width, height) px of each camera's pictures"""
+MakeGuide = Callable[[Any, float], Any]
+"""creates a `Guide` for pictures of a size (width, height) px and squares of a side, m; for two cameras a `PairGuide`
+for the sizes of both"""
+Write = Callable[[Path, Sequence[str], Sequence[Any], Settings], Written]
+"""writes the camera's files into a folder, given the names of the pictures and their boards; of two cameras those of
+both, None where one isn't used"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,8 @@ class Tools:
 
 
 class Session:
-    """The state of a session. `see` is called by one thread, in the order of frames; all other methods by any thread.
+    """The state of a session with the cameras of its `folder`. `see` (for two cameras `see_pair`) is called by one
+    thread, in the order of frames; all other methods by any thread.
 
     `changed()` is called, by any thread, when `state()` has changed.
     """
@@ -66,11 +74,11 @@ class Session:
     ) -> None:
         self.folder, self.settings, self.changed = folder, settings, changed
         self._tools = tools
-        self._follower = Follower(tools.follow)
+        self._followers = [Follower(tools.follow) for _ in range(folder.cameras)]
         self._slow = ThreadPoolExecutor(1, "calibration", initializer=yielding)
         self._lock = threading.RLock()
-        self._guide: Guide | None = None
-        self._image_size: tuple[int, int] | None = None
+        self._guide: AnyGuide | None = None
+        self._sizes: Sizes | None = None
         self._busy, self._trouble, self._written = "", "", None  # type: tuple[str, str, Written | None]
         self._views: list[str] = folder.names()
         self._worst: list[float | None] = []
@@ -83,7 +91,8 @@ class Session:
 
     def close(self) -> None:
         """Stop all threads and unlock the folder."""
-        self._follower.close()
+        for follower in self._followers:
+            follower.close()
         self._slow.shutdown(wait=True, cancel_futures=True)
         self.folder.close()
 
@@ -97,7 +106,8 @@ class Session:
                 "type": "state",
                 "spacing": self.settings.spacing,
                 "folder": str(self.folder.path),
-                "size": self._image_size,
+                "cameras": self.folder.cameras,
+                "size": self._sizes[0] if self._sizes and self.folder.cameras == 1 else self._sizes,
                 "views": views,
                 "busy": self._busy,
                 "trouble": self._trouble or self.notice,
@@ -149,37 +159,61 @@ class Session:
         is stored.
 
         Raises ImageError for an unsupported size."""
-        check_sides(grey.shape[1], grey.shape[0])
-        size = (grey.shape[1], grey.shape[0])
-        guide, refused = self._ready(size)
+        boards, look, refused = self._see((grey,), at)
+        return look_facts(boards[0], None if look is None else look.sides[0], refused)
+
+    def see_pair(self, greys: tuple[Array, Array], times: tuple[float, float]) -> dict[str, Any]:
+        """As `see`, for the frames of both cameras with their `times`, s; if these differ by more than APART, the frames
+        are refused."""
+        apart = abs(times[1] - times[0])
+        if apart > APART:
+            why = f"The cameras' pictures are {apart * 1000:.0f} ms apart; at most {APART * 1000:.0f} ms are allowed"
+            return pair_look_facts((None, None), None, why)
+        return pair_look_facts(*self._see(greys, times[0]))
+
+    def _see(self, greys: tuple[Array, ...], at: float) -> tuple[Moment, Any, str]:
+        """The boards of one moment and the guide's response, or None and the reason; an accepted moment is stored."""
+        nothing = (None,) * len(greys)
+        sizes = tuple((g.shape[1], g.shape[0]) for g in greys)
+        for size in sizes:
+            check_sides(*size)
+        guide, refused = self._ready(sizes)
         if guide is None:
-            return look_facts(None, None, refused)
-        board = self._follower.see(grey)
-        look = guide.look(board, at, grey)
+            return nothing, None, refused
+        boards = tuple(f.see(g) for f, g in zip(self._followers, greys, strict=True))
+        look = guide.look(boards, at, greys)
+        used = tuple(b if u else None for b, u in zip(boards, look.used, strict=True))
         with self._lock:
             free = not self._busy and time.monotonic() >= self._again
-            wanted = look.take or (self._by_hand and board is not None and not look.refused)
-            if free and wanted and board is not None:
+            there = any(b is not None for b in used)
+            if free and there and (look.take or (self._by_hand and not look.refused)):
                 self._by_hand = False
-                self._run("Taking the picture", lambda: self._accept(grey.copy(), board))
-        return look_facts(board, look, "")
+                self._run("Taking the picture", lambda: self._accept([g.copy() for g in greys], used))
+        return boards, look, ""
 
-    def _ready(self, size: tuple[int, int]) -> tuple[Guide | None, str]:
-        """The guide for pictures of a `size` (width, height), or None and the reason."""
+    def _ready(self, sizes: Sizes) -> tuple[AnyGuide | None, str]:
+        """The guide for pictures of `sizes` (width, height), or None and the reason."""
         with self._lock:
             if self.settings.spacing is None:
                 return None, "Say how long the side of a square is"
-            if self._guide is not None and self._image_size == size:
+            if self._guide is not None and self._sizes == sizes:
                 return self._guide, ""
             if self._views:
-                if self._image_size is None or self._guide is None:
+                if self._sizes is None or self._guide is None:
                     return None, "Taking up the session"
-                there = f"{self._image_size[0]} × {self._image_size[1]}"
-                return None, f"The camera gives {size[0]} × {size[1]} px now, the pictures so far have {there}"
-            self._image_size = size
-            self._guide = self._tools.make_guide(size, self.settings.spacing)
+                now, there = (" and ".join(f"{w} × {h}" for w, h in s) for s in (sizes, self._sizes))
+                gives = "camera gives" if len(sizes) == 1 else "cameras give"
+                return None, f"The {gives} {now} px now, the pictures so far have {there}"
+            self._sizes = sizes
+            self._guide = self._made(sizes, self.settings.spacing)
         self.changed()
         return self._guide, ""
+
+    def _made(self, sizes: Sizes, spacing: float) -> AnyGuide:
+        if len(sizes) == 1:
+            return OneCamera(self._tools.make_guide(sizes[0], spacing))
+        guide: AnyGuide = self._tools.make_guide(sizes, spacing)
+        return guide
 
     # ---- slow tasks, executed one after the other in a thread
 
@@ -211,48 +245,51 @@ class Session:
 
     def _resume(self) -> None:
         """Add the boards accepted earlier to the guide; unreadable ones are skipped and reported."""
-        boards: dict[str, Board] = {}
-        lost = []
+        moments: dict[str, Moment] = {}
+        lost, sizes = [], None
         for name in list(self._views):
             try:
-                boards[name] = self.folder.board(name)
+                moments[name] = self.folder.moment(name)
+                sizes = sizes or self.folder.sizes(name)
             except RcdnError as error:
                 lost.append(f"{name}: {error}")
-        size = next((b.image_size for b in boards.values()), None)
-        guide = None if size is None else self._tools.make_guide(size, self.settings.spacing or 1.0)
+        guide = None if sizes is None else self._made(sizes, self.settings.spacing or 1.0)
         with self._lock:
-            self._views, self._image_size, self._guide = list(boards), size, guide
+            self._views, self._sizes, self._guide = list(moments), sizes, guide
         if guide is not None:
-            progress = guide.add_all(boards)
+            progress = guide.add_all(moments)
             with self._lock:
-                self._worst = [*[None] * (len(boards) - 1), _finite(progress.worst)]
+                self._worst = [*[None] * (len(moments) - 1), _finite(progress.worst)]
                 self._done = progress.done
         if lost:
             raise RcdnError("; ".join(lost))
 
-    def _accept(self, grey: Array, followed: Board) -> None:
-        """Detect the board at full size, store it with its picture, and add it to the guide."""
-        boards = self._tools.detect(grey)
-        board = max(boards, key=len, default=None)
-        if board is None or not _same(board, followed):
-            raise RcdnError("That picture wasn't sharp enough; hold the board a little longer")
-        name = self.folder.add(grey, board)
+    def _accept(self, greys: Sequence[Array], followed: Moment) -> None:
+        """Detect the boards at full size, store them with their pictures, and add them to the guide."""
+        boards = tuple(None if b is None else self._found(g, b) for g, b in zip(greys, followed, strict=True))
+        name = self.folder.add_moment(greys, boards)
         with self._lock:
             self._views.append(name)
             self._written = None
         self._say_busy("Calculating")
         try:
-            self._add(board, name)
+            self._add(boards, name)
         except RcdnError:
             with self._lock:
                 self._views.remove(name)
             self.folder.remove(name)
             raise
 
-    def _add(self, board: Board, name: str) -> None:
+    def _found(self, grey: Array, followed: Board) -> Board:
+        board = max(self._tools.detect(grey), key=len, default=None)
+        if board is None or not _same(board, followed):
+            raise RcdnError("That picture wasn't sharp enough; hold the board a little longer")
+        return board
+
+    def _add(self, boards: Moment, name: str) -> None:
         if self._guide is None:
             return
-        progress = self._guide.add(board, name)
+        progress = self._guide.add(boards, name)
         with self._lock:
             self._worst.append(_finite(progress.worst))
         self.changed()
@@ -279,10 +316,10 @@ class Session:
         names = list(self._views)
         if not names:
             raise RcdnError("there is no picture yet")
-        boards = [self.folder.board(name) for name in names]
-        wanted = None if self._guide is None else self._guide.progress.wanted
+        moments: list[Any] = [self.folder.moment(name) for name in names]
+        boards = [m[0] for m in moments] if self.folder.cameras == 1 else moments
         # the guide has determined the board's size from a frame that showed the whole board
-        size = self.settings.size or (None if wanted is None else wanted.size)
+        size = self.settings.size or (None if self._guide is None else self._guide.size)
         written = self._tools.write(self.folder.path, names, boards, replace(self.settings, size=size))
         with self._lock:
             self._written = written

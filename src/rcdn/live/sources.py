@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -21,6 +22,9 @@ AGAIN = 2.0
 """s: pause before a camera that has stopped is opened again"""
 WAIT = 1.0
 """s: longest time that `read` waits for a frame"""
+APART = 0.04
+"""s: largest difference of the arrival times of two cameras' pictures that count as of one moment: a frame at 25
+pictures a second"""
 WIDTH, HEIGHT = 1280, 720
 """px: size requested from a camera of this computer"""
 RATE = 25.0
@@ -34,6 +38,15 @@ class Source(Protocol):
     trouble: str
 
     def read(self) -> tuple[Array, float] | None: ...
+    def close(self) -> None: ...
+
+
+class PairSource(Protocol):
+    """As `Source`, for the frames of two cameras at one moment."""
+
+    trouble: str
+
+    def read(self) -> tuple[tuple[Array, Array], float] | None: ...
     def close(self) -> None: ...
 
 
@@ -53,9 +66,39 @@ def open_source(text: str) -> Source | None:
     """The source named by `text`, which `check_source` has accepted; None for the browser's camera."""
     if text == BROWSER:
         return None
-    if is_video(text) and not text.startswith("rtsp"):
+    if _is_file(text):
         return VideoFile(text)
     return Camera(int(text) if text.isdigit() else text)
+
+
+def open_pair(cameras: Sequence[str]) -> PairSource | None:
+    """The source of two cameras, each named as in `open_source`, or of one whose pictures hold both side by side; None
+    for the browser's cameras.
+
+    Raises ConfigError if one of two is the browser's, or a video file and the other one isn't.
+    """
+    kinds = ["browser" if c == BROWSER else "file" if _is_file(c) else "camera" for c in cameras]
+    if len(cameras) > 2 or len(set(kinds)) > 1:
+        raise ConfigError(
+            f"--camera {' --camera '.join(cameras)}: with --stereo two cameras of one kind, LEFT and RIGHT: both of this computer or the "
+            "network, or two video files; or one whose pictures hold both side by side"
+        )
+    if kinds[0] == "browser":
+        return None
+    if len(cameras) == 2 and cameras[0] == cameras[1]:
+        raise ConfigError(
+            f"--camera {cameras[0]} is given twice; for one whose pictures hold both side by side give it once"
+        )
+    sources = [source for c in cameras if (source := open_source(c)) is not None]
+    if len(sources) == 1:
+        return Halves(sources[0])
+    if kinds[0] == "file":
+        return TwoFiles(sources[0], sources[1])
+    return TwoCameras(sources[0], sources[1])
+
+
+def _is_file(text: str) -> bool:
+    return is_video(text) and not text.startswith("rtsp")
 
 
 class VideoFile:
@@ -146,3 +189,71 @@ class Camera:
                     self._new.notify_all()
         finally:
             video.release()
+
+
+class _Two:
+    """Two sources that are read together."""
+
+    def __init__(self, left: Source, right: Source) -> None:
+        self._left, self._right = left, right
+        self.trouble = ""
+
+    def close(self) -> None:
+        self._left.close()
+        self._right.close()
+
+    def _name_trouble(self) -> None:
+        sides = (("Left", self._left), ("Right", self._right))
+        self.trouble = next((f"{side} camera: {s.trouble}" for side, s in sides if s.trouble), "")
+
+
+class TwoFiles(_Two):
+    """Frames of two videos with the same number, until the shorter one ends."""
+
+    def read(self) -> tuple[tuple[Array, Array], float] | None:
+        left = self._left.read()
+        right = None if left is None else self._right.read()
+        self._name_trouble()
+        return None if left is None or right is None else ((left[0], right[0]), left[1])
+
+
+class TwoCameras(_Two):
+    """The newest frames of two cameras that arrived at most APART s after one another; others are left out."""
+
+    def __init__(self, left: Source, right: Source) -> None:
+        super().__init__(left, right)
+        self._waiting: list[tuple[Array, float] | None] = [None, None]
+
+    def read(self) -> tuple[tuple[Array, Array], float] | None:
+        for side, source in enumerate((self._left, self._right)):
+            if self._waiting[side] is None:
+                self._waiting[side] = source.read()
+        self._name_trouble()
+        left, right = self._waiting
+        if left is None or right is None:
+            return None
+        if abs(late := right[1] - left[1]) > APART:
+            self._waiting[0 if late > 0 else 1] = None  # the older one
+            return None
+        self._waiting = [None, None]
+        return (left[0], right[0]), left[1]
+
+
+class Halves:
+    """The left and the right half of the pictures of one camera."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self.trouble = source.trouble
+
+    def read(self) -> tuple[tuple[Array, Array], float] | None:
+        got = self._source.read()
+        self.trouble = self._source.trouble
+        if got is None:
+            return None
+        middle = got[0].shape[1] // 2
+        left, right = got[0][:, :middle], got[0][:, middle : 2 * middle]
+        return (left, right), got[1]
+
+    def close(self) -> None:
+        self._source.close()

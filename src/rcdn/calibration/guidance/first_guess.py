@@ -98,7 +98,7 @@ def _fit(
     image_size: tuple[int, int], model: CameraModel, many: int, focal: float, seen: list[Seen], sigma: list[Array]
 ) -> _Fit:
     camera = nominal(image_size, model, many, focal)
-    prior = _prior(nominal(image_size, model, many, FOCALS[0]))
+    prior = camera_prior(image_size, model, many)
     T = poses(camera, seen) if seen else np.zeros((0, 4, 4))
     T[~np.isfinite(T).all(axis=(1, 2))] = np.eye(4)
     state = State.mono(camera, T)
@@ -120,8 +120,9 @@ def _fit(
     return _Fit(state, corners, weight, float((gaps**2).sum()) + prior.cost(state.values))
 
 
-def _prior(camera: Camera) -> Prior:
-    """The prior of the parameters of `camera`, with its own values as the mean."""
+def camera_prior(image_size: tuple[int, int], model: CameraModel, many: int) -> Prior:
+    """The prior of a camera with a lens of `many` coefficients."""
+    camera = nominal(image_size, model, many, FOCALS[0])
     focal, width = camera.K[0, 0], camera.image_size[0]
     names = camera.parameter_names[4:]
     lens = [TANGENTIAL if name.startswith("p") else RADIAL for name in names]

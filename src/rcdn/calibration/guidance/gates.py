@@ -29,6 +29,9 @@ SAME = 0.02
 """diagonals by which a board's outline must differ from those of all accepted pictures"""
 
 
+TAKEN = "A picture like this one is there already."
+
+
 def too_small(board: Board) -> str:
     """Squares that are too small: the detector finds them, but less precisely."""
     side = pitch(board)
@@ -56,7 +59,7 @@ def taken(board: Board, others: Collection[Board]) -> str:
     if not others:
         return ""
     gaps = distances(np.stack([outline(b) for b in others]), outline(board))
-    return "A picture like this one is there already." if gaps.min() < SAME else ""
+    return TAKEN if gaps.min() < SAME else ""
 
 
 class Stillness:

@@ -14,7 +14,7 @@ from rcdn.calibration.calibrate import MODELS
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.guidance import gates
 from rcdn.calibration.guidance.hints import Held, hint
-from rcdn.calibration.guidance.progress import Plan, Progress, Wish, learned, planned
+from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish, learned, planned
 from rcdn.calibration.guidance.quality import quality
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView, distances_of
@@ -172,7 +172,7 @@ class Guide:
         if (least, greatest) != self._sharp:
             with self._writing:
                 self._sharp = least, greatest
-                self._plan = planned(self._wish, known, self._sharp)
+                self._plan = self._planned(known)
 
     def _learn(self, board: Board) -> None:
         """Set the board's size, from the first board that is whole or whose codes contain it."""
@@ -195,8 +195,11 @@ class Guide:
 
     def _replanned(self, size: Size | None, plane: Plane = SQUARES) -> Progress:
         known = learned(self._wish, list(self._boards.values()), list(self._boards), size, plane)
-        self._plan = planned(self._wish, known, self._sharp)
+        self._plan = self._planned(known)
         return self._plan.progress
+
+    def _planned(self, known: Known) -> Plan:
+        return planned(self._wish, known, self._sharp)
 
 
 @dataclass(frozen=True, eq=False)

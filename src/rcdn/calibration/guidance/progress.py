@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.added_pair import SideForecast
 from rcdn.calibration.added_view import Forecast
 from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.candidates import GRID, frame_grid
@@ -17,7 +18,7 @@ from rcdn.calibration.next_view import NextView, next_view, place_and_tilt
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.errors import CalibrationError, present
 from rcdn.geometry import unproject
-from rcdn.types import Array, Board, Calibration, Camera, Plane
+from rcdn.types import Array, Board, Calibration, Camera, Plane, Verdict
 from rcdn.types.arrays import Real
 
 FILLS = (0.85, 0.55, 0.35)
@@ -32,7 +33,7 @@ ENDLESS = 60
 """number of further pictures above which more pictures are not the remedy"""
 SETTLED = 10
 """least number of views for that decision"""
-HINDRANCES = ("bent", "smooth", "systematic", "rms", "uneven")
+HINDRANCES = ("bent", "smooth", "systematic", "rms", "uneven", "pair_rms", "epipolar")
 """checks of the verdict whose causes more pictures do not remove"""
 
 
@@ -77,11 +78,11 @@ class Known:
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A `progress` with what the assessment of a frame needs: the estimate `known`, and the `forecast` for one more
-    view under it."""
+    view under it (one of two cameras: for a pair)."""
 
     progress: Progress
     known: Known
-    forecast: Forecast | None
+    forecast: Forecast | SideForecast | None
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     values = projection_uncertainty(found, frame_grid(wish.image_size)).reshape(GRID[1], GRID[0])
     worst = float(np.nanmax(values)) if np.isfinite(values).any() else float("inf")
     done = worst <= wish.target and len(found.used_views) >= FEWEST
-    why = "" if done else _hopeless(found, worst, wish.target)
+    why = "" if done else hopeless(found.verdict, len(found.used_views), worst, wish.target)
     if done:
         said = f"Enough: projections are known to {worst:.2g} px all over the picture."
     elif why:
@@ -160,13 +161,12 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     return Progress(names, found, wanted, worst, values, wish.target, done, bool(why), said)
 
 
-def _hopeless(found: Calibration, worst: float, target: float) -> str:
-    """The reason why more pictures of this kind will not reach `target` px, or ""."""
-    n = len(found.used_views)
+def hopeless(verdict: Verdict | None, n: int, worst: float, target: float) -> str:
+    """The reason why more pictures like the `n` accepted ones will not reach `target` px from `worst`, or ""."""
     needed = n * ((worst / target) ** 2 - 1)  # the variance of a mean is inversely proportional to the number of views
-    if n < SETTLED or needed <= ENDLESS or not found.verdict.judged:
+    if n < SETTLED or needed <= ENDLESS or verdict is None or not verdict.judged:
         return ""
-    cause = next((r for r in found.verdict.against if r.key in HINDRANCES), None)
+    cause = next((r for r in verdict.against if r.key.split(".")[-1] in HINDRANCES), None)
     if cause is None:
         return ""
     return f"More pictures like these won't help: {cause.sentence} {cause.action}".rstrip()

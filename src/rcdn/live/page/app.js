@@ -9,25 +9,28 @@ import { allowSound, announce, tone } from "./voice.js";
 const get = (id) => document.getElementById(id);
 const BEGUN = "begun", SHOWN_FOR = 5000, STEADY = 250, KEPT = 400; // ms, and how many are kept
 const STILL = "Hold still.", WAIT = "You may lower the board for a moment.";
-const overlay = new Overlay(get("overlay"));
-let state = null, look = null, running = false, begun = false, trouble = "", troubleUntil = 0, size = null, sought = false;
+// What shows each camera: of one, the first of both is used.
+const sides = ["", "-right"].map((end) => ({ stage: get(`stage${end}`), video: get(`video${end}`), preview: get(`preview${end}`), overlay: new Overlay(get(`overlay${end}`)) }));
+let state = null, look = null, running = false, begun = false, trouble = "", troubleUntil = 0, sizes = [], sought = false, two = false;
 
 // For whoever measures: ms from a frame to what is drawn of it, and when each was drawn.
 const stats = window.live = { latencies: [], shown: [], refused: 0, looks: 0 };
 
 const link = new Link({ state: showState, look: showLook, preview: showPreview, trouble: showTrouble, up: () => banner(""), down });
-const camera = new Camera(get("video"), link);
+const camera = new Camera(sides.map((side) => side.video), link);
 
 // ---- what the server says
 
 function showState(next) {
   const before = state;
   state = next;
+  two = state.cameras === 2;
+  if (!before) showCameras();
   if (!running) showSetup();
-  size = state.size ?? size;
+  if (state.size) sizes = two ? state.size : [state.size];
   showProgress(state);
-  showViews(state.views, (name) => link.wish("remove", { name }));
-  if (showResult(state.written, state.folder)) {
+  showViews(state.views, (name) => link.wish("remove", { name }), two);
+  if (showResult(state.written, state.folder, two)) {
     tone(660, 880, 1320);
     announce(`${get("verdict").textContent}. The files are written.`, true);
     get("verdict").focus({ preventScroll: false });
@@ -41,9 +44,10 @@ function showLook(next, time) {
   look = next;
   stats.looks++;
   if (next.refused) stats.refused++;
-  if (state?.source === "browser") size = [get("video").videoWidth, get("video").videoHeight];
+  if (state?.source === "browser") sizes = camera.sizes;
   requestAnimationFrame((now) => {
-    overlay.draw(size, look, state?.busy ? null : state?.wanted);
+    const wanted = state?.busy ? null : state?.wanted, all = two ? sides : sides.slice(0, 1);
+    all.forEach(({ overlay }, k) => overlay.draw(sizes[k], two ? sideOf(k) : look, two ? wanted?.[k] : wanted));
     if (time !== undefined) keep(stats.latencies, performance.now() - time);
     keep(stats.shown, now);
     rate();
@@ -51,12 +55,20 @@ function showLook(next, time) {
   say();
 }
 
-async function showPreview(blob, number) {
-  const picture = await createImageBitmap(blob), canvas = get("preview");
-  if (canvas.width !== picture.width || canvas.height !== picture.height) Object.assign(canvas, { width: picture.width, height: picture.height });
-  canvas.getContext("2d").drawImage(picture, 0, 0);
-  shape(picture.width, picture.height);
-  picture.close();
+// What is said of one of two cameras; whether it is taken holds for both.
+function sideOf(k) {
+  return look?.sides && { ...look.sides[k], refused: look.refused, take: look.take, fit: look.fit };
+}
+
+async function showPreview(blobs, number) {
+  const pictures = await Promise.all(blobs.map((blob) => createImageBitmap(blob)));
+  pictures.forEach((picture, k) => {
+    const canvas = sides[k].preview;
+    if (canvas.width !== picture.width || canvas.height !== picture.height) Object.assign(canvas, { width: picture.width, height: picture.height });
+    canvas.getContext("2d").drawImage(picture, 0, 0);
+    shape(k, picture.width, picture.height);
+    picture.close();
+  });
   link.wish("shown", { value: number });
 }
 
@@ -68,7 +80,7 @@ function showTrouble(text) {
 
 function down(replaced) {
   look = null;
-  overlay.draw(size, null, null);
+  sides.forEach(({ overlay }, k) => overlay.draw(sizes[k], null, null));
   if (!replaced) return banner("The program isn't running. Start rcdn live again with the same folder: this page goes on by itself.");
   camera.stop();
   banner("This session is open in another window.", ["Use it here", () => location.reload()]);
@@ -79,7 +91,7 @@ function down(replaced) {
 function say() {
   if (!state) return;
   const busy = state.busy, wrong = performance.now() < troubleUntil ? trouble : state.trouble;
-  const { refused = "", hint = "", fit = 0, board = null } = look ?? {};
+  const { refused = "", hint = "", fit = 0 } = look ?? {}, board = look?.board ?? look?.sides?.find((side) => side.board);
   const move = board && hint && hint !== STILL; // where to hold it matters more than that it moves
   const kind = !busy && refused && !move ? "refused" : state.done || fit > 0.8 ? "good" : "";
   const words = steady(busy || (move ? hint : refused || hint) || "One moment", kind, !!busy);
@@ -113,10 +125,12 @@ function turned(text) {
 
 function taken() {
   tone(880, 1320);
-  announce(`Picture ${state.views.length} taken`, true);
-  get("stage").classList.remove("taken");
-  void get("stage").offsetWidth; // so that the flash begins again
-  get("stage").classList.add("taken");
+  announce(`${two ? "Pair" : "Picture"} ${state.views.length} taken`, true);
+  for (const { stage } of sides) {
+    stage.classList.remove("taken");
+    void stage.offsetWidth; // so that the flash begins again
+    stage.classList.add("taken");
+  }
 }
 
 function banner(text, action) {
@@ -134,7 +148,7 @@ function rate() {
   const recent = stats.shown.slice(-30), span = (recent.at(-1) - recent[0]) / 1000;
   if (recent.length < 10 || stats.looks % 10) return;
   const waits = stats.latencies.slice(-30).sort((a, b) => a - b), middle = waits[waits.length >> 1];
-  get("rate").textContent = `${Math.round((recent.length - 1) / span)} pictures a second${middle ? `, ${Math.round(middle)} ms` : ""}`;
+  get("rate").textContent = `${Math.round((recent.length - 1) / span)} ${two ? "pairs" : "pictures"} a second${middle ? `, ${Math.round(middle)} ms` : ""}`;
 }
 
 function keep(list, value) {
@@ -142,10 +156,22 @@ function keep(list, value) {
   if (list.length > KEPT) list.shift();
 }
 
-function shape(width, height) {
-  const box = get("stage");
+function shape(k, width, height) {
+  const box = sides[k].stage;
   box.style.aspectRatio = `${width} / ${height}`;
   box.style.maxWidth = `calc((100svh - 13rem) * ${width / height})`;
+}
+
+// What the page says of two cameras instead of one.
+function showCameras() {
+  get("work").classList.toggle("two", two);
+  if (!two) return;
+  for (const name of ["stage-right", "side", "second"]) get(name).hidden = false;
+  document.title = get("title").textContent = get("work-title").textContent = "Calibrate two cameras";
+  get("device-words").textContent = "Left camera";
+  get("sure").textContent = "How sure the cameras are";
+  get("take").textContent = "Take a pair now";
+  for (const name of ["video", "preview"]) get(name).setAttribute("aria-label", "What the left camera sees");
 }
 
 // ---- what the person does
@@ -162,9 +188,11 @@ function showSetup() {
 }
 
 function offer(cameras) {
-  const choice = get("device"), chosen = choice.value;
-  choice.replaceChildren(choice.options[0], ...cameras.map(([identity, name]) => new Option(name, identity)));
-  choice.value = chosen;
+  for (const [choice, first] of [[get("device"), 1], [get("device-right"), 2]]) {
+    const chosen = choice.value, fixed = [...choice.options].slice(0, first);
+    choice.replaceChildren(...fixed, ...cameras.map(([identity, name]) => new Option(name, identity)));
+    choice.value = chosen;
+  }
 }
 
 get("start").addEventListener("submit", (event) => {
@@ -179,9 +207,10 @@ async function begin() {
   begun = running = true;
   try {
     if (state.source === "browser") {
-      await camera.start(get("device").value || sessionStorage.getItem("device"), chosenSize());
-      sessionStorage.setItem("device", get("device").value);
-      get("mirror").checked = camera.faces !== "environment" && !matchMedia("(pointer: coarse)").matches || camera.faces === "user";
+      const chosen = ["device", "device-right"].slice(0, two ? 2 : 1).map((name) => get(name).value || (sessionStorage.getItem(name) ?? ""));
+      await camera.start(chosen, chosenSize());
+      ["device", "device-right"].forEach((name, k) => sessionStorage.setItem(name, chosen[k] ?? ""));
+      get("mirror").checked = !two && camera.faces !== "environment" && !matchMedia("(pointer: coarse)").matches || camera.faces === "user";
       get("mirror").dispatchEvent(new Event("change"));
     }
   } catch (error) {
@@ -194,8 +223,7 @@ async function begin() {
   const server = state.source !== "browser";
   get("setup").hidden = true;
   get("work").hidden = false;
-  get("video").hidden = server;
-  get("preview").hidden = !server;
+  for (const { video, preview } of sides) [video.hidden, preview.hidden] = [server, !server];
 }
 
 function chosenSize() {
@@ -204,8 +232,8 @@ function chosenSize() {
 }
 
 get("resolution").addEventListener("change", () => sessionStorage.setItem("resolution", get("resolution").value));
-get("video").addEventListener("resize", () => shape(get("video").videoWidth, get("video").videoHeight));
-get("mirror").addEventListener("change", () => { get("stage").classList.toggle("mirrored", get("mirror").checked); say(); });
-get("take").addEventListener("click", () => { allowSound(); link.wish("take"); announce("The next sharp picture is taken", true); });
+sides.forEach(({ video }, k) => video.addEventListener("resize", () => shape(k, ...camera.sizes[k])));
+get("mirror").addEventListener("change", () => { for (const { stage } of sides) stage.classList.toggle("mirrored", get("mirror").checked); say(); });
+get("take").addEventListener("click", () => { allowSound(); link.wish("take"); announce(`The next sharp ${two ? "pair" : "picture"} is taken`, true); });
 get("write").addEventListener("click", () => link.wish("write"));
 document.addEventListener("pointerdown", allowSound, { once: true });

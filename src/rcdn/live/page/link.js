@@ -1,6 +1,7 @@
 // The socket to the server: frames out, what is said of them in. It opens again by itself when the server was away.
 
 const HEADER = 12; // bytes: number (4), time (8); then a JPEG
+const PAIR = 12; // bytes, of two cameras: time of the right one (8), bytes of the left one's JPEG (4); then both
 const REPLACED = 4001; // another page took over
 const FIRST_WAIT = 300, LONGEST_WAIT = 2000; // ms
 export const AHEAD = 2; // frames that may be on their way
@@ -10,6 +11,7 @@ export class Link {
     this.heard = heard; // {state, look, preview, trouble, up, down}
     this.sent = new Map(); // number → ms when the frame was taken
     this.number = 0;
+    this.cameras = 1;
     this.wait = FIRST_WAIT;
     this.open();
   }
@@ -40,6 +42,7 @@ export class Link {
       this.sent.delete(message.n);
       this.heard.look(message, taken);
     } else if (message.type === "state") {
+      this.cameras = message.cameras;
       this.heard.state(message);
     } else {
       this.heard.trouble(message.text);
@@ -47,8 +50,10 @@ export class Link {
   }
 
   picture(data) {
-    const number = new DataView(data).getUint32(0, true);
-    this.heard.preview(new Blob([data.slice(4)], { type: "image/jpeg" }), number);
+    const head = new DataView(data), number = head.getUint32(0, true);
+    const cuts = this.cameras === 2 ? [8, 8 + head.getUint32(4, true), data.byteLength] : [4, data.byteLength];
+    const parts = cuts.slice(1).map((end, k) => new Blob([data.slice(cuts[k], end)], { type: "image/jpeg" }));
+    this.heard.preview(parts, number);
   }
 
   wish(wish, more = {}) {
@@ -63,12 +68,21 @@ export class Link {
     return this.number;
   }
 
-  frame(number, time, data) {
+  // The JPEGs of a frame, taken at `times`, ms.
+  frame(number, times, jpegs) {
     if (!this.up || !this.sent.has(number)) return;
-    const message = new Uint8Array(HEADER + data.byteLength), head = new DataView(message.buffer);
+    let at = HEADER + (jpegs.length === 2 ? PAIR : 0);
+    const message = new Uint8Array(at + jpegs.reduce((sum, jpeg) => sum + jpeg.byteLength, 0)), head = new DataView(message.buffer);
     head.setUint32(0, number, true);
-    head.setFloat64(4, time, true);
-    message.set(new Uint8Array(data), HEADER);
+    head.setFloat64(4, times[0], true);
+    if (jpegs.length === 2) {
+      head.setFloat64(HEADER, times[1], true);
+      head.setUint32(HEADER + 8, jpegs[0].byteLength, true);
+    }
+    for (const jpeg of jpegs) {
+      message.set(new Uint8Array(jpeg), at);
+      at += jpeg.byteLength;
+    }
     this.socket.send(message);
   }
 

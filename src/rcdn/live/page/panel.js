@@ -4,7 +4,14 @@ const get = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const SURE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]]; // from sure to unsure, the target in the middle
 const SPAN = 4; // × the target, beyond which all is equally unsure; a part of it, below which all is equally sure
-const LEVELS = { good: "The camera is good", fair: "The camera is usable, with care", unsure: "The camera may be wrong", bad: "Don't use this camera" };
+const LEVELS = {
+  good: ["The camera is good", "The cameras are good"],
+  fair: ["The camera is usable, with care", "The cameras are usable, with care"],
+  unsure: ["The camera may be wrong", "The cameras may be wrong"],
+  bad: ["Don't use this camera", "Don't use these cameras"],
+};
+const MAPS = ["map", "map-right", "map-between"];
+const PARTS = ["Left camera", "Right camera", "From left to right"];
 
 export function showProgress(state) {
   const { worst, target, history } = state;
@@ -12,9 +19,12 @@ export function showProgress(state) {
   get("goal").textContent = target === null ? "" : `goal: ${short(target)} px`;
   get("progress").value = share(worst, target, history);
   get("write").disabled = !state.views.length || !!state.busy || worst === null;
-  get("write").textContent = state.written ? "Write the camera again" : "Write the camera";
+  const two = state.cameras === 2, what = two ? "cameras" : "camera";
+  get("write").textContent = state.written ? `Write the ${what} again` : `Write the ${what}`;
   drawHistory(history, target);
-  drawMap(state.map, target, state.size);
+  const maps = state.maps ?? [state.map], sizes = two ? [state.size?.[0], state.size?.[1], state.size?.[0]] : [state.size];
+  MAPS.forEach((name, k) => drawMap(name, maps[k], target, sizes[k], two ? PARTS[k] : ""));
+  get("map-hint").hidden = !maps[0];
 }
 
 const short = (value) => value >= 100 ? value.toFixed(0) : value.toPrecision(2);
@@ -41,8 +51,8 @@ function drawHistory(history, target) {
   box.append(goal, curve);
 }
 
-function drawMap(map, target, size) {
-  const canvas = get("map");
+function drawMap(name, map, target, size, part) {
+  const canvas = get(name);
   if (size) canvas.style.aspectRatio = `${size[0]} / ${size[1]}`;
   canvas.parentElement.hidden = !map;
   if (!map) return;
@@ -51,13 +61,15 @@ function drawMap(map, target, size) {
   let most = [-1, 0, 0];
   map.forEach((row, j) => row.forEach((value, i) => {
     const unsure = value === null ? 1 : Math.max(0, Math.min(1, 0.5 + 0.5 * Math.log(value / target) / Math.log(SPAN)));
-    image.data.set([...mixed(unsure), 255], 4 * (j * canvas.width + i));
+    image.data.set([...mixed(unsure), value === null && part === PARTS[2] ? 0 : 255], // what the other camera doesn't see has no value
+      4 * (j * canvas.width + i));
     if (value !== null && value > most[0]) most = [value, (i + 0.5) / canvas.width, (j + 0.5) / canvas.height];
   }));
   pen.putImageData(image, 0, 0);
   const third = (v, words) => words[Math.min(2, Math.floor(3 * v))];
   const place = [third(most[2], ["upper", "", "lower"]), third(most[1], ["left", "", "right"])].filter(Boolean).join(" ") || "middle";
-  canvas.setAttribute("aria-label", `Uncertainty over the picture; the largest, ${short(most[0])} px, is at the ${place}`);
+  canvas.setAttribute("aria-label", `${part ? `${part}: u` : "U"}ncertainty over the picture; the largest, ${short(most[0])} px, is at the ${place}`);
+  get(`${name}-words`).textContent = part && `${part}: ± ${short(most[0])} px`;
 }
 
 function mixed(share) {
@@ -65,14 +77,15 @@ function mixed(share) {
   return SURE[k].map((v, c) => Math.round(v + part * (SURE[k + 1][c] - v)));
 }
 
-export function showViews(views, remove) {
+export function showViews(views, remove, two) {
+  const [one, many] = two ? ["pair", "Pairs"] : ["picture", "Pictures"], One = one[0].toUpperCase() + one.slice(1);
   const list = get("views"), there = new Map([...list.querySelectorAll("li[data-name]")].map((item) => [item.dataset.name, item]));
-  get("views-title").textContent = views.length ? `Pictures: ${views.length}` : "Pictures";
+  get("views-title").textContent = views.length ? `${many}: ${views.length}` : many;
   const items = views.map((name, k) => there.get(name) ?? picture(name, remove));
   items.forEach((item, k) => {
     item.querySelector("span").textContent = `${k + 1}`;
-    item.querySelector("img").alt = `Picture ${k + 1}`;
-    item.querySelector("button").setAttribute("aria-label", `Remove picture ${k + 1}`);
+    item.querySelector("img").alt = `${One} ${k + 1}`;
+    item.querySelector("button").setAttribute("aria-label", `Remove ${one} ${k + 1}`);
   });
   if (items.length) {
     const same = items.length === list.children.length && items.every((item, k) => item === list.children[k]);
@@ -99,12 +112,12 @@ function picture(name, remove) {
 }
 
 // Shows the result; true if it has just come.
-export function showResult(written, folder) {
+export function showResult(written, folder, two) {
   const box = get("result"), came = box.hidden && !!written;
   box.hidden = !written;
   if (!written) return false;
   box.className = `card result ${written.level}`;
-  get("verdict").textContent = LEVELS[written.level] ?? "The camera is written";
+  get("verdict").textContent = (LEVELS[written.level] ?? ["The camera is written", "The cameras are written"])[two ? 1 : 0];
   get("lines").replaceChildren(...written.lines.map((text) => row(text.replace(/^- /, ""))));
   get("files").replaceChildren(...written.files.map((name) => {
     const item = row(""), link = document.createElement("a"), page = name.endsWith(".html");

@@ -1,0 +1,217 @@
+"""Guidance during the calibration of two cameras that stand side by side: where to hold the board next, which moment to
+take, when it is sufficient."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rcdn.calibration.added_pair import SideForecast
+from rcdn.calibration.arguments import check_board
+from rcdn.calibration.coded import Spacing
+from rcdn.calibration.guidance.gates import TAKEN
+from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
+from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
+from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
+from rcdn.calibration.guidance.progress import Known, Plan, Progress
+from rcdn.calibration.labels import Size
+from rcdn.calibration.next_pair import NO_OUTLINES
+from rcdn.calibration.outlines import outline
+from rcdn.errors import ConfigError, shown
+from rcdn.types import SQUARES, Array, Board, Plane
+
+SIDES = ("Left", "Right")
+
+
+@dataclass(frozen=True, eq=False)
+class PairLook:
+    """The assessment of a moment: `sides`, that of each camera's frame, and `refused`, `hint`, `take`, `fit` as in
+    `Look`, for both together. `used` (2,): which of both boards count."""
+
+    sides: tuple[Look, Look]
+    used: tuple[bool, bool]
+    refused: str
+    hint: str
+    take: bool
+    fit: float
+
+
+class PairGuide:
+    """As `Guide`, for two cameras that are fixed to one another and see the board at the same moments.
+
+    One criterion from the first pair on: the mean of high power (`added_view.NORM`) of the uncertainties of projections
+    over the left frame, over the right frame, and from the left picture into the right one, at the boards' distance and
+    infinitely far. The last are what rectified rows and triangulated depths depend on: both lenses and the relative pose,
+    with their covariances. The first pair must show the whole board to both cameras; until the pictures alone determine
+    the calibration, cameras have the prior of `first_guess`.
+
+    `image_sizes`: (width, height) px of the left and of the right picture; all else as in `Guide`, where `target` px
+    is to be reached by all three.
+    """
+
+    def __init__(
+        self,
+        image_sizes: tuple[tuple[int, int], tuple[int, int]],
+        spacing: Spacing,
+        *,
+        model: str = "auto",
+        size: Size | None = None,
+        target: float = 0.1,
+    ) -> None:
+        left, right = (_Side(s, spacing, model=model, size=size, target=target) for s in image_sizes)
+        self._sides = (left, right)
+        self._writing = threading.Lock()
+        self._moments: dict[str, Moment] = {}
+        self._plan = self._planned(None, SQUARES, None)
+
+    @property
+    def progress(self) -> PairProgress:
+        """The present state of the calibration."""
+        return self._plan.progress
+
+    @property
+    def size(self) -> Size | None:
+        """The board's size (columns, rows) in corners; None if unknown."""
+        return self._plan.known.size
+
+    def add(self, boards: Moment, name: str) -> PairProgress:
+        """Take the `boards` of one moment, called `name`, and calibrate again; takes up to seconds."""
+        return self.add_all({name: boards})
+
+    def add_all(self, moments: Mapping[str, Moment]) -> PairProgress:
+        """`add` for several moments by name, with a single calibration."""
+        for name, boards in moments.items():
+            _check(boards, name)
+        with self._writing:
+            self._moments = {**self._moments, **moments}
+            return self._replanned()
+
+    def remove(self, name: str) -> PairProgress:
+        """Remove the moment `name`. Raises ConfigError if there is none."""
+        with self._writing:
+            if name not in self._moments:
+                raise ConfigError(f"name must be one of the accepted pictures, not {shown(name)}")
+            self._moments = {k: b for k, b in self._moments.items() if k != name}
+            return self._replanned()
+
+    def look(self, boards: Moment, time: float, greys: Sequence[Array] | None = None) -> PairLook:
+        """Judge the boards of the moment `time` s (ascending), None where there is none; `greys`: the frames (H, W)
+        uint8."""
+        plan = self._plan
+        both = all(b is not None and len(b) >= FEWEST_CORNERS for b in boards)
+        for k, side in enumerate(self._sides):
+            side.follow(plan, k, both)
+        looks = [
+            side.look(board, time, None if greys is None else greys[k])
+            for k, (side, board) in enumerate(zip(self._sides, boards, strict=True))
+        ]
+        if plan.progress.wanted is None:
+            return _first(boards, looks, plan)
+        return _later(boards, looks, plan)
+
+    def _replanned(self) -> PairProgress:
+        for k, side in enumerate(self._sides):
+            side.hold({n: b for n, m in self._moments.items() if (b := m[k]) is not None})
+        size, plane = next((p for p in (s.printed for s in self._sides) if p[0] is not None), (None, SQUARES))
+        self._plan = self._planned(size, plane, self._plan.known)
+        return self._plan.progress
+
+    def _planned(self, size: Size | None, plane: Plane, before: PairKnown | None) -> PairPlan:
+        wishes = (self._sides[0].wish, self._sides[1].wish)
+        known = pair_learned(wishes, list(self._moments.values()), list(self._moments), size, plane, before)
+        left, right = self._sides
+        return pair_planned(wishes, known, (left.sharp, right.sharp), (left.outlines, right.outlines))
+
+
+def _check(boards: Moment, name: str) -> None:
+    if len(boards) != 2 or all(b is None for b in boards):
+        raise ConfigError(f"{name} must have the board of the left and of the right picture, one of them at least")
+    for board in boards:
+        if board is not None:
+            check_board(board)
+
+
+def _first(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
+    """Before both have seen the board at once: any still, sharp pair of whole boards is taken."""
+    whole = [b is not None and b.complete and len(b) >= FEWEST_CORNERS for b in boards]
+    if plan.known.size is not None:
+        whole = [
+            w and b is not None and sorted(b.size) == sorted(plan.known.size)
+            for w, b in zip(whole, boards, strict=True)
+        ]
+    same = all(whole) and sorted(boards[0].size) == sorted(boards[1].size)  # type: ignore[union-attr]
+    refused = _refused(looks, (True, True)) or ("" if same else "One camera doesn't see the whole board.")
+    bare = [replace(x, arrow=None, fit=0.0, gain=0.0, take=False) for x in looks]
+    return PairLook((bare[0], bare[1]), (True, True), refused, "Hold still." if same else BOTH, not refused, 0.0)
+
+
+def _later(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
+    wanted = plan.progress.wanted
+    assert wanted is not None
+    needed = [view is not None for view in wanted.views]
+    there = [b is not None and len(b) >= FEWEST_CORNERS for b in boards]
+    counts = (needed[0] or there[0], needed[1] or there[1])
+    lead = wanted.lead if there[wanted.lead] or not any(there) else 1 - wanted.lead
+    refused = _refused(looks, counts)
+    fit = min((x.fit for x, n in zip(looks, needed, strict=True) if n), default=0.0)
+    hint = looks[lead].hint
+    if hint == "Hold still." and not all(there[k] for k in (0, 1) if needed[k]):
+        hint = BOTH
+    take = not refused and looks[lead].take
+    return PairLook((looks[0], looks[1]), (there[0], there[1]), refused, hint, take, fit)
+
+
+def _refused(looks: Sequence[Look], counts: tuple[bool, bool]) -> str:
+    """Why the moment can't be taken: the first reason of a camera that counts, named if the other one has none."""
+    reasons = [x.refused if c else "" for x, c in zip(looks, counts, strict=True)]
+    if any(not r and c for r, c in zip(reasons, counts, strict=True)):  # one of them shows something new
+        reasons = ["" if r == TAKEN else r for r in reasons]
+    if reasons[0] == reasons[1]:
+        return reasons[0]
+    return next(f"{side} camera: {why}" for side, why in zip(SIDES, reasons, strict=True) if why)
+
+
+class _Side(Guide):
+    """One of both cameras: judges its frames as `Guide` does, against a plan that is made for both."""
+
+    @property
+    def wish(self):  # type: ignore[no-untyped-def]
+        return self._wish
+
+    @property
+    def sharp(self) -> tuple[float, float]:
+        """m: the depth of field, as far as it is known."""
+        return self._sharp
+
+    @property
+    def printed(self) -> tuple[Size | None, Plane]:
+        """Size and plane of the whole board; size None if unknown."""
+        found = [self._printed(board) for board in self._boards.values()]
+        own = (self._plan.known.size, self._plan.known.plane)
+        return next((p for p in [*found, own] if p[0] is not None), own)
+
+    @property
+    def outlines(self) -> Array:
+        """(N, 4, 2) outlines of the accepted boards."""
+        return np.stack([outline(b) for b in self._boards.values()]) if self._boards else NO_OUTLINES
+
+    def hold(self, boards: Mapping[str, Board]) -> None:
+        """The boards of this camera that were taken."""
+        self._boards = dict(boards)
+
+    def follow(self, plan: PairPlan, side: int, both: bool) -> None:
+        """Judge frames by `plan`; `both`: whether both cameras have found the board."""
+        known, forecast, wanted = plan.known, plan.forecast, plan.progress.wanted
+        if forecast is None:
+            return
+        own = Known(known.sides[side], None, known.names, known.size, known.plane)
+        view = None if wanted is None else wanted.views[side]
+        said = plan.progress
+        progress = Progress(said.views, None, view, said.worst, None, said.target, said.done, said.stuck, said.sentence)
+        self._plan = Plan(progress, own, SideForecast(forecast, side, both))
+
+    def _planned(self, known: Known) -> Plan:
+        return self._plan if hasattr(self, "_plan") and known is self._plan.known else super()._planned(known)
