@@ -13,7 +13,7 @@ from rcdn.calibration.bundle import Prior, default_free
 from rcdn.calibration.guidance.first_guess import SCATTER, camera_prior, first_guess
 from rcdn.calibration.guidance.progress import FEWEST, Wish
 from rcdn.calibration.labels import Size
-from rcdn.calibration.rig import FEWEST_PAIRS, hypothesis, most_agreed, nearest, tells
+from rcdn.calibration.rig import FEWEST_PAIRS, hypotheses, tells
 from rcdn.calibration.solver import solve
 from rcdn.calibration.stereo import StereoSolution, stereo_solution, stereo_start, stereo_task
 from rcdn.calibration.uncertainty import Clustered, covariance
@@ -134,9 +134,9 @@ def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCov
     pairs = [(a, b) for a, b in every if tells(first.views[a], second.views[b])]
     if not pairs or first.size is None:
         return None
-    T, _ = most_agreed(first, second, pairs)
-    found = {pair: nearest(T, hypothesis(first, second, pair)) for pair in pairs}
-    turned = {b: turn for (_, b), (_, turn) in found.items()}
+    told = hypotheses(first, second, pairs)
+    T, _ = told.most_agreed()
+    turned = {b: int(turn) for (_, b), turn in zip(pairs, told.nearest(T)[1], strict=True)}
     task = stereo_task(first, second, pairs, turned)
     state = stereo_start(task, first, second, T)
     lenses = [
