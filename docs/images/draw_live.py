@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -28,7 +29,7 @@ PAGES = (
     ("wide", (1920, 1080), True, 4, 1920),
 )
 TWO = (
-    ("live-stereo", (1280, 1110), False, 3, 900),
+    ("live-stereo", (1280, 1110), False, 5, 900),
     ("stereo-phone", (390, 1400), True, 3, 390),
     ("stereo-wide", (1920, 1080), True, 3, 1920),
 )
@@ -38,7 +39,7 @@ those whose names don't begin with `live` are only looked at"""
 
 def main(others: Path | None = None) -> None:
     """Draw the pages of the docs, and into a folder `others` the rest, with the first page and the last."""
-    every = [(p, Hand, 1) for p in PAGES] + [(p, Hands, 2) for p in TWO]
+    every = [(p, Hand, 1) for p in PAGES] + [(p, partial(Hands, moves=30), 2) for p in TWO]
     for (name, size, dark, count, width), hand, cameras in every:
         if not others and not name.startswith("live"):
             continue

@@ -31,9 +31,10 @@ class Hands:
 
     trouble = ""
 
-    def __init__(self, noise=5.0):
+    def __init__(self, noise=5.0, moves=MOVES):
         self.session = None
         self._renderers, self._rng = renderers(noise), np.random.default_rng(2)
+        self._moves = moves
         self._here, self._way = BEGIN, []
         self._wanted, self._held = None, None
 
@@ -43,7 +44,7 @@ class Hands:
         if state["wanted"] != self._wanted and not state["busy"] and any(state["wanted"] or ()):
             self._wanted = state["wanted"]
             goal = self._goal(*self._wanted)
-            self._way = [between(self._here, goal, (k + 1) / MOVES) for k in range(MOVES)]
+            self._way = [between(self._here, goal, (k + 1) / self._moves) for k in range(self._moves)]
         if self._way:
             self._here, self._held = self._way.pop(0), None
         if self._held is None:
