@@ -7,7 +7,7 @@ import json
 import socket
 import threading
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 import cv2
@@ -67,12 +67,13 @@ def session(tmp_path):
     made.close()
 
 
-@pytest.fixture
-def client(session):
+@contextmanager
+def on_loopback(session, cameras=1):
+    """A client of a server for `session`, which ends with it."""
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
     app = Server(session).app(TOKEN, names_of("127.0.0.1", port))
-    server = uvicorn.Server(config_of(app, Place()))
+    server = uvicorn.Server(config_of(app, Place(), cameras))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
     while not server.started:
@@ -81,6 +82,12 @@ def client(session):
     server.should_exit = True
     thread.join(10)
     assert not thread.is_alive()
+
+
+@pytest.fixture
+def client(session):
+    with on_loopback(session) as made:
+        yield made
 
 
 def ended(line):

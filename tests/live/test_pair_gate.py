@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-import threading
-import time
 from contextlib import suppress
 
 import cv2
 import numpy as np
 import pytest
-import uvicorn
 from tests.live import stand_in_pair
-from tests.live.test_gate import TOKEN, Client, ended, files
+from tests.live.test_gate import TOKEN, ended, files, on_loopback
 from websockets.exceptions import ConnectionClosed
 
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.frames import MOST_BYTES
 from rcdn.live.messages import HEADER, PAIR, pair_of, preview_of
-from rcdn.live.run import Place, config_of
-from rcdn.live.security import names_of
-from rcdn.live.server import Server
 from rcdn.live.session import Session
 
 JPEG = cv2.imencode(".jpg", np.zeros((480, 640), np.uint8))[1].tobytes()
@@ -42,19 +36,8 @@ def session(tmp_path):
 
 @pytest.fixture
 def client(session):
-    import socket
-
-    listening = socket.create_server(("127.0.0.1", 0))
-    port = listening.getsockname()[1]
-    server = uvicorn.Server(config_of(Server(session).app(TOKEN, names_of("127.0.0.1", port)), Place(), 2))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield Client(port)
-    server.should_exit = True
-    thread.join(10)
-    assert not thread.is_alive()
+    with on_loopback(session, 2) as made:
+        yield made
 
 
 def asked(client, sent):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 
 import cv2
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from tests.live import stand_in, stand_in_pair
+from tests.live.desk import AnyDesk, close_all
 from tests.live.moving_board import SIZE, SPACING, Renderer, pose
 from tests.live.stand_in_pair import GREYS
 from tests.live.two_cameras import RIGHT, T_RIGHT_LEFT, Hands
@@ -20,19 +20,16 @@ from rcdn.batch.live_files import write_pair_files
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import read_stereo, read_stereo_calibration
 from rcdn.live.folder import Folder, Settings
-from rcdn.live.session import Session
 from rcdn.live.sources import APART, Halves, TwoCameras, TwoFiles, open_pair
 
 
-class Desk:
-    """A session of two cameras whose boards are where `at` says; the right one sees it 10 px farther left."""
+class Desk(AnyDesk):
+    """A session of two cameras; the right one sees the board 10 px farther left."""
+
+    patience = 30
 
     def __init__(self, path):
-        self.at, self.right = (100.0, 100.0), True
-        self.folder = Folder(path, 2)
-        opened.append(self)
-        self.session = Session(self.folder, self.folder.agree(Settings(0.03)), stand_in_pair.tools(self.found))
-        self.time = 0.0
+        super().__init__(path, stand_in_pair.tools(self.found), 2)
 
     def found(self, width):
         """Both have the same small picture: the board of the right one is at 1.25 times the place at full size."""
@@ -45,30 +42,12 @@ class Desk:
         self.time += 0.05
         return self.session.see_pair(GREYS, (self.time, self.time + apart))
 
-    def until(self, met):
-        end = time.monotonic() + 30
-        while time.monotonic() < end:
-            self.look()
-            if met(state := self.session.state()):
-                return state
-            time.sleep(0.005)
-        raise AssertionError(self.session.state())
-
-    def take(self, count):
-        for k in range(len(self.session.state()["views"]), count):
-            self.at = (60.0 + 60 * (k % 6), 60.0 + 90 * (k // 6))
-            self.until(lambda s, k=k: len(s["views"]) == k + 1 and len(s["history"]) == k + 1)
-        return self.session.state()
-
-
-opened = []
-
 
 @pytest.fixture(autouse=True)
 def _closed():
+    """Sessions end with their test, whatever comes of it."""
     yield
-    while opened:
-        opened.pop().session.close()
+    close_all()
 
 
 @pytest.fixture

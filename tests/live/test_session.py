@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.live import stand_in
+from tests.live.desk import AnyDesk, close_all
 
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.live.folder import Folder, Settings
@@ -17,16 +18,11 @@ from rcdn.live.session import Session
 GREY = np.random.default_rng(0).integers(0, 256, (480, 640), np.uint8)
 
 
-class Desk:
-    """A session whose board is where `at` says."""
+class Desk(AnyDesk):
+    """A session of one camera."""
 
     def __init__(self, path, **other):
-        self.at = (100.0, 100.0)
-        self.folder = Folder(path)
-        opened.append(self)
-        made = stand_in.tools(lambda: None if self.at is None else stand_in.board(self.at), **other)
-        self.session = Session(self.folder, self.folder.agree(Settings(0.03)), made)
-        self.time = 0.0
+        super().__init__(path, stand_in.tools(lambda: None if self.at is None else stand_in.board(self.at), **other))
 
     def look(self, times=1):
         for _ in range(times):
@@ -34,33 +30,12 @@ class Desk:
             seen = self.session.see(GREY, self.time)
         return seen
 
-    def until(self, met):
-        """Frames until `met(state)`; the state."""
-        end = time.monotonic() + 20
-        while time.monotonic() < end:
-            self.look()
-            if met(state := self.session.state()):
-                return state
-            time.sleep(0.005)
-        raise AssertionError(self.session.state())
-
-    def take(self, count):
-        """Pictures until there are `count`."""
-        for k in range(len(self.session.state()["views"]), count):
-            self.at = (60.0 + 60 * (k % 6), 60.0 + 90 * (k // 6))
-            self.until(lambda s, k=k: len(s["views"]) == k + 1 and len(s["history"]) == k + 1)
-        return self.session.state()
-
-
-opened = []
-
 
 @pytest.fixture(autouse=True)
 def _closed():
     """Sessions end with their test, whatever comes of it."""
     yield
-    while opened:
-        opened.pop().session.close()
+    close_all()
 
 
 @pytest.fixture
