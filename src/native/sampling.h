@@ -87,7 +87,8 @@ INLINE void grey_levels(const Spot *s, Places *w, index_t count, float *out) {
 
 /* Contrast between the two sides of a link, the mean difference in each third of its length: see boards/edges.py,
  * `edge_contrast`. 9 positions along the link without 0.15 of it at both ends, where blur mixes all four squares; on
- * both sides at 0.08, 0.14 and 0.2 of its length, or `close` to it at 0.02, 0.045 and 0.07, clamped to 1..5 px. */
+ * both sides at 0.08, 0.14 and 0.2 of its length, clamped to 1..5 px, or `close` to it at 0.015, 0.03 and 0.045, clamped
+ * to 1..2.5 px. */
 enum { ALONG = 9, ACROSS = 3, AROUND = 2 * ACROSS * ALONG };
 INLINE void sides_differ(const Picture *p, const double *start, const double *end, int close, Places *w, double *out) {
     static const double both[2][ACROSS] = {{0.08, 0.14, 0.2}, {0.015, 0.03, 0.045}}, skip = 0.15;

@@ -141,7 +141,8 @@ class _Growth:
         visible.
 
         For a strong corner whose axes fit, one visible edge is enough if no other contradicts it; otherwise all edges
-        must be visible, and at least two of them where the axes do not fit (motion blur changes their directions).
+        must be visible, and at least two of them where the axes do not fit (motion blur changes their directions). An
+        edge is also visible if its contrast is so close to it, beside the rim that a marker leaves of a square.
         """
         labels, members = self.grid.labels, self.grid.corners
         labels, members, spots, guess = self._open(labels, members)
@@ -155,8 +156,8 @@ class _Growth:
         shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(asked), np.uint8)
         _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
-            way = np.sign(level)[:, None]
-            shown = way * np.maximum(way * shown, way * edge_contrast(self.field.grey, start, end, close=True))
+            close = edge_contrast(self.field.grey, start, end, close=True)
+            shown = np.where(level[:, None] < 0, np.minimum(shown, close), np.maximum(shown, close))
             _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
             self.refused = np.concatenate([self.refused, asked[seen == 0]])

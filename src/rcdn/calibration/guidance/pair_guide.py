@@ -16,7 +16,7 @@ from rcdn.calibration.guidance.gates import TAKEN
 from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
 from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
-from rcdn.calibration.guidance.progress import Known, Plan, Progress
+from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_pair import NO_OUTLINES
 from rcdn.calibration.outlines import outline
@@ -178,7 +178,8 @@ class _Side(Guide):
     """One of both cameras: judges its frames as `Guide` does, against a plan that is made for both."""
 
     @property
-    def wish(self):  # type: ignore[no-untyped-def]
+    def wish(self) -> Wish:
+        """What is to be calibrated."""
         return self._wish
 
     @property
@@ -214,4 +215,4 @@ class _Side(Guide):
         self._plan = Plan(progress, own, SideForecast(forecast, side, both))
 
     def _planned(self, known: Known) -> Plan:
-        return self._plan if hasattr(self, "_plan") and known is self._plan.known else super()._planned(known)
+        return self._plan if known is self._plan.known else super()._planned(known)
