@@ -100,6 +100,16 @@ def test_a_crop_has_the_target_of_the_renderer(tmp_path, monkeypatch):
     assert doubtful > 5
 
 
+@pytest.mark.parametrize(("pattern", "demanded"), [("checker", True), ("deltille", False)])
+def test_corners_as_near_as_rendered_ones_that_are_ignored_are_not_demanded(pattern, demanded):
+    """6.5 px apart: enough for four sectors, too little for six."""
+    xy = 200 + 6.5 * np.stack(np.meshgrid(np.arange(5.0), np.arange(4.0)), axis=-1).reshape(-1, 2)
+    grey = np.zeros((480, 640), np.uint8)
+    picture = labelled.LabelledPicture(Path("a.png"), grey, np.column_stack([xy, np.ones(len(xy))]), pattern)
+    (at_full_size,) = [labels for image, labels in scaled(picture, 112) if image.shape == grey.shape]
+    assert (at_full_size[:, 2] > 0).all() if demanded else not at_full_size[:, 2].any()
+
+
 @pytest.mark.parametrize(("size", "pitch"), [((640, 480), 30.0), ((2047, 1533), 170.0), ((200, 150), 10.0)])
 def test_labels_are_right_at_every_scale(tmp_path, size, pitch):
     """OpenCV finds the corners of each scale at their labels. Pixel (0, 0) begins at −½: of a picture of half the size
@@ -147,10 +157,10 @@ def test_corners_at_the_frame_or_too_near_are_open():
     labels = np.array(
         [[1.5, 50, 1], [50, 50, 1], [53, 50, 1], [150, 100, 1], [298, 198, 1], [297, 197, 1], [100, 100, 0]]
     )
-    found = labelled._at_scale(labels, labelled.View((0, 0, 300, 200)))
+    found = labelled._at_scale(labels, labelled.View((0, 0, 300, 200)), 4.0)
     assert np.array_equal(found[:, :2], labels[:, :2])
     assert found[:, 2].tolist() == [0, 0, 0, 1, 0, 0, 0]
-    assert labelled._at_scale(labels, labelled.View((0, 0, 300, 200), 2.0))[:, 2].tolist() == [1, 1, 1, 1, 0, 0, 0]
+    assert labelled._at_scale(labels, labelled.View((0, 0, 300, 200), 2.0), 4.0)[:, 2].tolist() == [1, 1, 1, 1, 0, 0, 0]
 
 
 def detected(path, boards, single=()):

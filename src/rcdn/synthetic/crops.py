@@ -13,6 +13,11 @@ from rcdn.synthetic.sample import TRAINING, Ranges, random_scene
 from rcdn.synthetic.scene import Scene
 from rcdn.types import Array
 
+NEAR, OFTEN = 48, 0.9
+"""px around a corner, within which lie the middles of this share of the windows"""
+BEYOND = 8
+"""px; corners up to this far outside a window keep their labels"""
+
 
 def random_crop(
     seed: int, size: int = 112, ranges: Ranges = TRAINING, images: Sequence[Array] = ()
@@ -21,7 +26,7 @@ def random_crop(
 
     Labels are x, y in the crop and a class: 1 for a clearly visible corner, 0 for a corner to be ignored (damaged, or
     not legible under its blur and noise). If the ranges include deltilles (`deltille_p`), only their corners are
-    labelled, and other boards are clutter. Most windows contain a corner within 48 px of their middle.
+    labelled, and other boards are clutter. Most windows contain a corner within `NEAR` px of their middle.
     """
     scene, window = crop_scene(seed, size, ranges, len(images))
     if not scene.boards and ranges.busy_p and len(images):
@@ -34,7 +39,7 @@ def random_crop(
         if ranges.deltille_p and spec.pattern != "deltille":
             continue
         xy = board.xy - window[:2]
-        near = ((xy > -8) & (xy < size + 8)).all(axis=1) & (board.visible | board.ignore)
+        near = ((xy > -BEYOND) & (xy < size + BEYOND)).all(axis=1) & (board.visible | board.ignore)
         told = legible(light, scene.sensor, xy[near], board.pitch[near], ranges.unsure)
         sure = board.visible[near] & told
         labels.append(np.column_stack([xy[near], sure.astype(float)]))
@@ -50,8 +55,8 @@ def crop_scene(seed: int, size: int, ranges: Ranges, image_count: int) -> tuple[
     scene = random_scene(rng, ranges, (640, 480), image_count)
     spots = [b.xy[b.visible] for b in truth(scene)]
     xy = np.concatenate(spots) if spots else np.zeros((0, 2))
-    if len(xy) and rng.random() < 0.9:
-        middle = xy[rng.integers(len(xy))] + rng.uniform(-48, 48, 2) * rng.random()
+    if len(xy) and rng.random() < OFTEN:
+        middle = xy[rng.integers(len(xy))] + rng.uniform(-NEAR, NEAR, 2) * rng.random()
     else:
         middle = rng.uniform([size / 2, size / 2], [640 - size / 2, 480 - size / 2])
     corner = np.clip(np.rint(middle - size / 2), 0, [640 - size, 480 - size]).astype(int)

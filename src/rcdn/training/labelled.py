@@ -17,36 +17,34 @@ from rcdn.io import ImageResult, is_video, read_detections
 from rcdn.io.fields import numbers, read_json, read_text, take
 from rcdn.io.images import read_named_image
 from rcdn.pyramid import View, whole_views
+from rcdn.synthetic.crops import BEYOND, NEAR, OFTEN
+from rcdn.synthetic.render import LEAST_PITCH
 from rcdn.training.samples import MOST_LABELS, Pool
 from rcdn.types import Array, Status
 from rcdn.types.arrays import Real, Shaped
+from rcdn.types.plane import Pattern
 from rcdn.types.ranges import POSITION
 
 PITCH = (6.0, 60.0)
 """px; the distances of neighbouring corners that networks are trained for: pictures are enlarged or reduced to them"""
-LEAST_PITCH = 4.0
-"""px; nearer corners are neither demanded nor forbidden, as in rendered crops (`synthetic.render.LEAST_PITCH`)"""
 RIM = 2.0
 """px; nor are corners nearer to the frame"""
 SAME = 1.0
 """px; a single corner this near to one of a board is that corner"""
-BEYOND = 8
-"""px; corners up to this far outside a crop keep their labels, as in `random_crop`"""
-NEAR, OFTEN = 48.0, 0.9
-"""px around a corner for the middles of this share of the crops, as in `random_crop`"""
 
 
 @dataclass(frozen=True)
 class LabelledPicture:
     """A picture (H, W) uint8 and its corners `labels` (N, 3): x, y, px, and a class: 1 for a corner, 0 for a position
-    that is neither demanded nor forbidden."""
+    that is neither demanded nor forbidden; of boards of `pattern`."""
 
     path: Path
     image: Array
     labels: Array
+    pattern: Pattern = "checker"
 
 
-def read_labelled(source: str | Path, pattern: str = "checker") -> list[LabelledPicture]:
+def read_labelled(source: str | Path, pattern: Pattern = "checker") -> list[LabelledPicture]:
     """The labelled pictures that a file names, in its order.
 
     `source`: detections as `rcdn detect --json` writes them, or a `truth.json` as `rcdn render` writes it, or a folder
@@ -64,13 +62,13 @@ def read_labelled(source: str | Path, pattern: str = "checker") -> list[Labelled
             raise ConfigError(f"labelled: no truth.json in {shown(str(source))}; name the file with the labels")
     data = read_json(path, read_text(path), "name the file that `rcdn detect --json` or `rcdn render` wrote")
     detections = isinstance(data, dict) and "images" in data
-    found = list(_of_detections(path, pattern) if detections else _of_truth(path, data))
+    found = list(_of_detections(path, pattern) if detections else _of_truth(path, data, pattern))
     if not any((picture.labels[:, 2] > 0).any() for picture in found):
         raise ConfigError(f"labelled: {path} has no corner of a {pattern} board; label some, or train without it")
     return found
 
 
-def _of_detections(path: Path, pattern: str) -> Iterator[LabelledPicture]:
+def _of_detections(path: Path, pattern: Pattern) -> Iterator[LabelledPicture]:
     for image in read_detections(path)[0]:
         if not any(board.pattern == pattern for board in image.boards):
             continue
@@ -81,7 +79,7 @@ def _of_detections(path: Path, pattern: str) -> Iterator[LabelledPicture]:
             raise FormatError(
                 f"{path}: {file} has {size} px, not {image.width}×{image.height}; label the picture itself"
             )
-        yield LabelledPicture(file, picture, _labels(image, pattern))
+        yield LabelledPicture(file, picture, _labels(image, pattern), pattern)
 
 
 def _labels(image: ImageResult, pattern: str) -> Real[Array, "n 3"]:
@@ -96,7 +94,7 @@ def _labels(image: ImageResult, pattern: str) -> Real[Array, "n 3"]:
     return np.concatenate([*parts, np.column_stack([single, np.zeros(len(single))])])
 
 
-def _of_truth(path: Path, data: Any) -> Iterator[LabelledPicture]:
+def _of_truth(path: Path, data: Any, pattern: Pattern) -> Iterator[LabelledPicture]:
     if not isinstance(data, dict):
         raise FormatError(f"{path}: neither detections of `rcdn detect --json` nor a truth.json of `rcdn render`")
     for name in data:
@@ -116,7 +114,8 @@ def _of_truth(path: Path, data: Any) -> Iterator[LabelledPicture]:
             sure = _positions(known, "xy", where, picture.shape)
             open_ = _positions({"ignore": known.get("ignore") or []}, "ignore", where, picture.shape)
             classes = np.repeat([1.0, 0.0], [len(sure), len(open_)])
-            yield LabelledPicture(found, picture, np.column_stack([np.concatenate([sure, open_]), classes]))
+            labels = np.column_stack([np.concatenate([sure, open_]), classes])
+            yield LabelledPicture(found, picture, labels, pattern)
 
 
 def _positions(record: dict[str, Any], key: str, where: str, shape: tuple[int, ...]) -> Real[Array, "n 2"]:
@@ -173,16 +172,17 @@ def scaled(picture: LabelledPicture, size: int) -> list[tuple[Array, Array]]:
         pitch = float(np.median(nearest(labels[:, :2], labels[:, :2], 2)[0][:, 1]))
         spans = [max(PITCH[0] / (pitch * v.scale), pitch * v.scale / PITCH[1], 1.0) for v in views]
     chosen = [v for v, span in zip(views, spans, strict=True) if span == min(spans)]
-    return [(view.of(picture.image), _at_scale(labels, view)) for view in chosen]
+    return [(view.of(picture.image), _at_scale(labels, view, LEAST_PITCH[picture.pattern])) for view in chosen]
 
 
-def _at_scale(labels: Real[Array, "n 3"], view: View) -> Real[Array, "n 3"]:
-    """Labels of the picture in pixels of a view of it; those near the frame or too near to each other become open."""
+def _at_scale(labels: Real[Array, "n 3"], view: View, least: float) -> Real[Array, "n 3"]:
+    """Labels of the picture in pixels of a view of it; those near the frame or nearer to each other than `least` px are
+    neither demanded nor forbidden, as in rendered crops."""
     xy = view.from_picture(labels[:, :2])
     x1, y1 = (np.array(view.box[2:]) * view.ratio()).round()
     sure = ((xy >= RIM) & (xy <= [x1 - 1 - RIM, y1 - 1 - RIM])).all(axis=1)
     if len(xy) > 1:
-        sure &= nearest(xy, xy, 2)[0][:, 1] >= LEAST_PITCH
+        sure &= nearest(xy, xy, 2)[0][:, 1] >= least
     return np.column_stack([xy, labels[:, 2] * sure])
 
 

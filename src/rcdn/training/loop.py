@@ -36,6 +36,7 @@ from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, read_report, without_norms
 from rcdn.training.samples import Batches, Pool, batch, joined, make_pool
 from rcdn.training.validate import validate
+from rcdn.types.plane import Pattern
 
 DEAD_AFTER, DEAD_RESPONSE = 500, 1e-3
 
@@ -131,7 +132,7 @@ def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
     return grow(net, without_norms(teacher))
 
 
-def _pattern(config: TrainConfig) -> str:
+def _pattern(config: TrainConfig) -> Pattern:
     """The pattern of the boards whose corners the network learns."""
     return "deltille" if PRESETS[config.pool.ranges].deltille_p else "checker"
 
