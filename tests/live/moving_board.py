@@ -63,7 +63,7 @@ class Renderer:
             inverse = np.linalg.inv(T)
             rays = self._rays[::2, ::2] if coarse else self._rays
             away = rays @ inverse[:3, :3].T.astype(np.float32)
-            depth = -inverse[2, 3] / away[..., 2]
+            depth = -inverse[2, 3] / np.where(away[..., 2] == 0, np.float32(1e-12), away[..., 2])
             plane = (away[..., :2] * depth[..., None] + inverse[:2, 3].astype(np.float32)) / SPACING
             at = ((plane + 1.5) * FINE + 2 - 0.5).astype(np.float32)
             fine = cv2.remap(self._sheet, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=-1)

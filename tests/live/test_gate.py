@@ -68,11 +68,11 @@ def session(tmp_path):
 
 
 @contextmanager
-def on_loopback(session, cameras=1):
-    """A client of a server for `session`, which ends with it."""
+def on_loopback(session, cameras=1, source=None):
+    """A client of a server for `session`, which ends with it; `source`: the server's own camera."""
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
-    app = Server(session).app(TOKEN, names_of("127.0.0.1", port))
+    app = Server(session, source).app(TOKEN, names_of("127.0.0.1", port))
     server = uvicorn.Server(config_of(app, Place(), cameras))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
     thread.start()
@@ -269,3 +269,25 @@ def test_other_machines_by_tls_only():
     assert "localhost:8642" in names_of("127.0.0.1", 8642)
     for host in ("127.0.0.1", "::1", "localhost"):
         check_host(host, False)
+
+
+class Broken:
+    """A camera whose driver fails."""
+
+    trouble = ""
+
+    def read(self):
+        raise OSError("no such device")
+
+    def close(self):
+        pass
+
+
+def test_a_camera_that_fails_is_told(session):
+    with on_loopback(session, source=Broken()) as client, client.socket() as line:
+        until = time.monotonic() + 20
+        while time.monotonic() < until:
+            state = json.loads(line.recv(timeout=10))
+            if state.get("trouble"):
+                break
+        assert state["trouble"] == "The camera can't be read any more: no such device"

@@ -10,6 +10,7 @@ from rcdn.calibration.added_pair import PairForecast
 from rcdn.calibration.candidates import Candidates, board_corners, candidates, in_frame, placed
 from rcdn.calibration.next_view import INSIDE, NextView, best_of, described
 from rcdn.calibration.outlines import distances as distances_from
+from rcdn.errors import present
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
 from rcdn.types.arrays import Bool, Real
@@ -31,9 +32,7 @@ class NextPair:
     @property
     def leading(self) -> NextView:
         """The view of the leading camera."""
-        view = self.views[self.lead]
-        assert view is not None
-        return view
+        return present(self.views[self.lead], "the view of the leading camera")
 
 
 def next_pair(

@@ -206,7 +206,15 @@ class Server:
             self._page.put(state)
 
     async def _read_source(self, source: Source | PairSource) -> None:
-        """Process frames of the server's camera while a page is connected."""
+        """Process frames of the server's camera while a page is connected; an error that ends this is told there."""
+        try:
+            await self._read_on(source)
+        except Exception as error:
+            self.session.notice = f"The camera can't be read any more: {error}"
+            self._changed()
+            raise
+
+    async def _read_on(self, source: Source | PairSource) -> None:
         loop, number = asyncio.get_running_loop(), 0
         while True:
             page = self._page

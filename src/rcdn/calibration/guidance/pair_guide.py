@@ -20,7 +20,7 @@ from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_pair import NO_OUTLINES
 from rcdn.calibration.outlines import outline
-from rcdn.errors import ConfigError, shown
+from rcdn.errors import ConfigError, present, shown
 from rcdn.types import SQUARES, Array, Board, Plane
 
 SIDES = ("Left", "Right")
@@ -149,8 +149,7 @@ def _first(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
 
 
 def _later(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
-    wanted = plan.progress.wanted
-    assert wanted is not None
+    wanted = present(plan.progress.wanted, "the wanted pose")
     needed = [view is not None for view in wanted.views]
     there = [b is not None and len(b) >= FEWEST_CORNERS for b in boards]
     counts = (needed[0] or there[0], needed[1] or there[1])
