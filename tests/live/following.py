@@ -20,12 +20,13 @@ from rcdn.live.server import Server
 from rcdn.live.session import Session
 from rcdn.terminal.target import DEFAULT
 
-RATE, MOVES = 15, 8
-"""frames a second; frames that a movement takes"""
+RATE, MOVES, PATIENCE = 15, 8, 30
+"""frames a second; frames that a movement takes; frames after which a board that isn't taken is put anew"""
 
 
 class Hand:
-    """A source of frames: the board goes to the pose that the session wants, and is held there."""
+    """A source of frames: the board goes to the pose that the session wants, not exactly, is held there, and put anew
+    if it isn't taken."""
 
     trouble = ""
 
@@ -33,13 +34,14 @@ class Hand:
         self.session = None
         self._renderer, self._rng = Renderer(noise), np.random.default_rng(2)
         self._here, self._way = pose(0, 0, 0.42), []
-        self._wanted, self._held, self._count = None, None, 0
+        self._wanted, self._held, self._still = None, None, 0
 
     def read(self):
         begin = time.monotonic()
         state = self.session.state()
-        if state["wanted"] != self._wanted and not state["busy"] and state["wanted"] is not None:
-            self._wanted = state["wanted"]
+        new = state["wanted"] != self._wanted or self._still > PATIENCE
+        if new and not state["busy"] and state["wanted"] is not None:
+            self._wanted, self._still = state["wanted"], 0
             goal = towards(self._wanted)
             goal[:3, :3] = rotation(self._rng.normal(0, 0.03, 3)) @ goal[:3, :3]
             goal[:3, 3] += self._rng.normal(0, 0.003, 3)
@@ -49,7 +51,7 @@ class Hand:
         if self._held is None:
             self._held = self._renderer.frame(self._here, coarse=bool(self._way))
         time.sleep(max(0.0, 1 / RATE - (time.monotonic() - begin)))
-        self._count += 1
+        self._still += not state["busy"]
         return self._held, time.monotonic()
 
     def close(self):

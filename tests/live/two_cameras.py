@@ -6,7 +6,7 @@ import time
 
 import cv2
 import numpy as np
-from tests.live.following import MOVES, RATE
+from tests.live.following import MOVES, PATIENCE, RATE
 from tests.live.moving_board import IMAGE, Renderer, between, journey, pose, towards
 
 from rcdn.geometry import rotation
@@ -27,7 +27,8 @@ def renderers(noise=5.0):
 
 
 class Hands:
-    """A source of pairs of frames: the board goes to the pose that the session wants, not exactly, and is held there."""
+    """A source of pairs of frames: the board goes to the pose that the session wants, not exactly, is held there, and
+    put anew if it isn't taken."""
 
     trouble = ""
 
@@ -36,13 +37,14 @@ class Hands:
         self._renderers, self._rng = renderers(noise), np.random.default_rng(2)
         self._moves = moves
         self._here, self._way = BEGIN, []
-        self._wanted, self._held = None, None
+        self._wanted, self._held, self._still = None, None, 0
 
     def read(self):
         begin = time.monotonic()
         state = self.session.state()
-        if state["wanted"] != self._wanted and not state["busy"] and any(state["wanted"] or ()):
-            self._wanted = state["wanted"]
+        new = state["wanted"] != self._wanted or self._still > PATIENCE
+        if new and not state["busy"] and any(state["wanted"] or ()):
+            self._wanted, self._still = state["wanted"], 0
             goal = self._goal(*self._wanted)
             self._way = [between(self._here, goal, (k + 1) / self._moves) for k in range(self._moves)]
         if self._way:
@@ -50,6 +52,7 @@ class Hands:
         if self._held is None:
             self._held = self.frames(self._here, coarse=bool(self._way))
         time.sleep(max(0.0, 1 / RATE - (time.monotonic() - begin)))
+        self._still += not state["busy"]
         return self._held, time.monotonic()
 
     def _goal(self, left, right):
