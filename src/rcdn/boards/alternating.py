@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.boards.graph import Field
-from rcdn.boards.local import assign, spots_beside
+from rcdn.boards.local import assign, parts, spots_beside
 from rcdn.geometry import homography
 from rcdn.geometry.division import Division, division_of
 from rcdn.geometry.elementary import exp, log
@@ -123,7 +123,27 @@ def _ratios(xy: Array, at: dict[Label, int], step: Label) -> Array:
 
 def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]) -> dict[Label, int]:
     """The grid grown by all `free` (N,) corners at predicted positions, without corners that their neighbours
-    contradict."""
+    contradict.
+
+    Only the largest connected part of it is kept, and grown again: where neighbours contradict each other all along a
+    line, the labels beyond it may be shifted by a tag.
+    """
+    for _ in range(ROUNDS):
+        grown, places = _grown(field, at, gap, free)
+        weak = WEAK * median(field.response[list(grown.values())])
+        near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in grown.items()}
+        agreed = {spot for spot in grown if _agrees(places, grown, gap, spot, near[spot])}
+        kept = max(parts(agreed, TAGS.steps), key=len, default=set())
+        before, at = at, {spot: corner for spot, corner in grown.items() if spot in kept}
+        if len(kept) == len(agreed) or not at or at.keys() == before.keys():
+            break
+    return at
+
+
+def _grown(
+    field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]
+) -> tuple[dict[Label, int], _Places]:
+    """The grid with all `free` (N,) corners at predicted positions, and where its corners are."""
     at, open_ = dict(at), free.copy()
     open_[list(at.values())] = False
     usable = np.flatnonzero(free & (field.fit > 0))
@@ -139,9 +159,7 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array,
         if not assign(at, open_, offers):
             break
         places = _Places.of(field, at, gap)
-    weak = WEAK * median(field.response[list(at.values())])
-    near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in at.items()}
-    return {spot: corner for spot, corner in at.items() if _agrees(places, at, gap, spot, near[spot])}
+    return at, places
 
 
 @dataclass(frozen=True, eq=False)
