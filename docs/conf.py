@@ -1,6 +1,7 @@
 """Sphinx: the site is the repository's own Markdown, at the same paths, with README.md as its first page.
 
-`sphinx-build -c docs . build/site` in the repository's root. Links to what isn't on the site (code, records of measurements) are left as text.
+`sphinx-build -c docs . build/site` in the repository's root. Links to what isn't on the site (code, records of
+measurements) are left as text.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     python3 rcdn_node.py --ros-args -r image:=/camera/image_raw -p camera:=camera_info.yaml -p spacing:=0.025
 
-Subscribes to `image` (sensor_msgs/Image: mono8, mono16, bgr8, rgb8, bgra8, rgba8). Publishes `corners` (sensor_msgs/PointCloud: x, y, px; channels
-board, i, j, sigma) and, with a camera, `pose` (geometry_msgs/PoseWithCovarianceStamped) of the largest board, from board to camera coordinates. A
-board seen in part may turn up under other labels in the next picture, and so may a pose: name its `size` to have whole ones only.
+Subscribes to `image` (sensor_msgs/Image: mono8, mono16, bgr8, rgb8, bgra8, rgba8). Publishes `corners`
+(sensor_msgs/PointCloud: x, y, px; channels board, i, j, sigma) and, with a camera, `pose`
+(geometry_msgs/PoseWithCovarianceStamped) of the largest board, from board to camera coordinates. A board seen in part
+may turn up under other labels in the next picture, and so may a pose: name its `size` to have whole ones only.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ CHANNELS = {"mono8": 1, "8UC1": 1, "mono16": 1, "16UC1": 1, "bgr8": 3, "8UC3": 3
 
 
 def picture_of(message: Any) -> np.ndarray:
-    """(H, W) or (H, W, 3 or 4) BGR[A] of a sensor_msgs/Image, without cv_bridge. Raises RcdnError for other encodings."""
+    """(H, W) or (H, W, 3 or 4) BGR[A] of a sensor_msgs/Image, without cv_bridge.
+    Raises RcdnError for other encodings."""
     if message.encoding not in CHANNELS:
         raise rcdn.RcdnError(f"the encoding must be one of {', '.join(CHANNELS)}, not {message.encoding!r}")
     channels = CHANNELS[message.encoding]
@@ -44,7 +46,8 @@ def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
 def ros_covariance(pose: Any) -> list[float]:
     """36 numbers: of the board's origin, m, then of a turn around it, rad, in camera axes.
 
-    rcdn's `cov` is of a motion of space, (turn around the camera, translation): the origin t moves by turn × t + translation.
+    rcdn's `cov` is of a motion of space, (turn around the camera, translation):
+    the origin t moves by turn × t + translation.
     """
     x, y, z = pose.t
     slopes = np.zeros((6, 6))

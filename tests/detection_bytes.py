@@ -1,4 +1,5 @@
-"""What the kernels of one library make of pictures, exactly: `python detection_bytes.py LIBRARY PICTURES.npz` prints digests by name, JSON."""
+"""What the kernels of one library make of pictures, exactly: `python detection_bytes.py LIBRARY PICTURES.npz` prints
+digests by name, JSON."""
 
 import dataclasses
 import hashlib

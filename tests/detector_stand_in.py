@@ -1,4 +1,5 @@
-"""A detector that finds what a picture's first pixels say: for tests of the command line, in its own and in other processes."""
+"""A detector that finds what a picture's first pixels say: for tests of the command line,
+in its own and in other processes."""
 
 from __future__ import annotations
 
@@ -35,8 +36,8 @@ class Found:
 class StandIn:
     """Finds what the picture's first pixels say: columns, rows, and how many corners are missing.
 
-    0 columns: no board. BROKEN: an unexpected error. STOP: the user presses Ctrl-C. KILL: this process is killed; KILL_ONCE: only the
-    first that sees the picture; SLOW: it takes a minute. LIMITED corners missing: it warns.
+    0 columns: no board. BROKEN: an unexpected error. STOP: the user presses Ctrl-C. KILL: this process is killed;
+    KILL_ONCE: only the first that sees the picture; SLOW: it takes a minute. LIMITED corners missing: it warns.
     """
 
     def __init__(self, config) -> None:
@@ -89,7 +90,8 @@ def picture(path: Path, cols=9, rows=6, missing=0) -> Path:
 
 
 class BrightSquare:
-    """Finds a board of 4 × 3 corners where the picture is bright, and none in a dark one: for videos, which change pixels."""
+    """Finds a board of 4 × 3 corners where the picture is bright, and none in a dark one:
+    for videos, which change pixels."""
 
     def __init__(self, config) -> None:
         self.config = config

@@ -1,5 +1,6 @@
-"""`python -m tests.environments [NAME …]`: some of the tests in fresh environments, with the oldest and the newest packages that are allowed, each
-flavour of OpenCV, and other programs' solvers. Without names: all but the solvers. `--list` names them. See docs/install.md.
+"""`python -m tests.environments [NAME …]`: some of the tests in fresh environments, with the oldest and the newest
+packages that are allowed, each flavour of OpenCV, and other programs' solvers. Without names: all but the solvers.
+`--list` names them. See docs/install.md.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ NOT_OURS = ("-W", "ignore:'click.:DeprecationWarning")
 """old releases of Typer use names that Click has given up since"""
 FLAVOURS = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
 TESTS = (
-    "tests/test_any_opencv.py", "tests/test_io.py", "tests/test_vnl.py", "tests/test_geometry.py", "tests/test_undistort.py",
-    "tests/targets/test_opencv.py", "tests/calibration/test_solver.py",
+    "tests/test_any_opencv.py", "tests/test_io.py", "tests/test_vnl.py", "tests/test_geometry.py",
+    "tests/test_undistort.py", "tests/targets/test_opencv.py", "tests/calibration/test_solver.py",
     "tests/test_detector.py::test_ordinary_boards_are_found_whole_with_right_labels_and_sub_pixel_corners[auto]",
 )  # fmt: skip
 SOLVERS = "tests/adapters/test_solvers.py"
@@ -29,7 +30,8 @@ RIG_FILES = "tests/cameras/test_rig_files.py"
 
 @dataclass(frozen=True)
 class Environment:
-    """What pip installs, and the arguments of pytest. `apart`: the program's own environment is another one, found by the command of its name."""
+    """What pip installs, and the arguments of pytest. `apart`: the program's own environment is another one,
+    found by the command of its name."""
 
     packages: tuple[str, ...]
     tests: tuple[str, ...]

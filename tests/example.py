@@ -1,4 +1,5 @@
-"""What a program of a user may look like: type checkers accept it, with the types that it states (tests/test_typing.py)."""
+"""What a program of a user may look like: type checkers accept it, with the types that it states
+(tests/test_typing.py)."""
 
 from pathlib import Path
 

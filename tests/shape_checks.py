@@ -1,6 +1,8 @@
-"""Has every function of rcdn whose annotations give shapes of arrays check them, in this process: `install()` before rcdn is imported.
+"""Has every function of rcdn whose annotations give shapes of arrays check them, in this process:
+`install()` before rcdn is imported.
 
-`Real[Array, "n 2"]` (`rcdn.types.arrays`) is read as jaxtyping's, and checked by beartype. Functions without shapes stay as they are.
+`Real[Array, "n 2"]` (`rcdn.types.arrays`) is read as jaxtyping's, and checked by beartype.
+Functions without shapes stay as they are.
 """
 
 from __future__ import annotations

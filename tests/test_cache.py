@@ -206,7 +206,10 @@ def test_another_library_of_kernels_changes_the_fingerprint(package):
 
 
 def test_the_fingerprint_does_not_import_onnx_runtime():
-    code = "import sys; from rcdn.batch.cache import fingerprint; from rcdn.config import DetectorConfig; fingerprint(DetectorConfig())"
+    code = (
+        "import sys; from rcdn.batch.cache import fingerprint; from rcdn.config import DetectorConfig; "
+        "fingerprint(DetectorConfig())"
+    )
     out = subprocess.run(
         [sys.executable, "-c", f"{code}; print('onnxruntime' in sys.modules)"], capture_output=True, text=True
     )

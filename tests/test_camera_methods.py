@@ -134,6 +134,9 @@ def test_one_of_several_cameras_is_named(tmp_path):
 
 
 def test_methods_need_nobody_to_have_imported_anything(tmp_path):
-    code = "from rcdn.types.camera import Camera; import numpy as np; print(*Camera(np.eye(3), [], (9, 9), 'pinhole').project([1, 2, 2]))"
+    code = (
+        "from rcdn.types.camera import Camera; import numpy as np; "
+        "print(*Camera(np.eye(3), [], (9, 9), 'pinhole').project([1, 2, 2]))"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stdout == "0.5 1.0\n"

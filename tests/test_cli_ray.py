@@ -36,8 +36,8 @@ def detect(folder, detector, *arguments):
     paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
     environment = {k: v for k, v in os.environ.items() if not k.startswith("RAY_")} | {"PYTHONPATH": paths}
     done = subprocess.run(
-        [sys.executable, "../command.py", detector, *arguments], cwd=folder, env=environment | {MARKS: str(marks)}, text=True,
-        capture_output=True, timeout=240, check=False,
+        [sys.executable, "../command.py", detector, *arguments], cwd=folder, env=environment | {MARKS: str(marks)},
+        text=True, capture_output=True, timeout=240, check=False,
     )  # fmt: skip
     return done, Counter(p.name.rsplit(" ", 2)[0] for p in marks.iterdir())
 
@@ -95,7 +95,11 @@ def listening():
         try:
             if os.getpid() in (int(pid), os.getpgid(int(pid))):
                 links = [os.readlink(f"/proc/{pid}/fd/{fd}") for fd in os.listdir(f"/proc/{pid}/fd")]
-                yield from (addresses[m[1]] for m in map(re.compile(r"socket:.(\\d+)").match, links) if m and m[1] in addresses)
+                yield from (
+                    addresses[m[1]]
+                    for m in map(re.compile(r"socket:.(\\d+)").match, links)
+                    if m and m[1] in addresses
+                )
         except OSError:
             pass
 

@@ -1,4 +1,5 @@
-"""docs/constants.md, the sources of the constants: every constant of detection is there with its present value, and nothing else is."""
+"""docs/constants.md, the sources of the constants: every constant of detection is there with its present
+value, and nothing else is."""
 
 import ast
 import dataclasses
@@ -18,7 +19,8 @@ STAGES = ("corners", "boards", "precision", "targets")
 MODULES = sorted(path for stage in STAGES for path in (ROOT / "src/rcdn" / stage).glob("*.py"))
 MODULES += [ROOT / "src/rcdn" / f"{name}.py" for name in ("views", "pyramid", "detector", "config")]
 MACHINERY = {"elementary.c", "elementary.h", "kernel.h", "lanes.h", "levels.c", "levels.h", "maths.h", "module.c"}
-"""what of src/native holds no constants of detection: calls of kernels, levels of processors, series of elementary functions"""
+"""what of src/native holds no constants of detection: calls of kernels, levels of processors,
+series of elementary functions"""
 SOURCES = ("*derived*", "*paper*", "*experiment*", "*noted*", "*convention*", "*not measured: chosen by hand*")
 BRACES = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 IN_C = re.compile(
@@ -165,7 +167,8 @@ def test_the_counts_that_the_page_tells_are_those_of_its_rows():
 def test_constants_are_found(tmp_path):
     path = tmp_path / "x.c"
     path.write_text(
-        "#define A 3 /* px */\n#define F(x) (x)\nenum {\n  B = 2 * A, /* so, many */\n  C,\n};\nstatic const double d[2] = {1, 2}, e = .5;\n"
+        "#define A 3 /* px */\n#define F(x) (x)\nenum {\n  B = 2 * A, /* so, many */\n  C,\n};\n"
+        "static const double d[2] = {1, 2}, e = .5;\n"
     )
     assert of_kernel(path) == [("A", "3"), ("B", "2 * A"), ("d", "{1, 2}"), ("e", ".5")]
     found = dict(of_module(ROOT / "src/rcdn/corners/peaks.py"))

@@ -1,4 +1,5 @@
-"""Boards in a line, in a point, of two corners, far away or without places: an answer or one clear error, and nothing is printed."""
+"""Boards in a line, in a point, of two corners, far away or without places: an answer or one clear error,
+and nothing is printed."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -120,7 +121,8 @@ def test_the_last_fit_leaves_such_boards_alone(boards, quiet, kind):
 
 
 @pytest.mark.parametrize(
-    "kind", ["a point", "a line", "all but one in a point", "all unknown", "infinite", "tiny", "none", "one", "two", "a row"]
+    "kind",
+    ["a point", "a line", "all but one in a point", "all unknown", "infinite", "tiny", "none", "one", "two", "a row"]
 )  # fmt: skip
 def test_boards_that_are_none_are_no_camera(boards, quiet, kind):
     with pytest.raises(RcdnError):

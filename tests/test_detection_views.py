@@ -1,4 +1,5 @@
-"""Which views of a picture are looked at: a large one halved first, and then what that leaves open; with the results of looking at all."""
+"""Which views of a picture are looked at: a large one halved first, and then what that leaves open;
+with the results of looking at all."""
 
 import cv2
 import numpy as np

@@ -38,7 +38,8 @@ def front(cols, rows, pitch=30.0, roll=0.0, swap=False, size=(480, 360), **senso
 
 
 def right_labels(board, expected):
-    """Every corner of the board lies on a true corner, and one symmetry of the grid and one shift explain all labels."""
+    """Every corner of the board lies on a true corner, and one symmetry of the grid and one
+    shift explain all labels."""
     pairs, gaps = match(board.xy, expected.xy, 4)
     if len(pairs) != len(board):
         return False, np.inf

@@ -70,7 +70,8 @@ def picture(path, xy, ij):
 
 
 def scored(tmp_path, **found):
-    """The row ALL for pictures `a`… whose truth is the lattice, `empty` without a board, and `open`, which nobody settled."""
+    """The row ALL for pictures `a`… whose truth is the lattice, `empty` without a board, and `open`,
+    which nobody settled."""
     truth = (LATTICE * 20 + 50.0).tolist()
     known = {
         f"{k}.png": {"xy": truth, "ordered": True, "ignore": [[150, 150]]} for k in found if k not in ("empty", "open")

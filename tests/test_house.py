@@ -84,7 +84,8 @@ def test_the_command_line_is_light(arguments):
 
 
 def test_the_command_line_starts_without_numpy():
-    """Each verb imports what it needs: help is quick, and a process can still say how many threads NumPy's BLAS may use."""
+    """Each verb imports what it needs: help is quick, and a process can still say how many threads
+    NumPy's BLAS may use."""
     assert (
         run("import rcdn.cli, sys; print([m for m in ('numpy', 'cv2', 'scipy', 'onnxruntime') if m in sys.modules])")
         == "[]\n"
@@ -100,7 +101,10 @@ def test_import_loads_nothing_of_its_own():
 
 
 def test_a_detector_of_plain_boards_needs_no_scipy():
-    code = "import rcdn, sys; rcdn.Detector(rcdn.DetectorConfig(threads=1)).boards(__import__('numpy').zeros((64, 64), 'uint8'))"
+    code = (
+        "import rcdn, sys; "
+        "rcdn.Detector(rcdn.DetectorConfig(threads=1)).boards(__import__('numpy').zeros((64, 64), 'uint8'))"
+    )
     assert run(f"{code}; print([m for m in ('scipy', 'onnxruntime') if m in sys.modules])") == "[]\n"
 
 
@@ -108,7 +112,8 @@ def test_public_names():
     """A change of this list is a change of the API: say so in CHANGELOG.md."""
     assert sorted(rcdn.__all__) == [
         "Board", "Calibration", "Camera", "Corners", "Detection", "Detector", "DetectorConfig", "Pose", "RcdnError",
-        "__version__", "calibrate", "calibrate_rig", "calibrate_stereo", "detect_charuco", "estimate_pose", "find_chessboard_corners", "read_image",
+        "__version__", "calibrate", "calibrate_rig", "calibrate_stereo", "detect_charuco", "estimate_pose",
+        "find_chessboard_corners", "read_image",
     ]  # fmt: skip
     assert dir(rcdn) == sorted(rcdn.__all__)
 
@@ -164,7 +169,8 @@ def test_links_lead_somewhere(page):
     "page", [ROOT / "docs/paper.md", *sorted((ROOT / "docs/decisions").glob("*.md"))], ids=lambda p: p.stem
 )
 def test_functions_and_tests_that_are_named_exist(page):
-    """`corners/nms.py:nms` is a name in src/rcdn, `rcdn_lab/…` in lab/src, `tests/…/test_x.py::test_y` (or ::*) a test."""
+    """`corners/nms.py:nms` is a name in src/rcdn, `rcdn_lab/…` in lab/src,
+    `tests/…/test_x.py::test_y` (or ::*) a test."""
     text = page.read_text()
     for path, name in re.findall(r"`([\w/]+\.py):(\w+)`", text):
         source = (ROOT / ("lab/src" if path.startswith("rcdn_lab/") else "src/rcdn") / path).read_text()

@@ -1,7 +1,8 @@
 """docs/how-to: each page run from top to bottom, its commands and its Python, by somebody who copies them.
 
-Blocks of `sh` are run by bash, those of `python` by this Python; a block of `text` after one says what it prints. Blocks of `sh elsewhere` and
-`python elsewhere` need programs or devices that the tests haven't: of these the options of rcdn are looked up, and Python is compiled.
+Blocks of `sh` are run by bash, those of `python` by this Python; a block of `text` after one says what it prints.
+Blocks of `sh elsewhere` and `python elsewhere` need programs or devices that the tests haven't: of these the options of
+rcdn are looked up, and Python is compiled.
 """
 
 import os

@@ -1,4 +1,5 @@
-"""What goes out of a run is what was asked for: no lines of libraries, no files in the user's home, no pictures that others name."""
+"""What goes out of a run is what was asked for: no lines of libraries, no files in the user's home,
+no pictures that others name."""
 
 import os
 import subprocess

@@ -1,4 +1,5 @@
-"""Boards of very many corners come out whole, work grows in proportion to the picture, and what a limit leaves out is told."""
+"""Boards of very many corners come out whole, work grows in proportion to the picture,
+and what a limit leaves out is told."""
 
 from importlib import import_module
 
@@ -241,7 +242,8 @@ def test_telling_boards_apart_grows_with_their_number(work):
 
 
 def torn(count):
-    """A lattice of `count` × `count` blocks of 4 × 4 corners, each a grid of its own, every other line between them lost."""
+    """A lattice of `count` × `count` blocks of 4 × 4 corners, each a grid of its own,
+    every other line between them lost."""
     step, grids, xy = 5, [], []
     for a, b in np.ndindex(count, count):
         ij = np.array([(u, v) for v in range(4) for u in range(4)])

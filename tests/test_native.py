@@ -1,4 +1,5 @@
-"""How kernels are called: a wrong call raises, and never crashes. The tables of kernels say what there is, so that a new one is covered by itself."""
+"""How kernels are called: a wrong call raises, and never crashes. The tables of kernels say what there is, so that a
+new one is covered by itself."""
 
 import contextlib
 import itertools
@@ -152,7 +153,8 @@ def test_no_kernel_has_more_than_a_dozen_arguments(name):
 
 
 class Guarded:
-    """Arguments of a call, `at` a path (of places in tuples) replaced, with canaries around all arrays that are written to."""
+    """Arguments of a call, `at` a path (of places in tuples) replaced, with canaries around all
+    arrays that are written to."""
 
     def __init__(self, specs, given, at=(), change=None):
         self.held = []

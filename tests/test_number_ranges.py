@@ -1,4 +1,5 @@
-"""Numbers and arrays that no result could be right for: an error that names the argument or field, and no array that fills the memory."""
+"""Numbers and arrays that no result could be right for: an error that names the argument or field,
+and no array that fills the memory."""
 
 import ast
 import hashlib
@@ -134,9 +135,9 @@ def variants(array):
     fixed = array.copy()
     fixed.setflags(write=False)
     return {
-        "unaligned": unaligned, "backwards": np.ascontiguousarray(array[::-1])[::-1], "columns": np.asfortranarray(array),
-        "apart": np.repeat(array, 2, axis=0)[::2], "fixed": fixed, "other": array.view(Other),
-        "masked": np.ma.array(array), "big": array.astype(array.dtype.newbyteorder(">")),
+        "unaligned": unaligned, "backwards": np.ascontiguousarray(array[::-1])[::-1],
+        "columns": np.asfortranarray(array), "apart": np.repeat(array, 2, axis=0)[::2], "fixed": fixed,
+        "other": array.view(Other), "masked": np.ma.array(array), "big": array.astype(array.dtype.newbyteorder(">")),
     }  # fmt: skip
 
 
@@ -178,11 +179,12 @@ def test_values_of_any_layout(name):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("xy", XY + 1e150), ("xy", XY + np.inf), ("xy", XY + 0j), ("xy", XY.astype(str)), ("xy", [[1, 2], [3]]), ("xy", None),
-        ("xy", np.ma.array(XY, mask=XY > 100)), ("xy", np.zeros(12, [("x", float)])), ("xy", np.broadcast_to(0.0, (10**12, 2))),
-        ("xy", {}), ("ij", IJ + 0.5), ("ij", IJ + np.nan), ("ij", IJ * 10**15), ("ij", IJ * 90_000), ("status", np.full(12, -1)),
-        ("status", np.full(12, 9)), ("status", np.full(12, 300)), ("response", ["a"] * 12), ("sigma", np.ones(5)),
-        ("image_size", (640, -5)), ("image_size", (10**400, 5)), ("image_size", None), ("orientation", "up"), ("pattern", []),
+        ("xy", XY + 1e150), ("xy", XY + np.inf), ("xy", XY + 0j), ("xy", XY.astype(str)), ("xy", [[1, 2], [3]]),
+        ("xy", None), ("xy", np.ma.array(XY, mask=XY > 100)), ("xy", np.zeros(12, [("x", float)])),
+        ("xy", np.broadcast_to(0.0, (10**12, 2))), ("xy", {}), ("ij", IJ + 0.5), ("ij", IJ + np.nan),
+        ("ij", IJ * 10**15), ("ij", IJ * 90_000), ("status", np.full(12, -1)), ("status", np.full(12, 9)),
+        ("status", np.full(12, 300)), ("response", ["a"] * 12), ("sigma", np.ones(5)), ("image_size", (640, -5)),
+        ("image_size", (10**400, 5)), ("image_size", None), ("orientation", "up"), ("pattern", []),
     ],
 )  # fmt: skip
 def test_boards_that_are_none(name, value):
@@ -229,11 +231,12 @@ def test_arguments_of_another_kind(call, words):
     ("kind", "values"),
     [
         (Nms, {"box": 100001}), (Nms, {"peaks": []}), (Nms, {"overlap": 10**400}), (Adaptive, {"level": 1e300}),
-        (Fixed, {"value": -1e300}), (Std, {"factor": 10**400}), (MaxFraction, {"fraction": np.nan}), (Cluster, {"k": 10**9}),
-        (Cluster, {"drop": 10**9}), (Cluster, {"least": 10**9}), (Cluster, {"seed": 2**70}), (Refine, {"half": 2**31}),
-        (Refine, {"method": []}), (DetectorConfig, {"border": 1e300}), (DetectorConfig, {"min_corners": 10**30}),
-        (DetectorConfig, {"threads": 10**9}), (DetectorConfig, {"rescue": 1}), (DetectorConfig, {"recovery": []}),
-        (DetectorConfig, {"device": {}}), (DetectorConfig, {"pattern": []}),
+        (Fixed, {"value": -1e300}), (Std, {"factor": 10**400}), (MaxFraction, {"fraction": np.nan}),
+        (Cluster, {"k": 10**9}), (Cluster, {"drop": 10**9}), (Cluster, {"least": 10**9}), (Cluster, {"seed": 2**70}),
+        (Refine, {"half": 2**31}), (Refine, {"method": []}), (DetectorConfig, {"border": 1e300}),
+        (DetectorConfig, {"min_corners": 10**30}), (DetectorConfig, {"threads": 10**9}),
+        (DetectorConfig, {"rescue": 1}), (DetectorConfig, {"recovery": []}), (DetectorConfig, {"device": {}}),
+        (DetectorConfig, {"pattern": []}),
     ],
 )  # fmt: skip
 def test_settings_out_of_range(kind, values):

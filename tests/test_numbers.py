@@ -21,7 +21,8 @@ def all_of(name):
 
 
 def states(text, value):
-    """Whether `text` (`.0015`, `62 %`) is `value`, rounded to its digits (by a half either way: files are rounded, too)."""
+    """Whether `text` (`.0015`, `62 %`) is `value`, rounded to its digits (by a half either way:
+    files are rounded, too)."""
     number = re.search(r"\d*\.?\d+", text)[0]
     unit = 10.0 ** -len(number.partition(".")[2])
     scale = 100 if "%" in text else 1
@@ -102,12 +103,13 @@ def test_photographs_made_worse():
 
 
 LEVELS = [
-    ("noise", "0"), ("noise", "10"), ("noise", "20"), ("noise", "40"), ("noise", "60"), ("blur", "3"), ("blur", "6"), ("tilt", "60"), ("tilt", "75"),
-    ("barrel", "2.5"), ("cover", "quadrant"),
+    ("noise", "0"), ("noise", "10"), ("noise", "20"), ("noise", "40"), ("noise", "60"), ("blur", "3"), ("blur", "6"),
+    ("tilt", "60"), ("tilt", "75"), ("barrel", "2.5"), ("cover", "quadrant"),
 ]  # fmt: skip
 DETECTORS = {
-    "rcdn": ("sweep", "rcdn"), "OpenCV SB, size given": ("sweep_peers", "opencv-sb"), "BoofCV": ("sweep_peers", "boofcv"),
-    "OpenCV classic + cornerSubPix, size given": ("sweep_peers", "opencv"), "calib-targets": ("sweep_peers", "calib-targets"),
+    "rcdn": ("sweep", "rcdn"), "OpenCV SB, size given": ("sweep_peers", "opencv-sb"),
+    "BoofCV": ("sweep_peers", "boofcv"), "OpenCV classic + cornerSubPix, size given": ("sweep_peers", "opencv"),
+    "calib-targets": ("sweep_peers", "calib-targets"),
 }  # fmt: skip
 
 

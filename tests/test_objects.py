@@ -23,7 +23,8 @@ BOARDS = random_boards(CAMERAS["brown"], 1)[0]
 CALIBRATION = rcdn.calibrate(BOARDS, spacing=SPACING, model="brown", flat=True)
 DETECTION = rcdn.Detector().detect(PICTURE)
 PAIR = StereoCalibration(
-    CALIBRATION, CALIBRATION, np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2, *[np.eye(3, 4)] * 2, np.eye(4)
+    CALIBRATION, CALIBRATION, np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2,
+    *[np.eye(3, 4)] * 2, np.eye(4)
 )  # fmt: skip
 RIG = Rig(("left", "<right>"), (CAMERAS["brown"],) * 2, (Pose(np.eye(4)), Pose(np.eye(4) - 0.25 * np.eye(4, k=3))))
 MANY = RigCalibration(
@@ -167,7 +168,9 @@ def test_decimals_leave_two_digits_of_a_deviation():
 def test_deviations_have_names():
     std, plain = CALIBRATION.std, np.sqrt(np.diag(CALIBRATION.cov)[:-6])
     assert std.keys() == CALIBRATION.camera.parameter_names
-    assert {name: std[name] for name in std.keys()} == dict(zip(std.keys(), plain.tolist(), strict=True))  # noqa: SIM118
+    assert {name: std[name] for name in std.keys()} == dict(  # noqa: SIM118
+        zip(std.keys(), plain.tolist(), strict=True)
+    )
     assert dict(std.items())["cy"] == std["cy"] == plain[3]
     assert "cy" in std
     assert "k9" not in std

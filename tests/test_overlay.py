@@ -142,7 +142,8 @@ def test_dark_pictures_are_lifted():
 
 @pytest.mark.parametrize(("step", "every"), [(60.0, 1), (12.0, 2), (5.0, 4)])
 def test_numbers_of_coded_boards_keep_apart(step, every, monkeypatch):
-    """All where there is room; else every k-th and those of the board's corners. Each is written beside its own corner."""
+    """All where there is room; else every k-th and those of the board's corners.
+    Each is written beside its own corner."""
     plain = make_board(11, 8, step=step)
     target = Charuco(12, 9, "DICT_4X4_250", 0.75)
     board = replace(plain, ij=plain.ij, target=target, ids=target.ids(plain.ij))

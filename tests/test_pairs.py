@@ -120,8 +120,8 @@ def test_every_bad_line_is_named(tmp_path):
         match(tmp_path, text, right=[*RIGHT, "other/r/red.bmp"])
     said = str(error.value)
     assert (
-        "line 2: no picture of the left camera is called dusk (it has 3, such as /data/l/dawn.png) and blue is in line 1, too"
-        in said
+        "line 2: no picture of the left camera is called dusk (it has 3, such as /data/l/dawn.png) "
+        "and blue is in line 1, too" in said
     )
     assert "line 3: no picture of the left camera is called 'noon'" in said
     assert "line 4: red.jpg is a picture of the right camera: the left one comes first" in said

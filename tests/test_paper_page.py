@@ -1,4 +1,5 @@
-"""docs/paper-results.md and its pictures are what the files of benchmarks/results give, and these were measured with the weights that ship."""
+"""docs/paper-results.md and its pictures are what the files of benchmarks/results give,
+and these were measured with the weights that ship."""
 
 import importlib.util
 import json

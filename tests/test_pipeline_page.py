@@ -1,4 +1,5 @@
-"""docs/pipeline.md, the map of the code: its links lead somewhere, and every module of a stage, every kernel and their tests are on it."""
+"""docs/pipeline.md, the map of the code: its links lead somewhere, and every module of a stage,
+every kernel and their tests are on it."""
 
 import re
 from pathlib import Path

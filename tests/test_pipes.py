@@ -1,4 +1,5 @@
-"""Results in pipes and in the order that people count: `--json -`, `--quiet`, natural order, what isn't complete, drawings passed over."""
+"""Results in pipes and in the order that people count: `--json -`, `--quiet`, natural order, what isn't complete,
+drawings passed over."""
 
 from __future__ import annotations
 

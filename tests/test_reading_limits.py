@@ -1,4 +1,5 @@
-"""No file blocks, never ends or takes more memory than pictures need: pipes, devices, and headers that claim too much."""
+"""No file blocks, never ends or takes more memory than pictures need: pipes, devices,
+and headers that claim too much."""
 
 import io
 import os

@@ -1,4 +1,5 @@
-"""What README.md prints, done by somebody who copies it: its commands and its Python, in a folder with rendered pictures."""
+"""What README.md prints, done by somebody who copies it: its commands and its Python,
+in a folder with rendered pictures."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,5 @@
-"""examples/rcdn_node.py without ROS: its conversions, and the whole node on stand-ins for the few classes that it uses."""
+"""examples/rcdn_node.py without ROS: its conversions, and the whole node on stand-ins for the few
+classes that it uses."""
 
 import importlib.util
 import sys

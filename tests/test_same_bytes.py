@@ -1,4 +1,5 @@
-"""The same bytes on every processor: the kernels that this one takes, against the same C without any vector code, number after number."""
+"""The same bytes on every processor: the kernels that this one takes, against the same C without any vector
+code, number after number."""
 
 import json
 import math

@@ -1,4 +1,5 @@
-"""corners.vnl as boards: the way back from what is written, the grid's size, mirrored labels, sizes of pictures, refusals."""
+"""corners.vnl as boards: the way back from what is written, the grid's size, mirrored labels,
+sizes of pictures, refusals."""
 
 import itertools
 from dataclasses import replace
@@ -118,7 +119,8 @@ def test_mirrored_labels(tmp_path):
 
 
 def test_levels_and_missing_corners(tmp_path):
-    """A coarse level is less sure; a negative level or position is no corner, as for mrcal, but half a pixel out is one."""
+    """A coarse level is less sure; a negative level or position is no corner, as for mrcal,
+    but half a pixel out is one."""
     text = "# filename x y level\n" + grid_lines("a.png", range(0, 40, 10), range(0, 30, 10))
     text = text.replace("a.png 0 0 0", "a.png -0.25 0 0").replace("a.png 10 10 0", "a.png 10 10 1")
     text = text.replace("a.png 20 10 0", "a.png 20 10 -1").replace("a.png 30 20 0", "a.png -1 -1 0")

@@ -1,4 +1,5 @@
-"""Files that are written whole or not at all: nameless ones, those that a killed process left, several writers at once."""
+"""Files that are written whole or not at all: nameless ones, those that a killed process left,
+several writers at once."""
 
 from __future__ import annotations
 

@@ -43,7 +43,10 @@ def test_boards_of_squares_need_none(folder, device):
     "config", ["DetectorConfig.paper()", "DetectorConfig(pattern='deltille')", "DetectorConfig(model='rcdn_f')"]
 )
 def test_other_networks_name_the_extra_before_any_picture(folder, config):
-    code = f"import rcdn\ntry:\n    rcdn.Detector(rcdn.{config})\nexcept rcdn.RcdnError as error:\n    print(type(error).__name__, error)"
+    code = (
+        f"import rcdn\ntry:\n    rcdn.Detector(rcdn.{config})\n"
+        "except rcdn.RcdnError as error:\n    print(type(error).__name__, error)"
+    )
     done = without(folder, code)
     assert done.stdout.startswith("DependencyError the network '")
     assert done.stdout.endswith("ONNX Runtime, which isn't installed; run: pip install 'rcdn[onnx]'\n")
@@ -79,7 +82,10 @@ def test_the_extra_is_where_it_is_needed():
 
 def test_a_board_is_found_without_any_heavy_package(folder):
     """Not even one that is installed is loaded: the first board is there at once."""
-    code = "import sys, rcdn; boards = rcdn.Detector().boards(rcdn.read_image('a.png')); print(len(boards), [m for m in {} if m in sys.modules])"
+    code = (
+        "import sys, rcdn; boards = rcdn.Detector().boards(rcdn.read_image('a.png')); "
+        "print(len(boards), [m for m in {} if m in sys.modules])"
+    )
     heavy = ("scipy", "onnxruntime", "torch", "matplotlib", "onnx")
     done = subprocess.run(
         [sys.executable, "-c", code.format(heavy)], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT / "src")},

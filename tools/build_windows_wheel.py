@@ -1,7 +1,8 @@
-"""`python tools/build_windows_wheel.py WHEEL [--out FOLDER]`: the wheel of Windows, x86-64, made of one of Linux: its Python files, and the kernels
-compiled by zig, a clang that brings Windows' headers and libraries along. Runs on Linux.
+"""`python tools/build_windows_wheel.py WHEEL [--out FOLDER]`: the wheel of Windows, x86-64, made of one of Linux: its
+Python files, and the kernels compiled by zig, a clang that brings Windows' headers and libraries along. Runs on Linux.
 
-The module needs python3.dll alone, the stable ABI of every CPython from 3.11 on. Needs `pip install wheel abi3audit ziglang`, and Python's headers.
+The module needs python3.dll alone, the stable ABI of every CPython from 3.11 on. Needs
+`pip install wheel abi3audit ziglang`, and Python's headers.
 """
 
 from __future__ import annotations

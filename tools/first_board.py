@@ -1,4 +1,5 @@
-"""`python first_board.py`: the first board that an installed rcdn finds, in a picture that it draws, and the seconds of its import."""
+"""`python first_board.py`: the first board that an installed rcdn finds, in a picture that it draws,
+and the seconds of its import."""
 
 import json
 import time

@@ -1,8 +1,8 @@
-"""`python tools/try_wheel.py WHEEL [--python PYTHON]... [--lab WHEEL]`: install a wheel in clean environments without a compiler in their path, and
-find a board.
+"""`python tools/try_wheel.py WHEEL [--python PYTHON]... [--lab WHEEL]`: install a wheel in clean environments without a
+compiler in their path, and find a board.
 
-For each interpreter one line of JSON: seconds of the installation, from nothing to the first board, and of `import rcdn`; megabytes. `--lab`: the
-laboratory's wheel, too, whose verbs are then asked for help.
+For each interpreter one line of JSON: seconds of the installation, from nothing to the first board, and of
+`import rcdn`; megabytes. `--lab`: the laboratory's wheel, too, whose verbs are then asked for help.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """`python tools/vary_constants.py MODULE:NAME... [--pictures FILE...]`: detection with a constant × 0.8 and × 1.25.
 
-MODULE is written as in docs/constants.md (boards/graph); `config` has the settings of the preset `auto`. Whole numbers change by
-one at least. The pictures are those of the hard levels of `rcdn evaluate sweep`, one a level, and the FILEs. A line of JSON for
-each value, the first of the code as it is: success, recall and errors on the rendered pictures, and of all pictures those whose
-boards have other labels than by the code as it is, with their boards' numbers of corners before and after.
+MODULE is written as in docs/constants.md (boards/graph); `config` has the settings of the preset `auto`. Whole numbers
+change by one at least. The pictures are those of the hard levels of `rcdn evaluate sweep`, one a level, and the FILEs.
+A line of JSON for each value, the first of the code as it is: success, recall and errors on the rendered pictures, and
+of all pictures those whose boards have other labels than by the code as it is, with their boards' numbers of corners
+before and after.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from rcdn_lab.sweep.settings import FACTORS
 
 SHARES = (0.8, 1.25)
 HARD = {
-    "noise": "40 60", "blur": "3 5", "motion": "9 15", "tilt": "60 75", "barrel": "2.5", "fisheye": "150 180", "contrast": "20 12",
-    "falloff": "20", "jpeg": "10", "square": "6 8 10", "cut": "0.33 0.5", "boards": "4", "empty": "shapes text tiles blocks",
+    "noise": "40 60", "blur": "3 5", "motion": "9 15", "tilt": "60 75", "barrel": "2.5", "fisheye": "150 180",
+    "contrast": "20 12", "falloff": "20", "jpeg": "10", "square": "6 8 10", "cut": "0.33 0.5", "boards": "4",
+    "empty": "shapes text tiles blocks",
 }  # fmt: skip
 ALL = ("shadow", "cover", "two")
 BENDS = ("cylinder 6", "wave 0.6")

@@ -1,4 +1,5 @@
-"""Draws the pictures of the how-to pages into docs/images/how-to, from rendered scenes: `python docs/images/draw.py [NAME …]`."""
+"""Draws the pictures of the how-to pages into docs/images/how-to, from rendered scenes:
+`python docs/images/draw.py [NAME …]`."""
 
 from __future__ import annotations
 
@@ -52,7 +53,10 @@ def half(image: np.ndarray) -> np.ndarray:
 def svg(width: int, height: int, *parts: str) -> str:
     """A drawing on white, px, so that it is seen on dark pages, too."""
     style = "font-family='sans-serif' font-size='14' text-anchor='middle'"
-    head = f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {width} {height}' width='{width}' height='{height}' {style}>"
+    head = (
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {width} {height}' width='{width}' "
+        f"height='{height}' {style}>"
+    )
     return "\n".join([head, f"<rect width='{width}' height='{height}' fill='white'/>", *parts, "</svg>", ""])
 
 

@@ -33,8 +33,8 @@ TWO = (
     ("stereo-phone", (390, 1400), True, 3, 390),
     ("stereo-wide", (1920, 1080), True, 3, 1920),
 )
-"""the page of one camera and of two: name, size of the window, dark, pictures taken before it is drawn, and px that the drawing is wide;
-those whose names don't begin with `live` are only looked at"""
+"""the page of one camera and of two: name, size of the window, dark, pictures taken before it is drawn, and px that the
+drawing is wide; those whose names don't begin with `live` are only looked at"""
 
 
 def main(others: Path | None = None) -> None:

@@ -1,4 +1,5 @@
-"""Draws the pictures of pages beside the how-to pages into docs/images/pages: `python docs/images/draw_pages.py [NAME …]`.
+"""Draws the pictures of pages beside the how-to pages into docs/images/pages:
+`python docs/images/draw_pages.py [NAME …]`.
 
 Those of the paper and of its peers need the laboratory (`pip install -e . -e lab`).
 """
@@ -25,7 +26,8 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 SIZE = (9, 6)
 GREY, OURS, GREEN = "#eeeeee", "#cde6f7", "#d7efdc"
 INSTALLED = {"scipy": 143, "opencv": 153, "numpy": 73, "pip, setuptools": 24, "rcdn": 10, "all others": 21}
-"""MB below site-packages after `pip install` of the wheel, Python 3.11, Linux x86-64: `du`, libraries with their package"""
+"""MB below site-packages after `pip install` of the wheel, Python 3.11, Linux x86-64: `du`,
+libraries with their package"""
 PICTURES: dict[str, Callable[[], object]] = {}
 
 

@@ -1,6 +1,8 @@
-"""Draws the pictures of docs/paper-results.md from the files of benchmarks/results into docs/images/paper: `python docs/images/draw_paper.py`.
+"""Draws the pictures of docs/paper-results.md from the files of benchmarks/results into docs/images/paper:
+`python docs/images/draw_paper.py`.
 
-Table by table our figures beside the paper's. Figures 4 to 6 are drawn by `rcdn evaluate fig4 --plots docs/images/paper`, and so on.
+Table by table our figures beside the paper's. Figures 4 to 6 are drawn by
+`rcdn evaluate fig4 --plots docs/images/paper`, and so on.
 """
 
 from __future__ import annotations
@@ -84,7 +86,8 @@ def frame(x: float, y: float, count: int, title: str, ticks: Sequence[tuple[floa
 
 
 def rates(lines: Sequence[tuple[str, Callable[[Row], bool]]], rows: Sequence[Row]) -> str:
-    """Two rows of panels, false detections and missed corners, a column a set; `lines`: name and which rows belong to it."""
+    """Two rows of panels, false detections and missed corners, a column a set;
+    `lines`: name and which rows belong to it."""
     parts, high = [key(20, "here, with 95 %")], LINE * len(lines) + 72
     titles = ("false, of all detections (1 − precision)", "missed, of all corners (1 − recall)")
     for k, (title, error) in enumerate(zip(titles, (_false, _missed), strict=True)):
@@ -154,7 +157,8 @@ def table4() -> str:
 
 
 def _row(rows: Sequence[Row], one: str, name: str, figure: str) -> Row | None:
-    """The row of a detector on the pictures that it is compared on: those in common, or those that it shares with the others."""
+    """The row of a detector on the pictures that it is compared on: those in common,
+    or those that it shares with the others."""
     groups = ["all"] if figure == "whole" else ["common", f"with {name}"]
     return next((r for g in groups for r in rows if (r["set"], r["on"], r["detector"]) == (one, g, name)), None)
 

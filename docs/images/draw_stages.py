@@ -1,4 +1,5 @@
-"""Draws docs/images/stages.jpg, what the stages of a detection pass on, of one rendered picture: `python docs/images/draw_stages.py`."""
+"""Draws docs/images/stages.jpg, what the stages of a detection pass on, of one rendered picture:
+`python docs/images/draw_stages.py`."""
 
 from __future__ import annotations
 
@@ -76,8 +77,9 @@ def main() -> None:
     board = cv2.resize(board, shade.shape[1::-1], interpolation=cv2.INTER_AREA)
     glow = cv2.applyColorMap((255 * np.clip(response, 0, 1)).astype(np.uint8), cv2.COLORMAP_INFERNO)
     panels = [
-        panel("the picture, grey", enlarged(grey)), panel("sieve: cells with saddles", shade), panel("response", enlarged(glow)),
-        panel("corners and their axes", corners), panel("links that the picture shows", graph), panel("boards, labelled and fitted", board),
+        panel("the picture, grey", enlarged(grey)), panel("sieve: cells with saddles", shade),
+        panel("response", enlarged(glow)), panel("corners and their axes", corners),
+        panel("links that the picture shows", graph), panel("boards, labelled and fitted", board),
     ]  # fmt: skip
     whole = np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])
     write_image(OUT, cv2.resize(whole, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA))

@@ -1,4 +1,5 @@
-"""The harness of `rcdn bench`, with stand-ins for detectors: who is asked when, and what is made of it. No real time is tested."""
+"""The harness of `rcdn bench`, with stand-ins for detectors: who is asked when, and what is made of it.
+No real time is tested."""
 
 import json
 import os
@@ -172,7 +173,8 @@ def test_a_peer_with_boards_of_its_own_gets_them_together_with_the_yardstick():
     who = [Contestant("rcdn", None), Contestant(SB, None), Contestant("square", None, (7, 7))]
     made = list(cells_of([SMALL], (5, 4), who))
     assert [(c.kind, c.board, c.only) for c in made] == [
-        ("board", (5, 4), ("rcdn", SB)), ("board", (7, 7), (SB, "square")), ("clutter", (5, 4), ()), ("texture", (5, 4), ()),
+        ("board", (5, 4), ("rcdn", SB)), ("board", (7, 7), (SB, "square")), ("clutter", (5, 4), ()),
+        ("texture", (5, 4), ()),
     ]  # fmt: skip
     assert all(c.pictures[0].shape == (160, 200) and c.pictures[0].dtype == np.uint8 for c in made)
 
@@ -205,7 +207,8 @@ def obedient():
 
 
 def moody():
-    """Fails on grey 1, dies on grey 2, else says how it is limited: cores, threads of OpenCV, an environment variable."""
+    """Fails on grey 1, dies on grey 2, else says how it is limited: cores, threads of OpenCV,
+    an environment variable."""
 
     def find(image, size):
         if image[0, 0] == 1:
@@ -278,7 +281,8 @@ def success(detector, *values):
 
 @pytest.fixture
 def command(monkeypatch):
-    """The verb, all detectors replaced by stand-ins: ours takes 2 s, the yardstick 1 s, one peer breaks down, one isn't there."""
+    """The verb, all detectors replaced by stand-ins: ours takes 2 s, the yardstick 1 s,
+    one peer breaks down, one isn't there."""
     times = {"rcdn": [2.0], SB: [1.0], "broken": [1.0]}
     made = [Contestant(n, lambda _, n=n: StandIn(n, times[n], [], 0 if n == "broken" else None)) for n in times]
     absent = Peer("absent", "free", lambda: "not installed: pip install absent", lambda: "1", lambda: None)
@@ -320,10 +324,11 @@ def test_the_command_leaves_table_json_markdown_and_plot(command, tmp_path, monk
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--sizes", "640"), "--sizes: '640'"), (("--sizes", "10x10"), "160 to 10000"), (("--sizes", ","), "at least one"),
-        (("--threads", "0"), "--threads"), (("--threads", "x"), "--threads"), (("--parts", "all"), "known: speed"),
-        (("--csv", "a.csv"), "--folder"), (("--folder-plot", "a.png"), "--folder N"),
-        (("--folder-jobs", "0"), "--folder-jobs"), (("--plot", "a.txt"), "must end in"),
+        (("--sizes", "640"), "--sizes: '640'"), (("--sizes", "10x10"), "160 to 10000"),
+        (("--sizes", ","), "at least one"), (("--threads", "0"), "--threads"), (("--threads", "x"), "--threads"),
+        (("--parts", "all"), "known: speed"), (("--csv", "a.csv"), "--folder"),
+        (("--folder-plot", "a.png"), "--folder N"), (("--folder-jobs", "0"), "--folder-jobs"),
+        (("--plot", "a.txt"), "must end in"),
     ],
 )  # fmt: skip
 def test_wrong_words_are_told(command, words, told):

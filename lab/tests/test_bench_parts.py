@@ -1,4 +1,5 @@
-"""What `rcdn bench` measures besides whole detections – stages, a folder, operations a second – and what it writes. No real time is tested."""
+"""What `rcdn bench` measures besides whole detections – stages, a folder, operations a second – and what it writes.
+No real time is tested."""
 
 import json
 import sys
@@ -33,8 +34,8 @@ def test_the_stages_and_the_rest_are_the_whole():
 
 
 def test_all_stages_are_found_and_detection_passes_through_each():
-    """Beside a board there is clutter, so that no view is passed over; cut by the frame, the board is looked at enlarged; large pictures are
-    looked at halved first."""
+    """Beside a board there is clutter, so that no view is passed over; cut by the frame, the board is looked at
+    enlarged; large pictures are looked at halved first."""
     picture = np.hstack([rendered(kind, SMALL, (9, 6)) for kind in ("board", "clutter")])
     large = [rendered(kind, (640, 480), (9, 6)) for kind in ("board", "clutter")]
     clock = stages.Clock()

@@ -1,4 +1,5 @@
-"""`rcdn bench --photographs`, with stand-ins for detectors: which pictures, who is asked when, and the arithmetic. No real time is tested."""
+"""`rcdn bench --photographs`, with stand-ins for detectors: which pictures, who is asked when, and the arithmetic.
+No real time is tested."""
 
 import json
 from math import sqrt
@@ -27,7 +28,8 @@ BOARD = Grid(CORNERS, lattice(SIZE))
 
 
 class StandIn:
-    """A detector that takes so many processor seconds, and twice as many of the clock, and always finds the same grids."""
+    """A detector that takes so many processor seconds, and twice as many of the clock,
+    and always finds the same grids."""
 
     def __init__(self, name, cpu, grids, log, fails_on=None):
         self.name, self.cpu, self.grids, self.log, self.fails_on = name, list(cpu), tuple(grids), log, fails_on

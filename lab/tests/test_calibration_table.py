@@ -1,4 +1,5 @@
-"""The comparison of calibrations: known cameras, noise that one puts in, labels in any order, and answers that are kept."""
+"""The comparison of calibrations: known cameras, noise that one puts in, labels in any order,
+and answers that are kept."""
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def test_exact_corners_leave_no_error(model):
 
 
 def test_errors_are_those_of_the_noise_that_was_put_in():
-    """20 pictures, noise of 0.1 px an axis: a fit leaves √2·σ·√(1 − unknowns ÷ numbers); held out it's more than that of poses alone."""
+    """20 pictures, noise of 0.1 px an axis: a fit leaves √2·σ·√(1 − unknowns ÷ numbers);
+    held out it's more than that of poses alone."""
     rng, xy = np.random.default_rng(1), shown(LENSES["brown"], 1, 20)
     figures = protocol.errors(task(xy + rng.normal(0, 0.1, xy.shape)))
     numbers = 2 * len(IJ) * 20

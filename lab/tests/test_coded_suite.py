@@ -132,8 +132,11 @@ def test_the_whole_command(folder, tmp_path):
     out = tmp_path / "coded.json"
     done = CliRunner().invoke(
         app,
-        ["evaluate", "coded", str(folder), "--without", str(folder / "none"), "--scenes", "2", "--count", "1", "--kind", "charuco 6X6",
-         "--condition", "plain", "--peers", "opencv", "-j", "1", "--json", str(out), "--pictures", str(tmp_path / "png")],
+        [
+            "evaluate", "coded", str(folder), "--without", str(folder / "none"), "--scenes", "2", "--count", "1",
+            "--kind", "charuco 6X6", "--condition", "plain", "--peers", "opencv", "-j", "1", "--json", str(out),
+            "--pictures", str(tmp_path / "png"),
+        ],
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     record = json.loads(out.read_text())
@@ -156,8 +159,10 @@ def test_the_whole_command(folder, tmp_path):
 def test_standard_output_has_one_record_of_all_parts():
     done = CliRunner().invoke(
         app,
-        ["evaluate", "coded", "--part", "rendered", "--part", "no codes", "--kind", "charuco 6X6", "--condition", "plain", "--count", "1",
-         "--scenes", "1", "--peers", "none", "-j", "1", "--json", "-"],
+        [
+            "evaluate", "coded", "--part", "rendered", "--part", "no codes", "--kind", "charuco 6X6",
+            "--condition", "plain", "--count", "1", "--scenes", "1", "--peers", "none", "-j", "1", "--json", "-",
+        ],
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["settings"]["parts"] == ["rendered", "no codes"]

@@ -18,7 +18,8 @@ def test_the_same_camera_is_not_off():
 
 
 def test_a_shift_that_a_rotation_makes_up_for_hardly_counts():
-    """The principal point by 1 px: most of it is a rotation; the focal length by 1 % isn't, and moves corners 400 px off by 4 px."""
+    """The principal point by 1 px: most of it is a rotation; the focal length by 1 % isn't,
+    and moves corners 400 px off by 4 px."""
     K = BROWN.K.copy()
     K[0, 2] += 1
     assert suite.corner_error(replace(BROWN, K=K), BROWN) < 0.4

@@ -1,4 +1,5 @@
-"""Scores of real rigs, on simulated ones: zero under the truth, known errors under wrong places, and OpenCV's rig read rightly."""
+"""Scores of real rigs, on simulated ones: zero under the truth, known errors under wrong places,
+and OpenCV's rig read rightly."""
 
 from __future__ import annotations
 

@@ -242,7 +242,8 @@ class DetectorConfig:
             return
         _require(
             self.recovery == "graph",
-            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; for a deltille take the preset 'auto'",
+            "DetectorConfig.recovery 'growth' (the preset 'paper') knows squares only; "
+            "for a deltille take the preset 'auto'",
         )
         usable = {
             "refine": self.refine == Refine(), "sharpen": self.sharpen in (None, Sharpen()),
@@ -274,8 +275,8 @@ class DetectorConfig:
         """The settings stated in the paper: model F, adaptive threshold, 9×9 NMS, k-means++, mixed refinement."""
         base: dict[str, Any] = {
             "model": "paper", "threshold": Adaptive(), "nms": Nms(), "cluster": Cluster(),
-            "refine": Refine("mixed", half=2), "sharpen": None, "border": 7.0, "rescue": False, "seed": 1.0, "weak": 1.0,
-            "recovery": "growth", "pyramid": False, "target": "plain",
+            "refine": Refine("mixed", half=2), "sharpen": None, "border": 7.0, "rescue": False, "seed": 1.0,
+            "weak": 1.0, "recovery": "growth", "pyramid": False, "target": "plain",
         }  # fmt: skip
         return cls(**(base | changes))
 
@@ -309,7 +310,8 @@ def _check_target(value: Any) -> None:
 
     _require(
         isinstance(value, Target),
-        f"DetectorConfig.target must be one of {get_args(Targets)}, or a Charuco, AprilGrid or PuzzleBoard, not {shown(value)}",
+        f"DetectorConfig.target must be one of {get_args(Targets)}, or a Charuco, AprilGrid or PuzzleBoard, "
+        f"not {shown(value)}",
     )
     try:
         target_of(target_record(value))

@@ -56,6 +56,6 @@ def most_bytes() -> int:
 def too_many_bytes(name: str) -> ImageError:
     """The error for a file larger than `most_bytes`."""
     return ImageError(
-        f"{name}: more than {most_bytes() / 1e9:.3g} GB, the most that pictures of {max_megapixels():g} megapixels take; "
-        f"if that is right, allow it with --max-megapixels or {VARIABLE}"
+        f"{name}: more than {most_bytes() / 1e9:.3g} GB, the most that pictures of {max_megapixels():g} megapixels "
+        f"take; if that is right, allow it with --max-megapixels or {VARIABLE}"
     )

@@ -1,4 +1,5 @@
-"""docs/adapters.md with the real programs, on rendered pictures of known cameras: focal lengths and baselines come out right."""
+"""docs/adapters.md with the real programs, on rendered pictures of known cameras:
+focal lengths and baselines come out right."""
 
 import importlib.util
 import json

@@ -94,7 +94,8 @@ class View:
         return _nearest(self.xy, xy, radius)
 
     def wrong(self, found):
-        """How many corners of a recovered board are no corner, are on another board, or have a wrong label. Half-covered ones count like the others.
+        """How many corners of a recovered board are no corner, are on another board, or have a wrong label.
+        Half-covered ones count like the others.
 
         Labels may differ from the printed ones by quarter turns and shifts, but by one of them for the whole board.
         """

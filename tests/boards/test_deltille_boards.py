@@ -67,7 +67,8 @@ def found(of, answers=None, image=None):
 
 
 def check(got, known, swapped=False, least=1.0):
-    """Every corner of `got` is one of `known`, labels agree up to a shift and the turns that the colours leave; how many there are."""
+    """Every corner of `got` is one of `known`, labels agree up to a shift and the turns that the colours
+    leave; how many there are."""
     pairs, _ = match(got.xy, known.xy[known.visible], 1.0)
     assert len(pairs) == len(got)
     assert len(got) >= least * known.visible.sum()
@@ -183,7 +184,8 @@ def test_the_same_picture_gives_the_same_board():
 
 
 def test_order_depends_on_the_print_and_the_place_only():
-    """However the labels come, right-handed: the triangle inside (0, 0) is dark and i runs nearest to +x of what is left."""
+    """However the labels come, right-handed: the triangle inside (0, 0) is dark and i runs nearest
+    to +x of what is left."""
     plane = np.array([(i, j) for i in range(5) for j in range(4)])
     for angle in np.radians(np.arange(7, 360, 25)):
         c, s = np.cos(angle), np.sin(angle)

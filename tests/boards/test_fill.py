@@ -55,7 +55,8 @@ def test_a_crossing_is_measured_from_a_wrong_prediction(name):
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.1, 1.9])
 @pytest.mark.parametrize("value", [0.25, 0.5])
 def test_corners_under_a_shadows_edge_are_filled_in(value, angle):
-    """Candidates within 6 px of the edge are missing; but for the rim's, the board has them all the same, at their places."""
+    """Candidates within 6 px of the edge are missing; but for the rim's, the board has them all the
+    same, at their places."""
     shown = shaded(value, angle)
     normal = np.array([-np.sin(angle), np.cos(angle)])
     inside = (shown.ij > 0).all(axis=1) & (shown.ij < shown.ij.max(axis=0)).all(axis=1)

@@ -148,7 +148,8 @@ def test_edge_contrast_of_a_step():
 
 
 def crowd(seed, spread=25.0, count=300):
-    """A field of corners on a lattice of squares, each a little off its place, in a picture of those squares; some are no corners."""
+    """A field of corners on a lattice of squares, each a little off its place,
+    in a picture of those squares; some are no corners."""
     rng = np.random.default_rng(seed)
     n = int(np.sqrt(count))
     ij = np.stack(np.meshgrid(np.arange(n), np.arange(n)), axis=-1).reshape(-1, 2)

@@ -82,7 +82,8 @@ def test_growth_stops_where_a_line_lacks_a_corner():
 
 @pytest.mark.parametrize(("shift", "cols"), [(4, 4), (6, 3)])
 def test_growth_stops_where_the_energy_would_rise(shift, cols):
-    """Behind the third column the lattice breaks off sideways by `shift`: bend = shift / |(20, shift)|, and 12 (1 − bend) > 9 up to 0.25."""
+    """Behind the third column the lattice breaks off sideways by `shift`: bend = shift / |(20, shift)|,
+    and 12 (1 − bend) > 9 up to 0.25."""
     xy = lattice(4, 3)
     xy[:, 3] += [0, shift]
     index = np.arange(12).reshape(3, 4)

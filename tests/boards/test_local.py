@@ -134,7 +134,8 @@ def test_a_grid_copies_its_labels():
 
 
 def by_singular_values(near):
-    """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, as `Grid.predictions` says; None if there are none."""
+    """(3, K): positions of neighbours at offsets `near` → position and steps of the spot, as `Grid.predictions` says;
+    None if there are none."""
     u, v = np.array(near, float).reshape(-1, 2).T
     columns, rows = len(np.unique(u)), len(np.unique(v))
     if len(u) < 3 or min(columns, rows) < 2:

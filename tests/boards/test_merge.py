@@ -46,7 +46,8 @@ def test_two_boards_a_square_apart_stay_two(detector):
 
 
 def halves(turns, shift, gap, off, colour=1):
-    """A bent lattice of 5 × 9 corners in two grids with `gap` rows between them: the second has labels of its own, and lies `off` squares aside."""
+    """A bent lattice of 5 × 9 corners in two grids with `gap` rows between them: the second has labels of its own,
+    and lies `off` squares aside."""
     ij = np.array([(u, v) for v in range(9) for u in range(5)])
     lower = ij[:, 1] >= 4 + gap
     xy = (ij + lower[:, None] * [off, 0]) @ [[21.0, 3.0], [-2.0, 19.0]] + 0.1 * ij**2 + 50

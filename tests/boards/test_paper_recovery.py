@@ -21,7 +21,8 @@ def points(cols, rows, step=20.0, quarters=0, angle=0.0):
 
 
 def recovered(xy, angle=0.0, first=None, count=2):
-    """Grids of points whose edges run along `angle` and across it; `first`: number of the corner with the best response."""
+    """Grids of points whose edges run along `angle` and across it; `first`: number of the corner
+    with the best response."""
     order = np.arange(len(xy)) if first is None else np.r_[first, np.delete(np.arange(len(xy)), first)]
     angles = np.full((len(xy), 4), np.nan)
     angles[:, 0], angles[:, 1] = angle % np.pi, (angle + np.pi / 2) % np.pi
@@ -53,7 +54,8 @@ def test_only_two_to_four_directions_start_a_board(count):
 
 
 def test_the_literal_rule_of_cells_stops_under_perspective():
-    """Two rows of corners 20 px apart whose columns come 10 % closer with every step: mean edges 20, 19, 18.1, 17.29, 16.56, 15.90.
+    """Two rows of corners 20 px apart whose columns come 10 % closer with every step: mean edges 20, 19,
+    18.1, 17.29, 16.56, 15.90.
 
     The rule is 0.8 × 20 = 16: five cells join, the sixth does not, though it is 4 % smaller than its neighbour only.
     """
@@ -77,7 +79,8 @@ def test_cells_are_compared_with_the_initial_cell_from_either_side():
 
 @pytest.mark.parametrize("first", [0, 1, 7, 8, 26, 36, 45, 53])
 def test_a_board_whose_best_corner_is_at_its_rim_comes_whole(first):
-    """Columns that come 10 % closer with every step. From the rim only cells grow, and end within the board; lines don't."""
+    """Columns that come 10 % closer with every step. From the rim only cells grow,
+    and end within the board; lines don't."""
     x = np.concatenate([[0], np.cumsum(30 * 0.9 ** np.arange(8))])
     xy = np.stack(np.meshgrid(x, np.arange(6) * 30.0), axis=-1).reshape(-1, 2) + 50
     (grid,) = recovered(xy, first=first)
@@ -102,9 +105,11 @@ def test_an_l_of_cells_is_one_board():
 
 
 def misled(seed, count, outside):
-    """Does `count` points of clutter, in the lattice's hull or around it, give a true corner of the first board a wrong label?
+    """Does `count` points of clutter, in the lattice's hull or around it, give a true corner of the
+    first board a wrong label?
 
-    Of the first board only: corners that it leaves over are no lattice any more, and may make false boards with the clutter.
+    Of the first board only: corners that it leaves over are no lattice any more,
+    and may make false boards with the clutter.
     """
     rng = np.random.default_rng(seed)
     angle, first = rng.uniform(0, 3.1), int(rng.integers(35))
@@ -132,8 +137,8 @@ def test_clutter_in_a_lattice_seldom_misleads():
 
 
 def test_two_false_corners_halfway_make_a_false_row():
-    """What misleads where no 3 × 3 fits: (4, ½) and (5, ½) make cells of half the height, whose mean edge is 15/20 of a square's, but 1 of
-    each other's."""
+    """What misleads where no 3 × 3 fits: (4, ½) and (5, ½) make cells of half the height, whose mean edge is 15/20 of a
+    square's, but 1 of each other's."""
     xy, ij = points(7, 2)
     false = np.array([[380.0, 310], [400, 310]])
     first = recovered(np.concatenate([xy, false]), first=4)[0]

@@ -21,7 +21,8 @@ def place(side, k):
 
 
 def patches(side, count):
-    """Dark squares beyond one side that make so many corners there: a square at both of its ends, two in a row at one."""
+    """Dark squares beyond one side that make so many corners there: a square at both of its
+    ends, two in a row at one."""
     k = next(k for k in (3, 4) if sum(place(side, k)) % 2 == 0)
     return {place(side, k)} | ({place(side, k - 1)} if count == 1 else set())
 
@@ -50,7 +51,8 @@ def test_corners_in_the_margin_are_no_column(side, count, margin):
 
 
 def cut_grid(shown, keep):
-    """The Grid of a view's corners for which `keep(i, j)`, after the cut at its rim, and whether it says that it dropped any."""
+    """The Grid of a view's corners for which `keep(i, j)`, after the cut at its rim,
+    and whether it says that it dropped any."""
     field, number = shown.field()
     at = {tuple(shown.ij[n].tolist()): k for k, n in enumerate(number) if n >= 0 and keep(*shown.ij[n])}
     grid, free = Grid(at, field.xy), np.ones(len(field.xy), bool)

@@ -50,7 +50,8 @@ def coded_board(target, ij, xy, image_size=WIDE, noise=NOISE):
 
 
 def seen_part(rng, camera: Camera, T, target, spacing, share, noise=NOISE):
-    """The board before `camera` at T_cam_board, of which a band of about `share` of the columns or rows is kept; None if little is in the picture."""
+    """The board before `camera` at T_cam_board, of which a band of about `share` of the columns or rows is kept; None
+    if little is in the picture."""
     ij = all_places(target)
     if share < 1:
         axis = int(rng.integers(2))

@@ -45,7 +45,8 @@ def test_a_name_that_is_none_is_an_error(entry, said):
 
 
 def test_the_camera_is_that_of_the_others():
-    """A wrong board and one of another picture size change nothing once they are left out, and the others keep their places."""
+    """A wrong board and one of another picture size change nothing once they are left out,
+    and the others keep their places."""
     boards, poses = random_boards(PINHOLE, 5, 8, whole=True)
     odd = board(boards[0].ij, boards[0].xy / 2, (320, 240), boards[0].sigma)
     every = [*boards[:2], odd, *boards[2:]]

@@ -1,4 +1,5 @@
-"""Boards to a camera: known cameras come back within their deviations, and what can't be calibrated is refused or said."""
+"""Boards to a camera: known cameras come back within their deviations, and what can't be
+calibrated is refused or said."""
 
 from __future__ import annotations
 

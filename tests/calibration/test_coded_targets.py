@@ -1,4 +1,5 @@
-"""Cameras, pairs and poses from boards with codes: parts at their places on the target, tags with gaps, several kinds in one set."""
+"""Cameras, pairs and poses from boards with codes: parts at their places on the target, tags with gaps,
+several kinds in one set."""
 
 from __future__ import annotations
 
@@ -152,7 +153,8 @@ def test_the_pose_of_a_charuco_board_is_in_the_coordinates_of_opencvs_board():
 
 
 def test_the_pose_of_an_aprilgrid_is_in_kalibrs_coordinates():
-    """Corner 0 at the bottom left, x to the right, y up, so that z comes out of the board; rows of 2 · columns corners."""
+    """Corner 0 at the bottom left, x to the right, y up, so that z comes out of the board;
+    rows of 2 · columns corners."""
     step = np.array([0, 1, 1.3, 2.3, 2.6, 3.6, 3.9, 4.9, 5.2, 6.2]) * 0.04
     x, y = np.meshgrid(step, step[:8])
     corners = np.column_stack([x.ravel(), y.ravel(), np.zeros(80)])

@@ -1,4 +1,5 @@
-"""What uses a camera works with a smooth correction, too: poses, reach, files of calibrations, the report, the terminal."""
+"""What uses a camera works with a smooth correction, too: poses, reach, files of calibrations,
+the report, the terminal."""
 
 from dataclasses import replace
 

@@ -103,7 +103,8 @@ def test_independent_calibrations_agree_as_often_as_they_state():
 
 
 def test_the_stated_deviation_is_that_of_many_repetitions():
-    """Parameters drawn from the covariances of two calibrations: the differences scatter as the first-order deviation says."""
+    """Parameters drawn from the covariances of two calibrations: the differences scatter as the
+    first-order deviation says."""
     rng = np.random.default_rng(5)
     one = calibrate(random_boards(BROWN, 3, 12)[0], SPACING, model="brown")
     cov, many = one.cov[:-6, :-6], 150

@@ -62,8 +62,14 @@ def test_labels_that_do_not_start_at_zero_are_moved():
 
 @pytest.mark.parametrize(
     ("size", "orientation"),
-    [((9, 6), "unique"), ((8, 6), "ambiguous_180"), ((9, 7), "ambiguous_180"), ((7, 7), "ambiguous_180"), ((6, 6), "ambiguous_90")],
-)  # fmt: skip
+    [
+        ((9, 6), "unique"),
+        ((8, 6), "ambiguous_180"),
+        ((9, 7), "ambiguous_180"),
+        ((7, 7), "ambiguous_180"),
+        ((6, 6), "ambiguous_90"),
+    ],
+)
 def test_orientation_is_that_of_the_conventions(size, orientation):
     assert CHECKER.orientation(*size) == orientation
 

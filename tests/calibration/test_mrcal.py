@@ -56,8 +56,9 @@ def test_camera_and_uncertainty_are_those_of_mrcal(tmp_path, model):
     ours = by_noise(calibrate(plain, SPACING, model=model, flat=True))
     lens = {"pinhole": "LENSMODEL_PINHOLE", "brown": "LENSMODEL_OPENCV5"}[model]
     words = (
-        f"{MRCAL} --corners-cache corners.vnl --lensmodel {lens} --focal 500 --imagersize 640 480 --object-spacing {SPACING} --object-width-n 9 "
-        "--object-height-n 6 --outdir . --skip-calobject-warp-solve --skip-regularization --skip-outlier-rejection view*.png"
+        f"{MRCAL} --corners-cache corners.vnl --lensmodel {lens} --focal 500 --imagersize 640 480 --object-spacing "
+        f"{SPACING} --object-width-n 9 --object-height-n 6 --outdir . --skip-calobject-warp-solve "
+        "--skip-regularization --skip-outlier-rejection view*.png"
     )
     # its own Python, not that of a virtual environment
     env = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}

@@ -40,7 +40,8 @@ def whole_boards(camera, seed, many, spread=0.25):
 
 @pytest.mark.parametrize("model", ["pinhole", "brown", "fisheye"])
 def test_one_view_more_is_that_of_the_whole_least_squares(model):
-    """The covariance of six views and the information of a seventh give the covariance of all seven, mean motion included."""
+    """The covariance of six views and the information of a seventh give the covariance of all seven,
+    mean motion included."""
     camera = CAMERAS[model]
     _, poses = whole_boards(camera, 2, 7)
     prior = replace(Prior.of(stated(camera, poses[:6])), views=6)
@@ -70,8 +71,8 @@ def middling():
 
 
 def test_the_picture_brings_what_is_promised(middling):
-    """The board is held there, and the camera calibrated again: the worst uncertainty falls about as said, and much more than for
-    one picture more in the middle."""
+    """The board is held there, and the camera calibrated again: the worst uncertainty falls about as said, and much
+    more than for one picture more in the middle."""
     boards, calibration = middling
     found = next_view(calibration)
     assert found.after < 0.5 * found.before
@@ -102,7 +103,8 @@ def test_residuals_that_err_together_promise_less(middling):
 
 
 def test_a_view_of_the_calibration_tells_about_its_share(middling):
-    """Corners err independently here: the stated covariance is about that of the information; that by ten views is a little on the safe side."""
+    """Corners err independently here: the stated covariance is about that of the information;
+    that by ten views is a little on the safe side."""
     _, calibration = middling
     assert share_known(calibration, Prior.of(calibration)) == pytest.approx(0.9, abs=0.2)
     assert weight_of(calibration) == pytest.approx(1 / NOISE, rel=0.3)

@@ -1,4 +1,5 @@
-"""Where a board stands by all cameras of a rig: known places, turns of labels, cameras that disagree, and honest deviations."""
+"""Where a board stands by all cameras of a rig: known places, turns of labels, cameras that disagree,
+and honest deviations."""
 
 from __future__ import annotations
 

@@ -99,7 +99,8 @@ def test_the_shape_has_no_motion():
 
 @pytest.mark.parametrize("size", [(8, 6), (7, 7)])
 def test_labels_of_an_ambiguous_board_may_be_turned(size):
-    """Half of the views are labelled from the other end: whatever shape is found, the camera isn't worse than without one."""
+    """Half of the views are labelled from the other end: whatever shape is found,
+    the camera isn't worse than without one."""
     offsets = uneven_board(np.random.default_rng(1), 0.003, 0.0001, 0.0007, size)
     boards, _ = random_boards(BROWN, 6, 16, whole=True, size=size, offsets=offsets)
     turned = [replace(b, ij=np.array(size) - 1 - b.ij) if k % 2 else b for k, b in enumerate(boards)]

@@ -95,7 +95,8 @@ def test_the_gradient_is_that_of_half_the_cost():
 
 
 def by_scipy(state, corners, weight, free, loss="linear"):
-    """SciPy's least squares of the same residuals, its own numerical slopes; the prior as rows of its Cholesky factor."""
+    """SciPy's least squares of the same residuals, its own numerical slopes;
+    the prior as rows of its Cholesky factor."""
     prior = state.beforehand
     root = np.linalg.cholesky(prior.precision + 1e-30 * np.eye(len(prior.mean)))
     frames, many = len(state.poses), int(free.sum())
@@ -223,7 +224,8 @@ def test_the_solution_is_that_of_opencv(model):
     theirs = cv2.calibrateCameraExtended(
         [board[corners.frame == f] for f in views],
         [corners.xy[corners.frame == f].astype(np.float32) for f in views],
-        (640, 480), state.cameras[0].K.copy(), state.cameras[0].distortion.copy(), flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
+        (640, 480), state.cameras[0].K.copy(), state.cameras[0].distortion.copy(),
+        flags=flags | cv2.CALIB_USE_INTRINSIC_GUESS,
         criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 300, 1e-15),
     )  # fmt: skip
     assert rms < theirs[0] + 1e-3

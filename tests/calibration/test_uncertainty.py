@@ -39,7 +39,8 @@ TRUE_POSES, EXACT = poses_of(4)
 
 @dataclass(frozen=True)
 class Run:
-    """What noise of one seed gives: a calibration without views, and the boards' mean motion (6,) from where they truly stand."""
+    """What noise of one seed gives: a calibration without views, and the boards' mean motion (6,)
+    from where they truly stand."""
 
     found: Calibration
     motion: np.ndarray
@@ -69,7 +70,8 @@ def small_motion(T, truth):
 
 
 def test_a_calibration_states_that_covariance():
-    """The whole way, noise estimated and by the scatter of 40 views, gives about the covariance of the noise that was put in."""
+    """The whole way, noise estimated and by the scatter of 40 views, gives about the covariance of the
+    noise that was put in."""
     poses, exact = poses_of(5, 40)
     xy = exact + np.random.default_rng(5).normal(0, NOISE, exact.shape)
     boards = [board(labels(), each, (640, 480)) for each in np.split(xy, 40)]
@@ -178,7 +180,8 @@ def test_trust_counts_runs_and_shares(boards):
 
 
 def linear_problem(seed, views=14, bend=0.0, copies=1):
-    """(state at the least squares, corners, weight, arrow, scale) of whole boards under a Brown lens without robust steps."""
+    """(state at the least squares, corners, weight, arrow, scale) of whole boards under a Brown lens
+    without robust steps."""
     paper = (lambda draw: np.column_stack([np.zeros((54, 2)), smooth_error(draw, bend)])) if bend else None
     boards, poses = random_boards(CAMERAS["brown"], seed, views, NOISE, whole=True, offsets=paper)
     xy = np.concatenate([b.xy for _ in range(copies) for b in boards])

@@ -96,8 +96,8 @@ WEAK = {
         lambda c: without(c, lambda v: np.hypot(*(v.xy - [440, 280]).T) < 60), "crowded", "unsure", "sit together",
     ),
     "a lens that isn't followed": (
-        lambda c: shifted(c, lambda v: np.column_stack([np.sin(v.xy[:, 0] / 60), 0 * v.xy[:, 0]]) * 0.7), "systematic", "unsure",
-        "systematically off",
+        lambda c: shifted(c, lambda v: np.column_stack([np.sin(v.xy[:, 0] / 60), 0 * v.xy[:, 0]]) * 0.7), "systematic",
+        "unsure", "systematically off",
     ),
     "a bent board": (
         lambda c: shifted(c, lambda v: 1.0 * np.sin(v.ij + v.xy.sum() % 7)), "smooth", "unsure", "err alike",
@@ -205,7 +205,8 @@ def test_places_tell_duplicates(good):
 
 
 def test_noise_is_not_systematic_and_has_no_correlation():
-    """Cells beyond three standard errors: one in 90 by chance; smoothing by the fit leaves a little negative correlation."""
+    """Cells beyond three standard errors: one in 90 by chance; smoothing by the fit leaves a little
+    negative correlation."""
     share, correlation = [], []
     for seed in range(4):
         residuals = measure(calibrate(random_boards(BROWN, seed, 30, noise=0.5)[0], SPACING, model="brown")).residuals

@@ -1,4 +1,5 @@
-"""Files of cameras with a smooth correction: ours exactly, mrcal's as its splined lens, the others as their best fit, and maps."""
+"""Files of cameras with a smooth correction: ours exactly, mrcal's as its splined lens,
+the others as their best fit, and maps."""
 
 import json
 from dataclasses import replace

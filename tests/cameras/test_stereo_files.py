@@ -170,7 +170,8 @@ def test_the_two_files_of_opencvs_stereo_sample(tmp_path):
 
 @pytest.mark.parametrize("shift", [(-0.12, 0.004, 0.01), (0.003, -0.2, 0.01)], ids=["beside", "above"])
 def test_ros_rectification_lines_the_pictures_up(tmp_path, shift):
-    """What ROS will do with both files: rectified pixels of one point agree but for the disparity, and Q gives the point back."""
+    """What ROS will do with both files: rectified pixels of one point agree but for the disparity,
+    and Q gives the point back."""
     made = pair("pinhole", shift=shift)
     files = write_stereo(tmp_path / "a", made, "ros")
     point = np.array([0.1, -0.2, 3.0])

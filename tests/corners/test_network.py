@@ -225,10 +225,15 @@ def test_a_gpu_that_is_there_is_taken(as_if):
 
 @pytest.mark.parametrize(
     ("name", "size", "tile", "batches"),
-    [("rcdn_q", (149, 131), 32, [16, 4, 4, 1]), ("rcdn_q", (149, 131), 16, [16] * 4 + [8, 8, 9, 1]), ("rcdn_f", (70, 59), 32, [2, 2, 1, 1])],
-)  # fmt: skip
+    [
+        ("rcdn_q", (149, 131), 32, [16, 4, 4, 1]),
+        ("rcdn_q", (149, 131), 16, [16] * 4 + [8, 8, 9, 1]),
+        ("rcdn_f", (70, 59), 32, [2, 2, 1, 1]),
+    ],
+)
 def test_tiles_that_go_together_give_what_single_ones_give(monkeypatch, name, size, tile, batches):
-    """A GPU as it would be: at most 16 tiles of one shape go together: whole ones, those at the right, at the lower border, the last."""
+    """A GPU as it would be: at most 16 tiles of one shape go together: whole ones, those at the right,
+    at the lower border, the last."""
     monkeypatch.setitem(PROVIDERS, "cuda", "CPUExecutionProvider")
     alone, together = load_model(name), load_model(name, device="cuda")
     assert together.session.get_providers() == ["CPUExecutionProvider"]

@@ -38,7 +38,8 @@ def corner_at(xy, turn, size, blur=1.0, **grey):
 
 
 def inner(cells):
-    """All but the rim of two cells: the picture is continued by reflection, which makes kinks of edges that meet its border askew."""
+    """All but the rim of two cells: the picture is continued by reflection,
+    which makes kinks of edges that meet its border askew."""
     return cells[2:-2, 2:-2]
 
 
@@ -164,7 +165,8 @@ def test_offsets_change_nothing():
 
 
 def test_gain_loses_nothing():
-    """A floor is added to the contrast, so that what passes passes with any more contrast; and corners with a fifth of it."""
+    """A floor is added to the contrast, so that what passes passes with any more contrast;
+    and corners with a fifth of it."""
     for seed in range(3):
         grey = clutter(seed)
         before = np.zeros_like(cells_with_saddles(grey))

@@ -9,7 +9,8 @@ from rcdn.corners.symmetry import symmetry_centre
 
 
 def cost(grey, centre, half, anti):
-    """What half a turn about `centre` changes (or, `anti`, what isn't its negative but for a level), over a disc of the smoothed picture."""
+    """What half a turn about `centre` changes (or, `anti`, what isn't its negative but for a level),
+    over a disc of the smoothed picture."""
     smooth = gaussian_filter(grey.astype(np.float64), 1.0, mode="nearest", truncate=4)
     dy, dx = np.mgrid[-half : half + 1, -half : half + 1]
     inside = dx**2 + dy**2 <= (half + 0.5) ** 2

@@ -1,7 +1,8 @@
 """Many faults, for the record: `python tests/faults/campaign.py --kills 100 --out benchmarks/results/faults.json`.
 
-Of each kind of signal as many kills as are asked for, at seeded moments of `rcdn detect`, `calibrate` and `train`; after a few of them the same
-command is run again, and must leave what an undisturbed run leaves. Exit code 1 if anything was wrong.
+Of each kind of signal as many kills as are asked for, at seeded moments of `rcdn detect`, `calibrate` and `train`;
+after a few of them the same command is run again, and must leave what an undisturbed run leaves. Exit code 1 if
+anything was wrong.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Commands to be disturbed: what they start from, and what they leave.
 
-A home is a folder with small pictures of boards. A command has a folder `out` in it, whose bytes are those of a run that nobody disturbed,
-or what was there before, and in the end, when it is run again, always the former.
+A home is a folder with small pictures of boards. A command has a folder `out` in it, whose bytes are those of a run
+that nobody disturbed, or what was there before, and in the end, when it is run again, always the former.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def make_home(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Command:
-    """`words` after the interpreter; `stale`: files that were there before; `partial`: what Ctrl-C may leave of a file beside its whole bytes;
-    `keeps`: what stays when all else is made anew."""
+    """`words` after the interpreter; `stale`: files that were there before; `partial`: what Ctrl-C may leave of a file
+    beside its whole bytes; `keeps`: what stays when all else is made anew."""
 
     name: str
     words: tuple[str, ...]
@@ -109,7 +109,8 @@ ALONE = replace(DETECT, name="detect --jobs 1", words=(*DETECT.words[:-1], "1"))
 
 
 def heed_ctrl_c() -> None:
-    """Have processes that this one starts heed Ctrl-C, also if it runs in the background of a shell, where it and all of them would ignore it."""
+    """Have processes that this one starts heed Ctrl-C, also if it runs in the background of a shell,
+    where it and all of them would ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -106,7 +106,8 @@ def reference(command: Command, home: Path) -> Reference:
 
 
 def disturb(command: Command, home: Path, known: Reference, kind: signal.Signals, after: float, tally: Tally) -> None:
-    """Run the command, send the signal after so many seconds (Ctrl-C to all its processes), and look at what is left."""
+    """Run the command, send the signal after so many seconds (Ctrl-C to all its processes),
+    and look at what is left."""
     process = start(command, home)
     with _killed_at_last(process):
         with contextlib.suppress(subprocess.TimeoutExpired):

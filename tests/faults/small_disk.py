@@ -1,7 +1,8 @@
-"""A command with folders on small disks, in a mount namespace of its own: `python small_disk.py '{"full": {"kB": 300, "free": 8}}' COMMAND …`.
+"""A command with folders on small disks, in a mount namespace of its own:
+`python small_disk.py '{"full": {"kB": 300, "free": 8}}' COMMAND …`.
 
-Run it by `unshare -Urm`. Each of the named folders becomes a disk (tmpfs) of so many kB, of which so many are free. Prints as JSON how the
-command ended, and all files on the disks and around.
+Run it by `unshare -Urm`. Each of the named folders becomes a disk (tmpfs) of so many kB, of which so many are free.
+Prints as JSON how the command ended, and all files on the disks and around.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Disks of 300 kB that fill up: each output is whole or the old one, each failure is a line, and the other outputs are written."""
+"""Disks of 300 kB that fill up: each output is whole or the old one, each failure is a line,
+and the other outputs are written."""
 
 from __future__ import annotations
 

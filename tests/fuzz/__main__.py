@@ -50,10 +50,13 @@ def main() -> int:
 def _whole(outcomes: list, seconds: float) -> dict:
     """The sums."""
     return {
-        "target": "all", "inputs": sum(o.inputs for o in outcomes), "refused": sum(o.refused for o in outcomes), "seconds": round(seconds, 1),
-        "crashes": sum(o.crashes for o in outcomes), "hangs": sum(o.hangs for o in outcomes),
-        "failures": sum(sum(o.failures.values()) - o.crashes - o.hangs for o in outcomes), "kinds": sum(len(o.failures) for o in outcomes),
-        "slowest_s": round(max(o.slowest for o in outcomes), 3), "peak_mb": round(max(o.peak for o in outcomes) / 2**20),
+        "target": "all", "inputs": sum(o.inputs for o in outcomes), "refused": sum(o.refused for o in outcomes),
+        "seconds": round(seconds, 1), "crashes": sum(o.crashes for o in outcomes),
+        "hangs": sum(o.hangs for o in outcomes),
+        "failures": sum(sum(o.failures.values()) - o.crashes - o.hangs for o in outcomes),
+        "kinds": sum(len(o.failures) for o in outcomes),
+        "slowest_s": round(max(o.slowest for o in outcomes), 3),
+        "peak_mb": round(max(o.peak for o in outcomes) / 2**20),
     }  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""A campaign: every target gets its share of the time, in processes that may crash or hang; what they die of is kept."""
+"""A campaign: every target gets its share of the time, in processes that may crash or hang;
+what they die of is kept."""
 
 from __future__ import annotations
 
@@ -53,10 +54,12 @@ class Outcome:
         """As it stands in a record."""
         raised = sum(self.failures.values()) - self.crashes - self.hangs
         return {
-            "target": self.target, "engine": self.engine, "inputs": self.inputs, "refused": self.refused, "seconds": round(self.seconds, 1),
-            "crashes": self.crashes, "hangs": self.hangs, "failures": raised, "slowest_s": round(self.slowest, 3),
-            "slowest": self.slowest_data, "peak_mb": round(self.peak / 2**20),
-            "distinct": [{"what": key, "times": n, **self.samples.get(key, {})} for key, n in self.failures.most_common()],
+            "target": self.target, "engine": self.engine, "inputs": self.inputs, "refused": self.refused,
+            "seconds": round(self.seconds, 1), "crashes": self.crashes, "hangs": self.hangs, "failures": raised,
+            "slowest_s": round(self.slowest, 3), "slowest": self.slowest_data, "peak_mb": round(self.peak / 2**20),
+            "distinct": [
+                {"what": key, "times": n, **self.samples.get(key, {})} for key, n in self.failures.most_common()
+            ],
         }  # fmt: skip
 
 
@@ -79,7 +82,8 @@ def run_campaign(
     def one(job: Job) -> Outcome:
         outcome = run_job(job)
         say(
-            f"{job.target}: {outcome.inputs} inputs in {outcome.seconds:.0f} s, {sum(outcome.failures.values())} failures"
+            f"{job.target}: {outcome.inputs} inputs in {outcome.seconds:.0f} s, "
+            f"{sum(outcome.failures.values())} failures"
         )
         return outcome
 

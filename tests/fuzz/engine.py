@@ -36,7 +36,8 @@ def by_chance(seed: int, name: str, first: int, one: Callable[[bytes], Any]) -> 
 
 
 def by_coverage(seed: int, one: Callable[[bytes], Any]) -> None:
-    """The same with Atheris: it keeps what reaches new code and changes it further. Doesn't return; `one` must end the process."""
+    """The same with Atheris: it keeps what reaches new code and changes it further. Doesn't return;
+    `one` must end the process."""
     import atheris
 
     options = (

@@ -1,4 +1,5 @@
-"""The contract of every target: a valid result or RcdnError; nothing printed, no warning, no end of the process, bounded time and memory."""
+"""The contract of every target: a valid result or RcdnError; nothing printed, no warning, no end of the process,
+bounded time and memory."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ from tests.fuzz.target import BrokenPromise, Target, scratch
 from rcdn.errors import RcdnError
 
 DECODERS = re.compile(
-    r"(libpng (error|warning)|Corrupt JPEG data|Premature end of JPEG|Warning: unknown JFIF revision|Invalid SOS parameters)"
+    r"(libpng (error|warning)|Corrupt JPEG data|Premature end of JPEG|"
+    r"Warning: unknown JFIF revision|Invalid SOS parameters)"
 )
 """lines of decoders, which only a process as a whole can silence: the commands do"""
 SLOW = 5.0
@@ -32,7 +34,8 @@ MEMORY = 6 << 30
 
 @dataclass(frozen=True)
 class Failure:
-    """A broken contract: `kind` of it (an exception's name, `printed`, `slow`), `where` in the code, and what was said."""
+    """A broken contract: `kind` of it (an exception's name, `printed`, `slow`),
+    `where` in the code, and what was said."""
 
     kind: str
     where: str

@@ -1,7 +1,7 @@
 """The compiled kernels: calls as the software makes them, with other values in their arrays.
 
-Pictures, positions and all other reals become anything; sizes and indices, too, where kernels check them. A kernel may give any answer or
-refuse the call, but must come back.
+Pictures, positions and all other reals become anything; sizes and indices, too, where kernels check them. A kernel may
+give any answer or refuse the call, but must come back.
 """
 
 from __future__ import annotations

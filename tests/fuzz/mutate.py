@@ -14,13 +14,14 @@ _WORD = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?|\w+|\s+|.", re.DOTALL)
 _ODD_WORDS = (
     "0", "-1", "1e308", "-1e308", "1e400", "nan", "NaN", ".nan", "inf", ".inf",
     "-5", "2147483648", "9223372036854775808", "1" + "0" * 400, "1e-300", "null",
-    "~", "true", '""', '"a"', "[]", "{}", "[[]]", "- ", ":", ",", "\n", "\t", "#", "%", "!!binary x", "&a", "*a", "<<", "\0", "\ufeff",
-    "é", "[" * 60, "'", "=",
+    "~", "true", '""', '"a"', "[]", "{}", "[[]]", "- ", ":", ",", "\n", "\t", "#", "%", "!!binary x", "&a", "*a", "<<",
+    "\0", "\ufeff", "é", "[" * 60, "'", "=",
 )  # fmt: skip
 
 
 def changed_bytes(source: Source, good: bytes, most: int = 4) -> bytes:
-    """`good` with up to `most` changes: bytes set, bits turned, parts removed, doubled or moved, numbers of four bytes replaced, an end cut off."""
+    """`good` with up to `most` changes: bytes set, bits turned, parts removed, doubled or moved,
+    numbers of four bytes replaced, an end cut off."""
     data = bytearray(good)
     for _ in range(1 + source.below(most)):
         kind, at = source.byte() % 8, source.below(len(data) + 1)
@@ -49,7 +50,8 @@ def changed_bytes(source: Source, good: bytes, most: int = 4) -> bytes:
 
 
 def changed_text(source: Source, good: str, others: Sequence[str] = ()) -> bytes:
-    """`good` with a few words replaced, left out, doubled or swapped, or with its bytes changed; sometimes spliced with another file."""
+    """`good` with a few words replaced, left out, doubled or swapped, or with its bytes changed;
+    sometimes spliced with another file."""
     if source.chance(8):
         return changed_bytes(source, good.encode())
     words = _WORD.findall(good)
@@ -74,7 +76,8 @@ def changed_text(source: Source, good: str, others: Sequence[str] = ()) -> bytes
 
 
 def changed_tree(source: Source, root: Any, most: int = 3) -> Any:
-    """Nested lists and objects, changed in place: up to `most` values replaced, left out, doubled, or put at another place."""
+    """Nested lists and objects, changed in place: up to `most` values replaced, left out, doubled,
+    or put at another place."""
     tree = [root]
     for _ in range(1 + source.below(most)):
         owner, key = _place(source, tree)

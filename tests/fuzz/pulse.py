@@ -1,4 +1,5 @@
-"""What a worker is at, in memory that its parent can read after it died: how many inputs, since when, and the bytes of the last."""
+"""What a worker is at, in memory that its parent can read after it died: how many inputs, since when,
+and the bytes of the last."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ import numpy as np
 T = TypeVar("T")
 
 ODD_REALS = (
-    0.0, -0.0, 1.0, -1.0, 0.5, 1e-9, -1e-9, 1e-30, 5e-324, 1e9, -1e9, 1e19, -1e19, 1e30, 1e38, 1e150, -1e150, 1e308, -1e308,
-    math.inf, -math.inf, math.nan, 2.0**31, -(2.0**31), 2.0**53, 2.0**63, -(2.0**63), 255.0, 256.0, 32767.5,
+    0.0, -0.0, 1.0, -1.0, 0.5, 1e-9, -1e-9, 1e-30, 5e-324, 1e9, -1e9, 1e19, -1e19, 1e30, 1e38, 1e150, -1e150, 1e308,
+    -1e308, math.inf, -math.inf, math.nan, 2.0**31, -(2.0**31), 2.0**53, 2.0**63, -(2.0**63), 255.0, 256.0, 32767.5,
 )  # fmt: skip
 """values at which arithmetic, casts and comparisons go wrong"""
 ODD_INTEGERS = (

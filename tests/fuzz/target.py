@@ -19,8 +19,8 @@ from tests.fuzz.source import Source
 class Target:
     """`make` an input from choices; `check` that the software gives a valid result for it, or raises RcdnError.
 
-    Where the input is a file, it is bytes, and its name ends in `suffix`. `share`: of a campaign's time, relative to the others'. `guided`: code in
-    Python decides, which an engine can follow. `tries`: inputs in a run of the tests.
+    Where the input is a file, it is bytes, and its name ends in `suffix`. `share`: of a campaign's time, relative to
+    the others'. `guided`: code in Python decides, which an engine can follow. `tries`: inputs in a run of the tests.
     """
 
     name: str

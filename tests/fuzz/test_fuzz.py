@@ -75,8 +75,14 @@ def check_of(name):
 
     def check(number):
         if number % 5 == 4:
-            {"raise": lambda: 1 / 0, "warn": lambda: __import__("warnings").warn("odd", stacklevel=1), "print": lambda: print("odd", flush=True),
-             "promise": lambda: must(False, "no good"), "lines": _two_lines, "fine": lambda: None}[name]()  # fmt: skip
+            {
+                "raise": lambda: 1 / 0,
+                "warn": lambda: __import__("warnings").warn("odd", stacklevel=1),
+                "print": lambda: print("odd", flush=True),
+                "promise": lambda: must(False, "no good"),
+                "lines": _two_lines,
+                "fine": lambda: None,
+            }[name]()
 
     return check
 
@@ -90,8 +96,8 @@ def _two_lines():
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
-        ("raise", "ZeroDivisionError at"), ("warn", "UserWarning at"), ("print", "printed at odd"), ("promise", "BrokenPromise at no good"),
-        ("lines", "message of several lines at"), ("fine", None),
+        ("raise", "ZeroDivisionError at"), ("warn", "UserWarning at"), ("print", "printed at odd"),
+        ("promise", "BrokenPromise at no good"), ("lines", "message of several lines at"), ("fine", None),
     ],
 )  # fmt: skip
 def test_a_broken_contract_is_told(name, kind):

@@ -1,4 +1,5 @@
-"""Files of text: detections, corners.vnl, cameras, calibrations, scenes, settings. Each is read, and what was read is put to use."""
+"""Files of text: detections, corners.vnl, cameras, calibrations, scenes, settings. Each is read,
+and what was read is put to use."""
 
 from __future__ import annotations
 

@@ -29,7 +29,8 @@ def _board(source: Source) -> dict[str, Any]:
     good = source.choice(samples.boards())
     given: dict[str, Any] = {
         "xy": good.xy.copy(), "ij": good.ij.copy(), "image_size": good.image_size, "response": good.response.copy(),
-        "status": good.status.copy(), "orientation": source.choice(ORIENTATIONS), "sigma": None if good.sigma is None else good.sigma.copy(),
+        "status": good.status.copy(), "orientation": source.choice(ORIENTATIONS),
+        "sigma": None if good.sigma is None else good.sigma.copy(),
         "pattern": source.choice(("checker", "checker", "checker", "deltille")),
     }  # fmt: skip
     for _ in range(source.below(4)):
@@ -172,10 +173,13 @@ def _calibrate(given: tuple[list[dict[str, Any]], dict[str, Any]]) -> None:
 
 def _settings(source: Source) -> tuple[type, dict[str, Any]]:
     kinds: dict[type, tuple[str, ...]] = {
-        Adaptive: ("level",), Fixed: ("value",), Std: ("factor",), MaxFraction: ("fraction",), Nms: ("box", "overlap", "peaks"),
-        Cluster: ("k", "drop", "least", "seed"), Refine: ("method", "half"), Sharpen: ("geometry",),
-        DetectorConfig: ("border", "seed", "weak", "min_corners", "threads", "model", "nms", "cluster", "refine", "sharpen",
-                         "pyramid", "pattern", "recovery"),
+        Adaptive: ("level",), Fixed: ("value",), Std: ("factor",), MaxFraction: ("fraction",),
+        Nms: ("box", "overlap", "peaks"), Cluster: ("k", "drop", "least", "seed"), Refine: ("method", "half"),
+        Sharpen: ("geometry",),
+        DetectorConfig: (
+            "border", "seed", "weak", "min_corners", "threads", "model", "nms", "cluster", "refine", "sharpen",
+            "pyramid", "pattern", "recovery",
+        ),
     }  # fmt: skip
     kind = source.choice(tuple(kinds))
     names = kinds[kind]

@@ -18,7 +18,8 @@ BETWEEN = 1.0
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker does: inputs of `target` from number `first` on, by `seed`; at most `inputs` of them, for at most `seconds`."""
+    """What a worker does: inputs of `target` from number `first` on, by `seed`; at most `inputs` of them,
+    for at most `seconds`."""
 
     target: str
     engine: str
@@ -30,7 +31,8 @@ class Job:
 
 
 def main(text: str) -> None:
-    """Run the Job that is given as JSON. Its folder gets `pulse`, `tally.json`, `failures.jsonl` and, if the process dies, `death`."""
+    """Run the Job that is given as JSON. Its folder gets `pulse`, `tally.json`, `failures.jsonl` and,
+    if the process dies, `death`."""
     job = Job(**json.loads(text))
     folder = Path(job.folder)
     faulthandler.enable((folder / "death").open("w"), all_threads=False)

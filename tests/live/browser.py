@@ -16,7 +16,8 @@ DRIVER = shutil.which("chromedriver")
 STATS = """
 const {latencies, shown, looks, refused} = window.live, sorted = [...latencies].sort((a, b) => a - b);
 const span = (shown.at(-1) - shown[0]) / 1000;
-return {rate: (shown.length - 1) / span, median: sorted[sorted.length >> 1], most: sorted[Math.floor(0.95 * sorted.length)], looks, refused};
+return {rate: (shown.length - 1) / span, median: sorted[sorted.length >> 1],
+  most: sorted[Math.floor(0.95 * sorted.length)], looks, refused};
 """
 
 
@@ -29,7 +30,8 @@ def open_browser(video, size=(1280, 900), dark=False, devices=1):
     options = selenium.ChromeOptions()
     options.binary_location = CHROMIUM
     words = [
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--mute-audio", f"--window-size={size[0]},{size[1]}",
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--mute-audio",
+        f"--window-size={size[0]},{size[1]}",
         "--use-fake-ui-for-media-stream", f"--use-fake-device-for-media-stream=device-count={devices}",
     ]  # fmt: skip
     if video is not None:

@@ -1,4 +1,5 @@
-"""Videos of a board that moves before a known camera, rendered fast: every pixel asks what point of the board it sees."""
+"""Videos of a board that moves before a known camera, rendered fast: every pixel asks what point
+of the board it sees."""
 
 from __future__ import annotations
 
@@ -57,7 +58,8 @@ class Renderer:
         self._rng = np.random.default_rng(self.seed)
 
     def frame(self, T=None, motion=0.0, coarse=False):
-        """The board at T_cam_board (4, 4), m, or none; `motion`: px of blur along the rows; `coarse`: one sample a pixel, for frames between."""
+        """The board at T_cam_board (4, 4), m, or none; `motion`: px of blur along the rows;
+        `coarse`: one sample a pixel, for frames between."""
         picture = self._room.copy()
         if T is not None:
             inverse = np.linalg.inv(T)
@@ -80,7 +82,8 @@ class Renderer:
 
 
 def pose(x, y, z, across=0.0, along=0.0, turn=0.0):
-    """T_cam_board with the board's middle at (x, y, z) m; tilted `across` and `along` the picture, and turned in it by `turn`, °."""
+    """T_cam_board with the board's middle at (x, y, z) m; tilted `across` and `along` the picture,
+    and turned in it by `turn`, °."""
     R = rotation(np.radians([along, 0, 0])) @ rotation(np.radians([0, across, 0])) @ rotation(np.radians([0, 0, turn]))
     T = np.eye(4)
     T[:3, :3] = R
@@ -111,7 +114,8 @@ def journey(poses, rate=15, hold=1.1, move=0.7):
 
 
 def towards(outline, camera=CAMERA):
-    """T_cam_board of the `camera` at which the board's outermost corners are nearest to an `outline` (4, 2) px, in order around."""
+    """T_cam_board of the `camera` at which the board's outermost corners are nearest to an `outline`
+    (4, 2) px, in order around."""
     cols, rows = (np.array(SIZE) - 1) * SPACING
     corners = np.array([[0.0, 0, 0], [cols, 0, 0], [cols, rows, 0], [0, rows, 0]])
     flat = cv2.undistortPoints(np.asarray(outline, float)[:, None], camera.K, camera.distortion)[:, 0]

@@ -1,4 +1,5 @@
-"""A guide as simple as can be, which takes every board that is still and elsewhere than those before, and what else a session needs."""
+"""A guide as simple as can be, which takes every board that is still and elsewhere than those before,
+and what else a session needs."""
 
 from __future__ import annotations
 
@@ -51,8 +52,8 @@ class Guide:
         values = None if worst == np.inf else np.linspace(0.05, worst, 48).reshape(6, 8)
         done = len(self.boards) >= self.enough
         return SimpleNamespace(
-            views=tuple(self.boards), wanted=SimpleNamespace(outline=box, size=(4, 3)), sentence="Hold the board as shown.", worst=worst,
-            target=0.1, map=values, done=done,
+            views=tuple(self.boards), wanted=SimpleNamespace(outline=box, size=(4, 3)),
+            sentence="Hold the board as shown.", worst=worst, target=0.1, map=values, done=done,
         )  # fmt: skip
 
 

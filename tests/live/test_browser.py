@@ -18,14 +18,15 @@ from rcdn.live.folder import Folder
 
 pytestmark = pytest.mark.slow
 ASKED = [
-    [0.005, -0.005, 0.026, -0.1, -0.065, 0.421], [-0.495, 0.349, -0.084, -0.15, -0.039, 0.251], [0.439, -0.586, -0.011, -0.081, -0.039, 0.112],
-    [-0.507, -0.585, -0.019, -0.165, -0.025, 0.266], [-0.492, 0.437, 0.1, 0.01, -0.053, 0.243], [-0.973, -0.255, -0.108, -0.185, 0.007, 0.317],
+    [0.005, -0.005, 0.026, -0.1, -0.065, 0.421], [-0.495, 0.349, -0.084, -0.15, -0.039, 0.251],
+    [0.439, -0.586, -0.011, -0.081, -0.039, 0.112], [-0.507, -0.585, -0.019, -0.165, -0.025, 0.266],
+    [-0.492, 0.437, 0.1, 0.01, -0.053, 0.243], [-0.973, -0.255, -0.108, -0.185, 0.007, 0.317],
     [0.508, 0.545, 0.024, -0.091, -0.07, 0.22], [0.593, 0.577, 0.016, -0.098, -0.059, 0.222],
 ]  # fmt: skip
 """rotation vectors, rad, and translations, m: about what the guide asks for"""
 OTHERS = [
-    pose(-0.06, 0.04, 0.3, 28, -25), pose(0.07, 0.04, 0.28, -32, -20), pose(0.06, -0.04, 0.26, -25, 28), pose(0.0, 0.03, 0.22, 5, -38),
-    pose(0.02, -0.02, 0.24, 38, 4, 8), pose(-0.08, -0.03, 0.3, 30, 30),
+    pose(-0.06, 0.04, 0.3, 28, -25), pose(0.07, 0.04, 0.28, -32, -20), pose(0.06, -0.04, 0.26, -25, 28),
+    pose(0.0, 0.03, 0.22, 5, -38), pose(0.02, -0.02, 0.24, 38, 4, 8), pose(-0.08, -0.03, 0.3, 30, 30),
 ]  # fmt: skip
 
 
@@ -88,7 +89,8 @@ def test_the_whole_way_from_the_first_frame_to_the_camera(tmp_path, opened):
 
 
 def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened):
-    """Frames with guidance while pictures are taken and calculated with. The bounds are those of a machine that others use, too."""
+    """Frames with guidance while pictures are taken and calculated with. The bounds are those of a machine
+    that others use, too."""
     live = Live(tmp_path / "camera")
     opened.append(live.close)
     browser = open_browser(moving)

@@ -135,8 +135,9 @@ def test_nothing_but_reading_goes_by_requests(client, method):
 @pytest.mark.parametrize(
     "path",
     [
-        "../../etc/passwd", "%2e%2e/session.json", "..%2fsession.json", "thumb/..%2f..%2fsession.json", "session.json", "thumb/frame-0001.png",
-        "thumb/%00", "result/report.html", "result/..%2fsession.json", "server.py", "page/app.js", ".address",
+        "../../etc/passwd", "%2e%2e/session.json", "..%2fsession.json", "thumb/..%2f..%2fsession.json", "session.json",
+        "thumb/frame-0001.png", "thumb/%00", "result/report.html", "result/..%2fsession.json", "server.py",
+        "page/app.js", ".address",
     ],
 )  # fmt: skip
 def test_paths_lead_nowhere(client, path):
@@ -203,8 +204,9 @@ JPEG = b"\xff\xd8\xff\xe0" + bytes(300)
 @pytest.mark.parametrize(
     "message",
     [
-        "", "nonsense", "[]", "null", "1" * 600, "[" * 400, '{"wish": "fly"}', '{"wish": "remove", "name": 5}', '{"wish": "begin", "value": NaN}',
-        '{"wish": "begin", "value": "1"}', '{"wish": "write", "path": "/etc/passwd"}', b"", b"short", HEADER.pack(1, float("nan")) + JPEG,
+        "", "nonsense", "[]", "null", "1" * 600, "[" * 400, '{"wish": "fly"}', '{"wish": "remove", "name": 5}',
+        '{"wish": "begin", "value": NaN}', '{"wish": "begin", "value": "1"}',
+        '{"wish": "write", "path": "/etc/passwd"}', b"", b"short", HEADER.pack(1, float("nan")) + JPEG,
         HEADER.pack(1, 0.0) + b"no picture", HEADER.pack(1, 0.0) + JPEG, HEADER.pack(1, 0.0) + bytes(7_000_000),
     ],
 )  # fmt: skip

@@ -18,8 +18,8 @@ from rcdn.live.folder import Folder
 
 pytestmark = pytest.mark.slow
 POSES = [
-    pose(0.03, 0, 0.42), pose(0.0, 0.02, 0.36, 25, -20), pose(0.06, 0.02, 0.38, -28, -18), pose(0.02, -0.03, 0.36, -20, 25),
-    pose(0.05, 0.0, 0.33, 4, -35), pose(0.03, -0.01, 0.35, 35, 5, 10),
+    pose(0.03, 0, 0.42), pose(0.0, 0.02, 0.36, 25, -20), pose(0.06, 0.02, 0.38, -28, -18),
+    pose(0.02, -0.03, 0.36, -20, 25), pose(0.05, 0.0, 0.33, 4, -35), pose(0.03, -0.01, 0.35, 35, 5, 10),
 ]  # fmt: skip
 
 
@@ -126,7 +126,8 @@ def test_two_cameras_of_the_browser_are_asked_for(tmp_path, opened):
     begin(browser, live.address, "")
     until(browser, lambda b: b.execute_script("return window.live.looks") > 10, 60)
     names = browser.execute_script(
-        "return ['video', 'video-right'].map((i) => document.getElementById(i).srcObject.getVideoTracks()[0].getSettings().deviceId)"
+        "return ['video', 'video-right'].map((i) => "
+        "document.getElementById(i).srcObject.getVideoTracks()[0].getSettings().deviceId)"
     )
     assert names[0] != names[1]
     until(browser, lambda b: "ms apart" not in b.find_element("id", "hint").text, 5)

@@ -1,4 +1,5 @@
-"""Local maps of a board against what they stand for: known sheets, and slow and plain versions of what the kernels reckon."""
+"""Local maps of a board against what they stand for: known sheets, and slow and plain versions of
+what the kernels reckon."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""What is printed beside a corner, as double precision and the error function itself draw it, is part of what is fitted."""
+"""What is printed beside a corner, as double precision and the error function itself draw it,
+is part of what is fitted."""
 
 import numpy as np
 import pytest

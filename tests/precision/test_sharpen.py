@@ -1,4 +1,5 @@
-"""Corners of a known board, fitted again: errors against truth and against the Cramér–Rao bound, honest sigmas, failures."""
+"""Corners of a known board, fitted again: errors against truth and against the Cramér–Rao bound,
+honest sigmas, failures."""
 
 import numpy as np
 import pytest

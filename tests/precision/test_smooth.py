@@ -97,7 +97,8 @@ def test_corners_that_are_not_trusted_and_small_boards_stay():
 
 
 def board_of_all(seed, cols=9, rows=6):
-    """A sheet with uneven and slanted errors, and dense matrices of what its kernels reckon with: design (2N, D), errors (2N, 2N)."""
+    """A sheet with uneven and slanted errors, and dense matrices of what its kernels reckon with:
+    design (2N, D), errors (2N, 2N)."""
     ij, xy = flat(cols, rows)
     rng = np.random.default_rng(seed)
     seen = xy + rng.normal(0, SIGMA, xy.shape) + 0.2 * np.sin(ij / 2)

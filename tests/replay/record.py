@@ -1,4 +1,5 @@
-"""`python -m tests.replay.record PICTURES.npz CALLS`: every kernel's calls in detections, with what they gave, for `replay.c`."""
+"""`python -m tests.replay.record PICTURES.npz CALLS`: every kernel's calls in detections,
+with what they gave, for `replay.c`."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def recorded(name: str, kernel: Any, specs: Any, file: BinaryIO, made: Counter[s
 
 
 def record(pictures: Path, into: Path) -> Counter[str]:
-    """Detect boards in the pictures; how many calls of each kernel were written down. For a process of its own: kernels stay replaced."""
+    """Detect boards in the pictures; how many calls of each kernel were written down. For a process of its own:
+    kernels stay replaced."""
     import rcdn._native as native
 
     made: Counter[str] = Counter()

@@ -1,4 +1,5 @@
-"""The kernels compiled for other systems and processors, and run there or in an emulator: calls of detections here must give the same bits."""
+"""The kernels compiled for other systems and processors, and run there or in an emulator:
+calls of detections here must give the same bits."""
 
 import os
 import shutil
@@ -22,8 +23,8 @@ PLATFORMS = {
     "zig-musl": (["python-zig", "cc", "-target", "x86_64-linux-musl"], []),
     "zig-windows": (["python-zig", "cc", "-target", "x86_64-windows-gnu"], ["wine"]),
 }
-"""compiler, and what runs the programs it makes: Debian's packages gcc-aarch64-linux-gnu, qemu-user, musl-tools, gcc-mingw-w64-x86-64 and wine64,
-and ziglang of PyPI"""
+"""compiler, and what runs the programs it makes: Debian's packages gcc-aarch64-linux-gnu, qemu-user, musl-tools,
+gcc-mingw-w64-x86-64 and wine64, and ziglang of PyPI"""
 
 
 @pytest.fixture(scope="module")

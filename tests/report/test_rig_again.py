@@ -27,7 +27,8 @@ def whole():
     rig = found()
     boards = (FixedBoard(7, "one", 7, np.eye(4), np.zeros((6, 6))), FixedBoard(8, "two", 7, PLACE, 1e-6 * np.eye(6)))
     return replace(
-        rig, links=(MissingLink("c<0>", "c<1>", "a", "b", True),), thin=("c<1>",), corrected=("c<1>",), fixed_boards=boards
+        rig, links=(MissingLink("c<0>", "c<1>", "a", "b", True),), thin=("c<1>",), corrected=("c<1>",),
+        fixed_boards=boards
     )  # fmt: skip
 
 

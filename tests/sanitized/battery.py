@@ -1,4 +1,5 @@
-"""What runs under the sanitizers: every kernel with odd values, and whole detections of odd pictures, on several threads."""
+"""What runs under the sanitizers: every kernel with odd values, and whole detections of odd
+pictures, on several threads."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ def use(path: Path) -> None:
 
 
 def pictures() -> Iterator[Any]:
-    """Pictures (H, W) of every small shape: noise, one value, squares, boards, with codes, too, and their parts; both types."""
+    """Pictures (H, W) of every small shape: noise, one value, squares, boards, with codes, too,
+    and their parts; both types."""
     import numpy as np
     from tests.fuzz import samples
 

@@ -1,4 +1,5 @@
-"""The kernels with address and undefined-behaviour sanitizers, in a folder of their own: never the installed library."""
+"""The kernels with address and undefined-behaviour sanitizers, in a folder of their own:
+never the installed library."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ SANITIZERS = "address,undefined,float-cast-overflow,bounds-strict"
 FLAGS = (
     "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DONE_LEVEL",
     "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math",
-    "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-fvisibility=hidden", "-Wno-psabi", "-Wno-unknown-pragmas",
+    "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-fvisibility=hidden", "-Wno-psabi",
+    "-Wno-unknown-pragmas",
 )  # fmt: skip
 """undefined behaviour is told and goes on, so that one run tells all; a bad address ends it"""
 

@@ -1,4 +1,5 @@
-"""Pictures of coded boards: corners lie where OpenCV projects and reads them, with OpenCV's numbers; covers, frames and light do what they say."""
+"""Pictures of coded boards: corners lie where OpenCV projects and reads them, with OpenCV's numbers; covers,
+frames and light do what they say."""
 
 from dataclasses import replace
 
@@ -62,7 +63,8 @@ def test_the_truth_is_what_opencv_projects(lens):
 @pytest.mark.parametrize("border", [1, 2])
 @pytest.mark.parametrize("dictionary", ["DICT_APRILTAG_36h11", "DICT_APRILTAG_16h5"])
 def test_opencv_reads_the_tags_of_aprilgrids_upside_down(border, dictionary):
-    """Printed tags are turned by 180° against OpenCV's; tag 0 is at the bottom left, and its first corner there has the number 0."""
+    """Printed tags are turned by 180° against OpenCV's; tag 0 is at the bottom left,
+    and its first corner there has the number 0."""
     drawing = aprilgrid_drawing(4, 3, dictionary, border, 0.3)
     scene = view(drawing)
     known, image = drawing_truth(drawing, scene), render_drawing(drawing, scene)

@@ -15,7 +15,8 @@ PHOTO = np.random.default_rng(1).integers(0, 256, (150, 200), np.uint8)
 
 
 def board(contrast):
-    """A picture full of 16 px squares whose two greys are `contrast` of the range apart; one white and one black patch set that range."""
+    """A picture full of 16 px squares whose two greys are `contrast` of the range apart;
+    one white and one black patch set that range."""
     y, x = np.mgrid[:112, :112]
     image = 128 + (0.5 - ((x // 16 + y // 16) % 2)) * 255 * contrast
     image[:8, :8], image[-8:, -8:] = 0, 255
@@ -46,7 +47,11 @@ def test_busy_windows_are_the_ones_with_detail():
     flat[:120, :120] = np.random.default_rng(2).integers(0, 256, (120, 120))
     detail = [
         np.mean([
-            np.abs(cv2.Laplacian(cv2.GaussianBlur(busy_window(np.random.default_rng(s), 64, [flat], n), (0, 0), 2), cv2.CV_64F)).mean()
+            np.abs(
+                cv2.Laplacian(
+                    cv2.GaussianBlur(busy_window(np.random.default_rng(s), 64, [flat], n), (0, 0), 2), cv2.CV_64F
+                )
+            ).mean()
             for s in range(40)
         ])
         for n in (1, 8)

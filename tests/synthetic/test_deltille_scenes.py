@@ -1,4 +1,5 @@
-"""Rendered deltilles: the six sectors of every true corner, exact averages, what is printed, and whose corners have labels."""
+"""Rendered deltilles: the six sectors of every true corner, exact averages, what is printed,
+and whose corners have labels."""
 
 from dataclasses import replace
 

@@ -21,10 +21,11 @@ def puzzleboard(columns: int, rows: int, start: tuple[int, int]) -> Drawing:
 
 
 def seen(
-    drawing: Drawing, width: int = 640, height: int = 480, turn: float = 0.0, tilt: float = 0.3, size: float = 0.8, blur: float = 0.6,
-    noise: float = 2.0, light: float = 1.0, shift: tuple[float, float] = (0, 0), seed: int = 0,
+    drawing: Drawing, width: int = 640, height: int = 480, turn: float = 0.0, tilt: float = 0.3, size: float = 0.8,
+    blur: float = 0.6, noise: float = 2.0, light: float = 1.0, shift: tuple[float, float] = (0, 0), seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """The drawing in a picture, turned (radians), tilted (radians), `size` of the picture; and where its corners are, (N, 2) px."""
+    """The drawing in a picture, turned (radians), tilted (radians), `size` of the picture;
+    and where its corners are, (N, 2) px."""
     h, w = np.array(drawing.image.shape) / drawing.unit
     focal = 1.2 * width
     distance = focal * np.hypot(w, h) / (size * min(width, height) * 1.25)

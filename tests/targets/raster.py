@@ -10,7 +10,8 @@ OVER = 4
 
 
 def raster(shapes, width: float, height: float, scale: float) -> np.ndarray:
-    """The picture (H, W) uint8 of (0, 0) to (`width`, `height`), `scale` pixels a unit; the pixel of a point is scale · point − 1/2."""
+    """The picture (H, W) uint8 of (0, 0) to (`width`, `height`), `scale` pixels a unit;
+    the pixel of a point is scale · point − 1/2."""
     many = scale * OVER
     image = np.full((round(height * many / OVER) * OVER, round(width * many / OVER) * OVER), 255, np.uint8)
     for shape in shapes:

@@ -68,7 +68,8 @@ class Camera:
 
 
 CAMERAS = (
-    Camera(), Camera(exposure=2.5), Camera(exposure=1.8, bloom=2.0), Camera(gamma=0.45), Camera(gamma=2.2), Camera(sharpened=1.5), Camera(cover=True),
+    Camera(), Camera(exposure=2.5), Camera(exposure=1.8, bloom=2.0), Camera(gamma=0.45), Camera(gamma=2.2),
+    Camera(sharpened=1.5), Camera(cover=True),
 )  # fmt: skip
 
 
@@ -91,12 +92,13 @@ def test_a_circle_grid_is_no_board_but_told(asymmetric, radius, inverted):
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=str)
 def test_no_checkerboard_is_taken_for_circles(camera):
-    """Whatever blurs it, overexposes it and covers it; with its corners known, so that the detector need not find them."""
+    """Whatever blurs it, overexposes it and covers it; with its corners known,
+    so that the detector need not find them."""
     rng = np.random.default_rng(20)
     for k, (columns, rows) in enumerate([(9, 6), (3, 3), (14, 11)] * 14):
         image, xy = seen(
-            checkerboard(columns, rows), blur=rng.uniform(0.5, 5), noise=rng.choice([2, 20]), tilt=rng.uniform(0, 1), turn=rng.uniform(-3, 3),
-            size=rng.uniform(0.4, 0.9), light=rng.choice([0.3, 1.0]), seed=k,
+            checkerboard(columns, rows), blur=rng.uniform(0.5, 5), noise=rng.choice([2, 20]), tilt=rng.uniform(0, 1),
+            turn=rng.uniform(-3, 3), size=rng.uniform(0.4, 0.9), light=rng.choice([0.3, 1.0]), seed=k,
         )  # fmt: skip
         image = camera(image)
         assert not is_circle_grid(glance_at(image, board_at(xy, columns, image))), k

@@ -1,4 +1,5 @@
-"""What is printed is read by each target's own tools, with the numbers and at the places that we say, and by our own detector, told nothing."""
+"""What is printed is read by each target's own tools, with the numbers and at the places that we say,
+and by our own detector, told nothing."""
 
 import cv2
 import numpy as np
@@ -83,7 +84,8 @@ class TestAprilGrids:
     SCALE = 120
 
     def corners_of_tags(self, grid):
-        """Where tag n's corners are by the numbers: bottom left, bottom right, top right, top left, as Kalibr counts them."""
+        """Where tag n's corners are by the numbers: bottom left, bottom right, top right, top left,
+        as Kalibr counts them."""
         image, corners = picture(grid, self.SCALE)
         wide, places = 2 * grid.columns, {}
         for tag in range(grid.columns * grid.rows):
@@ -233,7 +235,8 @@ def test_aprilgrids_are_those_that_opencv_s_tags_make(grid):
     "target", [Charuco(7, 6, "DICT_4X4_50", 0.75, 3, legacy=True), AprilGrid(4, 3, "tag36h11", 0.3, 2, 24)], ids=str
 )
 def test_boards_that_begin_with_another_number_are_read_where_they_are_told(target):
-    """Untold, and without paper around them, they could be parts of larger boards: the lower rows of 7 × 7 squares, tags from the seventh row on."""
+    """Untold, and without paper around them, they could be parts of larger boards: the lower rows of 7 × 7 squares,
+    tags from the seventh row on."""
     image, corners = picture(target, 80, 60)
     (board,) = Detector(DetectorConfig(target=target)).boards(cv2.GaussianBlur(image, (0, 0), 0.8))
     assert sorted(board.ids) == Printed(target, 1.0).ids.tolist()

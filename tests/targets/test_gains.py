@@ -48,7 +48,8 @@ def likeliest(turned, gain):
 
 
 def freely(turned, gain):
-    """The same where each outermost square may lie beyond the board by itself, and rows may begin a square to the side of the others."""
+    """The same where each outermost square may lie beyond the board by itself,
+    and rows may begin a square to the side of the others."""
     count, (height, width), best = gain.shape[1], turned.shape, -np.inf
     squares = [np.flatnonzero(turned.row == r) for r in range(height)]
     first = np.arange(-200, count + 200)

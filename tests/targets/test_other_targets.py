@@ -87,11 +87,17 @@ def test_targets_are_plain_values_and_back(target):
 
 @pytest.mark.parametrize(
     "record",
-    [None, {}, {"kind": "x"}, {"kind": "charuco"}, {"kind": "charuco", "columns": 10**9, "rows": 3, "dictionary": "D", "marker": 0.5},
-     {"kind": "charuco", "columns": 5, "rows": 3, "dictionary": 7, "marker": 0.5},
-     {"kind": "charuco", "columns": 5, "rows": 3, "dictionary": "D", "marker": "a"},
-     {"kind": "aprilgrid", "columns": 5, "rows": 3, "family": "tag36h11", "gap": -1}],
-)  # fmt: skip
+    [
+        None,
+        {},
+        {"kind": "x"},
+        {"kind": "charuco"},
+        {"kind": "charuco", "columns": 10**9, "rows": 3, "dictionary": "D", "marker": 0.5},
+        {"kind": "charuco", "columns": 5, "rows": 3, "dictionary": 7, "marker": 0.5},
+        {"kind": "charuco", "columns": 5, "rows": 3, "dictionary": "D", "marker": "a"},
+        {"kind": "aprilgrid", "columns": 5, "rows": 3, "family": "tag36h11", "gap": -1},
+    ],
+)
 def test_records_that_are_no_targets_are_refused(record):
     with pytest.raises(RcdnError):
         target_of(record)

@@ -1,4 +1,5 @@
-"""Boards that begin with any marker are told from parts of larger ones by the paper around them; cut ones get no wrong number."""
+"""Boards that begin with any marker are told from parts of larger ones by the paper around them;
+cut ones get no wrong number."""
 
 from dataclasses import replace
 
@@ -78,7 +79,8 @@ def test_only_boards_whose_first_row_is_seen_begin_with_another_marker(detector,
 
 
 def flat(columns, rows, paper=230.0, samples=32):
-    """A board of black squares and of white ones with grey blots, and what is around it, as `ended_sides` takes it; which have blots."""
+    """A board of black squares and of white ones with grey blots, and what is around it,
+    as `ended_sides` takes it; which have blots."""
     marked = np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 1
     squares = np.full((rows + 2, columns + 2, samples, samples), paper)
     squares[1:-1, 1:-1][~marked] = 20.0

@@ -1,4 +1,5 @@
-"""Boards that covers, glare or markers break into pieces: pieces are read each, joined where they agree, and filled where the print has corners."""
+"""Boards that covers, glare or markers break into pieces: pieces are read each, joined where they agree, and filled
+where the print has corners."""
 
 from dataclasses import replace
 

@@ -1,4 +1,5 @@
-"""Markers are looked for where they really are: off the middles of their squares by parts of a dot, as programs draw them on a raster."""
+"""Markers are looked for where they really are: off the middles of their squares by parts of a dot,
+as programs draw them on a raster."""
 
 import numpy as np
 import pytest
@@ -40,7 +41,8 @@ def test_where_markers_stand_is_measured(by, turn):
 
 
 def test_markers_that_stand_elsewhere_have_no_place():
-    """A twenty-fourth of a square is no rounding: nobody knows what is printed there, and corners are fitted as those of plain boards."""
+    """A twenty-fourth of a square is no rounding: nobody knows what is printed there,
+    and corners are fitted as those of plain boards."""
     image, xy = seen(misprinted(7, 6, lambda c, r: (4, 0)), noise=1)
     (board,) = DETECTOR.boards(image)
     assert placement(image, board, board.target) is None

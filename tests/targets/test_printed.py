@@ -1,4 +1,5 @@
-"""What is printed, as data: numbers, labels and places in metres belong together, and are those of each target's own tools."""
+"""What is printed, as data: numbers, labels and places in metres belong together,
+and are those of each target's own tools."""
 
 from dataclasses import replace
 
@@ -50,7 +51,8 @@ def test_corners_of_charuco_are_opencv_s(columns, rows, legacy):
 
 
 def test_corners_of_aprilgrids_are_kalibr_s():
-    """Kalibr: x to the right and y upwards from the bottom left, tag after tag (side + gap), corner after corner of a row."""
+    """Kalibr: x to the right and y upwards from the bottom left, tag after tag (side + gap),
+    corner after corner of a row."""
     columns, rows, side, gap = 4, 3, 0.1, 0.3
     points = Printed(AprilGrid(columns, rows, "tag36h11", gap), side).points()
     width = columns * side + (columns - 1) * side * gap

@@ -11,7 +11,8 @@ from rcdn.types import PuzzleBoard
 
 
 def test_rows_are_in_the_order_of_the_board_generator():
-    """It paints the edge from corner (x, y) to (x + 1, y) by row x % 3 of its second code, to (x, y + 1) by row y % 3 of the first one."""
+    """It paints the edge from corner (x, y) to (x + 1, y) by row x % 3 of its second code, to (x, y + 1)
+    by row y % 3 of the first one."""
     assert [row[:12] for row in CODE_1] == ["000010111000", "011000011111", "010000010100"]
     assert [row[:12] for row in CODE_2] == ["111110101001", "101100110001", "001100000101"]
     assert {len(row) for row in (*CODE_1, *CODE_2)} == {167}

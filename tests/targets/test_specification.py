@@ -29,7 +29,10 @@ def charuco(draw):
 
 TARGETS = st.one_of(
     charuco(),
-    st.builds(AprilGrid, st.integers(1, 5), st.integers(1, 5), st.sampled_from(family_names()), SHARE, st.sampled_from([1, 2]), st.integers(0, 5)),
+    st.builds(
+        AprilGrid, st.integers(1, 5), st.integers(1, 5), st.sampled_from(family_names()), SHARE,
+        st.sampled_from([1, 2]), st.integers(0, 5),
+    ),
     st.builds(PuzzlePart, SIDE, SIDE, st.integers(0, 492), st.integers(0, 492)),
     st.builds(Checkerboard, SIDE, SIDE),
     st.builds(Deltille, SIDE, SIDE),
@@ -174,10 +177,19 @@ def test_lengths_in_files_are_metres():
         (APRILGRID + "tagFamily: x\n", "'tagFamily' is no field"),
         (CHECKERBOARD.replace("colSpacingMeters: 0.06", "colSpacingMeters: 0.05"), "differ"),
         (CHECKERBOARD.replace("rowSpacingMeters: 0.06", ""), "rowSpacingMeters is missing"),
-        ("kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.05\ndictionary: DICT_4X4_50\n", "marker must lie"),
-        ("kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.03\ndictionary: 7\n", "dictionary must be a name"),
+        (
+            "kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.05\ndictionary: DICT_4X4_50\n",
+            "marker must lie",
+        ),
+        (
+            "kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.03\ndictionary: 7\n",
+            "dictionary must be a name",
+        ),
         ("kind: charuco\ncolumns: 5\nrows: 7\nspacing: .nan\nmarker: 0.03\n", "spacing must be a number"),
-        ("kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.03\ndictionary: DICT_4X4_50\nlegacy: 1\n", "true or false"),
+        (
+            "kind: charuco\ncolumns: 5\nrows: 7\nspacing: 0.04\nmarker: 0.03\ndictionary: DICT_4X4_50\nlegacy: 1\n",
+            "true or false",
+        ),
         ("kind: checkerboard\ncolumns: 5\nrows: {a: 1}\nspacing: 1\n", "rows must be a whole number"),
         ("kind: charuco: x", "not YAML"),
     ],

@@ -67,7 +67,8 @@ def board_of(target, ij, xy, size):
 
 
 def described(around, k, u, v):
-    """What the description says at places (K,) in squares from corner k: white is 1, black is −1; and how near an edge is."""
+    """What the description says at places (K,) in squares from corner k: white is 1, black is −1;
+    and how near an edge is."""
     edge, cells, which, at, sign, following = around.drawn[0]
     value, near = sign[k] * np.sign(u) * np.sign(v), np.minimum(np.abs(u), np.abs(v))
     for side, place in zip(following[k], (-u, u, -v, v), strict=True):
@@ -128,7 +129,8 @@ def plain(drawing):
 
 
 def pair(target, drawing, ij, share, seed, blur=1.0, noise=0.0, size=(360, 300), geometry=False):
-    """Fits of a coded board and of a plain one in the same picture, the board taking a `share` of it: ((errors (N, 2), sigma (N,)), the same)."""
+    """Fits of a coded board and of a plain one in the same picture, the board taking a `share` of it: ((errors (N, 2),
+    sigma (N,)), the same)."""
     rng = np.random.default_rng(seed)
     camera = Camera([[500, 0, (size[0] - 1) / 2], [0, 500, (size[1] - 1) / 2], [0, 0, 1]], [], size, "pinhole")
     off = (1 - share) / 2 * np.array(size)

@@ -74,9 +74,10 @@ CLEAN = dataclasses.replace(
 
 
 def test_a_crop_has_the_target_of_the_renderer(tmp_path, monkeypatch):
-    """`random_crop` draws a window of a scene, with labels; the same window of the whole scene's picture, saved with the
-    labels that `rcdn render` writes, has the same target: where corners are demanded, open, and forbidden. (Within 10 px of
-    the border, where no network has an output, the renderer sees too little of a corner to call it legible.)"""
+    """`random_crop` draws a window of a scene, with labels; the same window of the whole scene's picture, saved with
+    the labels that `rcdn render` writes, has the same target: where corners are demanded, open, and forbidden. (Within
+    10 px of the border, where no network has an output, the renderer sees too little of a corner to call it
+    legible.)"""
     monkeypatch.chdir(tmp_path)
     corners = doubtful = 0
     for seed in range(12):
@@ -130,7 +131,8 @@ def test_labels_are_right_at_every_scale(tmp_path, size, pitch):
 
 
 def beside(image, labels):
-    """Offset (x, y), px, of the corners in a picture from their labels (N, 2), by OpenCV's cornerSubPix: mean, and largest."""
+    """Offset (x, y), px, of the corners in a picture from their labels (N, 2),
+    by OpenCV's cornerSubPix: mean, and largest."""
     start = labels.astype(np.float32)[:, None]
     found = cv2.cornerSubPix(image, start.copy(), (3, 3), (-1, -1), (cv2.TERM_CRITERIA_EPS, 0, 1e-4))
     return np.abs((found - start).mean(axis=(0, 1))).max(), np.abs(found - start).max()
@@ -207,11 +209,23 @@ def test_pictures_without_a_label_are_left_out(folder):
     ("change", "error", "words"),
     [
         (lambda d: d["mine"].update(exhaustive=False), FormatError, "corners without a label would be learnt as none"),
-        (lambda d: d["mine"]["images"]["scene_000001.png"].update(xy=[[1, 2, 3]]), FormatError, "'xy' must hold any × 2"),
-        (lambda d: d["mine"]["images"]["scene_000001.png"]["xy"].append([700, 3]), FormatError, "lies outside the picture of 640×480"),
+        (
+            lambda d: d["mine"]["images"]["scene_000001.png"].update(xy=[[1, 2, 3]]),
+            FormatError, "'xy' must hold any × 2",
+        ),
+        (
+            lambda d: d["mine"]["images"]["scene_000001.png"]["xy"].append([700, 3]),
+            FormatError, "lies outside the picture of 640×480",
+        ),
         (lambda d: d["mine"]["images"].update(nowhere={"xy": []}), FormatError, "no picture nowhere, seen from"),
-        (lambda d: d["mine"]["images"].update({"a.mp4#000012": {"xy": []}}), FormatError, "save the frames as pictures"),
-        (lambda d: [d["mine"]["images"][k].update(xy=[]) for k in d["mine"]["images"]], ConfigError, "no corner of a checker board"),
+        (
+            lambda d: d["mine"]["images"].update({"a.mp4#000012": {"xy": []}}),
+            FormatError, "save the frames as pictures",
+        ),
+        (
+            lambda d: [d["mine"]["images"][k].update(xy=[]) for k in d["mine"]["images"]],
+            ConfigError, "no corner of a checker board",
+        ),
         (lambda d: d.update(other=3), FormatError, "'other' must be an object"),
     ],
 )  # fmt: skip

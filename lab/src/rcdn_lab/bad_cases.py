@@ -319,11 +319,20 @@ CASES = (
     BadCase("all views tilted alike", _one_tilt, VARIETY),
     BadCase("four places, five near-duplicates each", _duplicates(0.003), VARIETY),
     BadCase("four pictures, five copies each", _duplicates(0.0), VARIETY),
-    BadCase("one corner of the sensor", _within((0, 0), (0.5, 0.5)), ("coverage", "typical", "corners", "focal", "centre", "reach")),
-    BadCase("the centre only", _within((0.3, 0.25), (0.7, 0.75)), ("coverage", "typical", "corners", "focal", "centre", "reach")),
+    BadCase(
+        "one corner of the sensor", _within((0, 0), (0.5, 0.5)),
+        ("coverage", "typical", "corners", "focal", "centre", "reach"),
+    ),
+    BadCase(
+        "the centre only", _within((0.3, 0.25), (0.7, 0.75)),
+        ("coverage", "typical", "corners", "focal", "centre", "reach"),
+    ),
     BadCase("labels that pass over a column", _wrong_labels, ("left_out", "dropped")),
     BadCase("a lens that no coefficient follows", _ripples, ("systematic", "smooth")),
-    BadCase("a fisheye taken for a pinhole", _pinhole_for_fisheye, ("rms", "systematic", "smooth", "dropped", "left_out", "unsettled")),
+    BadCase(
+        "a fisheye taken for a pinhole", _pinhole_for_fisheye,
+        ("rms", "systematic", "smooth", "dropped", "left_out", "unsettled"),
+    ),
     BadCase("pictures of another size, one in five", _other_size(5), ("picture_size",)),
     BadCase("pictures of another size, every other", _other_size(2), ("error",)),
     BadCase("spacing in millimetres", _millimetres, ("spacing",)),

@@ -16,8 +16,9 @@ NOISE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """`cameras` and T_cam_world (4, 4) by name; `near`: for each place of boards a camera before which they are, and one beside it or −1.
-    Boards' middles are up to `tangent` off the axis (x, y) and `reach` m ahead of the camera before which they are."""
+    """`cameras` and T_cam_world (4, 4) by name; `near`: for each place of boards a camera before which they are, and
+    one beside it or −1. Boards' middles are up to `tangent` off the axis (x, y) and `reach` m ahead of the camera
+    before which they are."""
 
     cameras: dict[str, Camera]
     places: dict[str, Array]
@@ -27,7 +28,8 @@ class Scene:
     def views(
         self, rng: np.random.Generator, between: list[tuple[int, int]], noise: float = NOISE
     ) -> tuple[dict[str, list[Board]], dict[str, list[str]]]:
-        """Boards and their moments by camera: one board a moment, before the two cameras of `between` (one twice: before it alone)."""
+        """Boards and their moments by camera: one board a moment, before the two cameras of `between` (one
+        twice: before it alone)."""
         boards: dict[str, list[Board]] = {name: [] for name in self.cameras}
         moments: dict[str, list[str]] = {name: [] for name in self.cameras}
         whole, names = SIZE[0] * SIZE[1], list(self.cameras)
@@ -89,7 +91,8 @@ def ring(count: int, inwards: float, kinds: tuple[str, ...] = ("brown",)) -> Sce
 
 
 def outwards(overlap: float = 0.1) -> Scene:
-    """Four cameras that look outwards from a ring of 0.15 m, whose neighbours share an `overlap` of their pictures' angle."""
+    """Four cameras that look outwards from a ring of 0.15 m, whose neighbours share an `overlap` of
+    their pictures' angle."""
     focal = 320 / np.tan(np.radians(45) / (1 - overlap))
     camera = Camera(
         np.array([[focal, 0, 322], [0, focal, 238], [0, 0, 1.0]]),
@@ -112,7 +115,8 @@ def row(gaps: list[float], kinds: tuple[str, ...] = ("brown",)) -> Scene:
 
 
 def room(count: int, side: float = 2.2, kinds: tuple[str, ...] = ("brown",)) -> Scene:
-    """Cameras along the walls of a square room of `side` m, at the same distance from each other, that look to the wall opposite."""
+    """Cameras along the walls of a square room of `side` m, at the same distance from each other,
+    that look to the wall opposite."""
     cameras, places = {}, {}
     for k in range(count):
         turn = 2 * np.pi * k / count
@@ -123,7 +127,8 @@ def room(count: int, side: float = 2.2, kinds: tuple[str, ...] = ("brown",)) -> 
 
 
 def clusters(each: int) -> Scene:
-    """Two rows of cameras `each`, beside each other: one camera of the first joins them, its last one, which sees what the second row sees."""
+    """Two rows of cameras `each`, beside each other: one camera of the first joins them, its last one,
+    which sees what the second row sees."""
     parts = [row([0.25] * (each - 1)), row([0.25] * (each - 1))]
     cameras, places = {}, {}
     for p, part in enumerate(parts):
@@ -135,8 +140,8 @@ def clusters(each: int) -> Scene:
 
 
 def joined(each: int, many: int) -> list[tuple[int, int]]:
-    """Places of boards in two `clusters`: `many` before each camera and between neighbours of one row; the rows only share some before the
-    last camera of the first and the first of the second."""
+    """Places of boards in two `clusters`: `many` before each camera and between neighbours of one row; the rows only
+    share some before the last camera of the first and the first of the second."""
     own = [(a + p * each, b + p * each) for p in range(2) for a, b in chain(each, many)]
     return own + [(each - 1, each)] * many
 

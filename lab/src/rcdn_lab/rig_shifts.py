@@ -1,4 +1,5 @@
-"""Videos of a rig put out of step on purpose: one camera's frames are numbered as if they had been taken earlier or later."""
+"""Videos of a rig put out of step on purpose: one camera's frames are numbered as if they had been
+taken earlier or later."""
 
 from __future__ import annotations
 

@@ -54,7 +54,8 @@ def settings_of(count: int) -> dict[str, Any]:
     """Settings recorded with the figures."""
     return {
         "count": count, "preset": "auto", "first seed": FIRST, "cell": CELL, "share": SHARE, "floor": FLOOR,
-        "corner's peak": f"the nearest, within {REACH} px of the view and {OF_PITCH} of the distance to the nearest neighbour",
+        "corner's peak": f"the nearest, within {REACH} px of the view and {OF_PITCH} of the distance "
+        "to the nearest neighbour",
     }  # fmt: skip
 
 

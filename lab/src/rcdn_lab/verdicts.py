@@ -19,8 +19,9 @@ SHOWN = 120
 """characters of the first line that fit a table"""
 Step = Callable[[int, int], None] | None
 REAL = (
-    "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left", "stereo1-right",
-    "trinocular-left", "trinocular-middle", "trinocular-right", "udacity-wide", "gopro", "ocam-fish1", "theta", "sourishg-left", "sourishg-right",
+    "opencv-left", "opencv-right", "bouguet", "logicool", "pseye", "bimalka", "sony-hx5v", "stereo1-left",
+    "stereo1-right", "trinocular-left", "trinocular-middle", "trinocular-right", "udacity-wide", "gopro", "ocam-fish1",
+    "theta", "sourishg-left", "sourishg-right",
 )  # fmt: skip
 """public sets of photographs (`rcdn_lab.calibration.sets`) with which people calibrate"""
 MIXED = (("opencv-left", "opencv-right"), ("stereo1-left", "stereo1-right"), ("sourishg-left", "sourishg-right"))

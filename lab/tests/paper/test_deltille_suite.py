@@ -1,4 +1,5 @@
-"""`rcdn evaluate deltille`: what its rows count, on boards of which everything is known, and the command on a few pictures."""
+"""`rcdn evaluate deltille`: what its rows count, on boards of which everything is known,
+and the command on a few pictures."""
 
 import numpy as np
 import pytest

@@ -127,8 +127,10 @@ def rows_of(errors, figure="fig4", blurs=(False, True)):
     """Rows of one noise; `errors`: method → function of (angle, blurred) → mean px."""
     name = pixel_error.ANGLES[figure]
     return [
-        {"figure": figure, name: a, "noise": 50, "pre-blur": b, "method": method, "mean px": float(of(a, b)), "se px": 0.1, "miss": 0.0,
-         "hit": 0.0, "worse px": float(of(a, b) - errors[RCDN](a, b)), "worse se": 0.1}
+        {
+            "figure": figure, name: a, "noise": 50, "pre-blur": b, "method": method, "mean px": float(of(a, b)),
+            "se px": 0.1, "miss": 0.0, "hit": 0.0, "worse px": float(of(a, b) - errors[RCDN](a, b)), "worse se": 0.1,
+        }
         for b in blurs for a in range(0, pixel_error.LARGEST[figure] + 1, 5) for method, of in errors.items()
     ]  # fmt: skip
 

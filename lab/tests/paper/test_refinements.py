@@ -151,7 +151,8 @@ def test_pictures_without_a_corner_count_for_no_method(monkeypatch):
 
 
 def made(factor, **errors):
-    """Rows of `factor` at its levels; `errors`: method → function of the share of the range, 0 to 1, all others at 1 px."""
+    """Rows of `factor` at its levels; `errors`: method → function of the share of the range,
+    0 to 1, all others at 1 px."""
     levels = refinements.FACTORS[factor]
     names = [*refinement_claims.PAPER, "ours, first"]
     return [
@@ -167,8 +168,8 @@ def verdicts(rows):
 
 def test_claims_over_noise():
     like = made(
-        "noise", mixed=lambda t: 0.1 + 0.1 * t, Gauss=lambda t: 0.3 + 0.2 * t, parabola=lambda t: 0.3 + 0.2 * t, CoM=lambda t: 0.4 + 0.2 * t,
-        ROCHADE=lambda t: 0.2 + t, OpenCV=lambda t: 0.2 + 2 * t, ours_first=lambda t: 0.05,
+        "noise", mixed=lambda t: 0.1 + 0.1 * t, Gauss=lambda t: 0.3 + 0.2 * t, parabola=lambda t: 0.3 + 0.2 * t,
+        CoM=lambda t: 0.4 + 0.2 * t, ROCHADE=lambda t: 0.2 + t, OpenCV=lambda t: 0.2 + 2 * t, ours_first=lambda t: 0.05,
     )  # fmt: skip
     assert verdicts(like).pop("All in all, intensity methods perform better than response methods") is None
     assert all(v for k, v in verdicts(like).items() if not k.startswith("All in all"))
@@ -199,8 +200,8 @@ def test_claims_over_blur():
 def test_claims_over_rotation():
     wave = lambda t: 0.5 + 0.1 * np.cos(16 * t)  # noqa: E731
     like = made(
-        "rotation", CoM=wave, Gauss=wave, parabola=wave, mixed=lambda t: 0.05, ROCHADE=lambda t: 0.1 if t != 0.5 else 0.4,
-        OpenCV=lambda t: 0.2,
+        "rotation", CoM=wave, Gauss=wave, parabola=wave, mixed=lambda t: 0.05,
+        ROCHADE=lambda t: 0.1 if t != 0.5 else 0.4, OpenCV=lambda t: 0.2,
     )  # fmt: skip
     held = verdicts(like)
     assert held["Rotation: surface fitting gets an extremely large error at 45°"]

@@ -1,4 +1,5 @@
-"""The rendered pair is what it says: whole boards in both cameras, exact truth, one mount, the same pictures each time."""
+"""The rendered pair is what it says: whole boards in both cameras, exact truth, one mount,
+the same pictures each time."""
 
 import numpy as np
 import pytest

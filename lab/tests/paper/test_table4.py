@@ -1,4 +1,5 @@
-"""Table 4: errors that were put in come out, missing corners flatter nobody, and the paper's figures are the paper's."""
+"""Table 4: errors that were put in come out, missing corners flatter nobody,
+and the paper's figures are the paper's."""
 
 import json
 from dataclasses import asdict, replace
@@ -55,7 +56,8 @@ def test_exact_corners_leave_no_error():
 
 
 def test_errors_are_those_of_the_noise_that_was_put_in():
-    """Noise of σ an axis: a fit leaves √2·σ·√(1 − unknowns ÷ numbers), held-out poses √2·σ·√(1 − 6 ÷ numbers) and a little of the camera's error."""
+    """Noise of σ an axis: a fit leaves √2·σ·√(1 − unknowns ÷ numbers), held-out poses √2·σ·√(1 − 6 ÷ numbers) and a
+    little of the camera's error."""
     sigma = 0.1
     seen = table4_figures.figures([boards_of(noisy(sigma, 1, side), side) for side in (0, 1)])
     length, numbers = sigma * np.sqrt(2), 2 * len(IJ)
@@ -78,7 +80,8 @@ def test_the_errors_of_cameras_and_poses_grow_with_the_noise_and_are_small():
 
 
 def test_who_drops_its_worst_corners_is_flattered_by_the_reprojection_error_alone():
-    """The rim is noisier than the middle: without it the error that one sees is less, and the one that one doesn't see is more."""
+    """The rim is noisier than the middle: without it the error that one sees is less,
+    and the one that one doesn't see is more."""
     rim = (IJ == 0).any(axis=1) | (np.array(SIZE) - 1 == IJ).any(axis=1)
     xy = noisy(np.where(rim, 0.15, 0.1), 3)
     every, some = table4_figures.figures([boards_of(xy)]), table4_figures.figures([boards_of(xy, keep=~rim)])
@@ -158,7 +161,8 @@ class Kept(dict):
 
 @pytest.fixture
 def pair(tmp_path, monkeypatch):
-    """Plain files whose first grey values are camera and number, in place of the rendered ones; outliers are not looked for."""
+    """Plain files whose first grey values are camera and number, in place of the rendered ones;
+    outliers are not looked for."""
     monkeypatch.setattr(table4_figures, "without_outliers", lambda task: task)
     for c, side in enumerate(stereo_pair.SIDES):
         for k in range(COUNT):

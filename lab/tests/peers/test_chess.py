@@ -20,7 +20,8 @@ BOUND = 2040
 
 
 def shape(inside, blur=0.7, low=0, high=255):
-    """Grey uint8 (SIDE, SIDE) of a function of x, y (px from the middle), averaged over 8 × 8 samples a pixel, then blurred."""
+    """Grey uint8 (SIDE, SIDE) of a function of x, y (px from the middle),
+    averaged over 8 × 8 samples a pixel, then blurred."""
     fine = (np.arange(SIDE * 8) + 0.5) / 8 - 0.5 - MIDDLE
     x, y = np.meshgrid(fine, fine)
     grey = low + (high - low) * inside(x, y).reshape(SIDE, 8, SIDE, 8).mean(axis=(1, 3))
@@ -28,7 +29,8 @@ def shape(inside, blur=0.7, low=0, high=255):
 
 
 def corner(degrees, **settings):
-    """An X-corner in the middle whose bright squares lie along the direction `degrees` clockwise from the upward one, and opposite."""
+    """An X-corner in the middle whose bright squares lie along the direction `degrees` clockwise from the
+    upward one, and opposite."""
     a = np.radians(degrees - 45)
     return shape(lambda x, y: (x * np.cos(a) + y * np.sin(a)) * (y * np.cos(a) - x * np.sin(a)) < 0, **settings)
 
@@ -154,7 +156,8 @@ def test_bad_settings_are_refused(name, call):
 
 
 def test_suppression_isolated_responses_and_the_centre_of_mass(monkeypatch):
-    """Of a map: an isolated positive goes; of two maxima 2 px apart the weaker goes; equal neighbours are one corner between them."""
+    """Of a map: an isolated positive goes; of two maxima 2 px apart the weaker goes;
+    equal neighbours are one corner between them."""
     made = np.zeros((40, 40), np.float32)
     made[5, 5] = 900
     made[10, 10:13] = 100, 60, 90

@@ -92,7 +92,8 @@ def test_one_picture_one_answer():
 
 @pytest.mark.parametrize("degrees", [0, 20, 45, 70])
 def test_likelihood_of_corners_and_edges(degrees):
-    """The two prototypes are 45° apart: none is further than 22.5° from a corner of right angles. Colours make no difference."""
+    """The two prototypes are 45° apart: none is further than 22.5° from a corner of right angles.
+    Colours make no difference."""
     likely = corner_likelihood(half_planes(degrees=degrees))
     assert likely[20, 20] == likely.max() > 0.2
     assert np.allclose(corner_likelihood(1 - half_planes(degrees=degrees)), likely, atol=1e-5)
@@ -136,7 +137,8 @@ def corners_at(xy):
 
 
 def test_boards_of_lattices():
-    """The one of less energy, which has more corners, comes first; eight corners are none; no corner is in two boards."""
+    """The one of less energy, which has more corners, comes first; eight corners are none;
+    no corner is in two boards."""
     xy = np.concatenate([points(4, 4, (0, 0)), points(7, 5, (200, 0)), points(4, 2, (0, 300))])
     boards = geiger_boards(corners_at(xy))
     assert sorted(boards[0].ravel().tolist()) == list(range(16, 51))

@@ -73,7 +73,8 @@ def test_a_large_picture_is_looked_at_reduced_and_measured_in_full():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_thinning_keeps_what_hangs_together_and_nothing_wide(seed):
-    """Lines and blobs: as many parts as before, all within the mask, no 2 × 2 px left but where lines meet, and thinning again changes nothing."""
+    """Lines and blobs: as many parts as before, all within the mask, no 2 × 2 px left but where lines meet, and
+    thinning again changes nothing."""
     rng = np.random.default_rng(seed)
     mask = np.zeros((120, 140), np.uint8)
     for a, b, c, d in rng.integers(10, 110, (8, 4)).tolist():
@@ -115,7 +116,8 @@ def test_the_graph_of_a_board():
 
 
 def lattice_graph(cols, rows, drop=(), cut=()):
-    """A graph of a lattice seen from aside, in shuffled order, without the nodes `drop` and the links `cut`; and the label of each node."""
+    """A graph of a lattice seen from aside, in shuffled order, without the nodes `drop` and the links `cut`;
+    and the label of each node."""
     ij = [(i, j) for j in range(rows) for i in range(cols) if (i, j) not in drop]
     np.random.default_rng(0).shuffle(ij)
     number = {tuple(spot): k for k, spot in enumerate(ij)}

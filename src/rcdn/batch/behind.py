@@ -60,7 +60,8 @@ def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) 
     if not some:
         return got
     talk.note(
-        f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's back (a print that shines "
-        "through, or a mirrored one); if the pictures themselves are mirrored (selfie mode), flip them first"
+        f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's back "
+        "(a print that shines through, or a mirrored one); if the pictures themselves are mirrored (selfie "
+        "mode), flip them first"
     )
     return run.gather(inputs, got.frames or None, behind=True)

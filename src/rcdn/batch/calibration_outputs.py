@@ -48,10 +48,10 @@ CameraFiles = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, camchain.yaml: "
-        "Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for cv2.remap. "
-        "With --rig: camchain.yaml, .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .json, "
-        "and .yaml or camera_info.yaml, a file a camera.",
+        help="Write the camera; may be given several times. By the name: .yaml (OpenCV; camera_info.yaml: ROS, "
+        "camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json; .npz: maps that undistort, for "
+        "cv2.remap. With --rig: camchain.yaml, .toml (aniposelib; camera_array.toml: caliscope), rig_config.json "
+        "(COLMAP), .json, and .yaml or camera_info.yaml, a file a camera.",
     ),
 ]
 CameraFileFormat = Annotated[

@@ -19,8 +19,9 @@ KnownCameras = Annotated[
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="With --rig: a camera whose lens is known and held (left.yaml is that of the input left; NAME=FILE says it), a file of "
-        "several cameras or of a rig, or a folder with a file a camera; may be given several times. The other lenses are solved for.",
+        help="With --rig: a camera whose lens is known and held (left.yaml is that of the input left; NAME=FILE says "
+        "it), a file of several cameras or of a rig, or a folder with a file a camera; may be given several times. "
+        "The other lenses are solved for.",
     ),
 ]
 
@@ -44,8 +45,8 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
         return dict(zip(names, found.values(), strict=True))
     if unknown := [name for name in found if name not in names]:
         raise ConfigError(
-            f"--camera: {', '.join(unknown)} {'is no input' if len(unknown) == 1 else 'are no inputs'}; the inputs are {', '.join(names)}: "
-            "name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
+            f"--camera: {', '.join(unknown)} {'is no input' if len(unknown) == 1 else 'are no inputs'}; the inputs are "
+            f"{', '.join(names)}: name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
         )
     return found
 

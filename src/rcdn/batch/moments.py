@@ -52,8 +52,8 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
         return [[str(k) for k in range(len(names))] for names in pictures], "order"
     counts = ", ".join(str(len(names)) for names in pictures)
     raise ConfigError(
-        f"the cameras' pictures ({counts}) don't belong together by name (a/01.png and b/01.png) or by number (a_01.png and b_01.png); give "
-        "names that do, or as many of each in the same order"
+        f"the cameras' pictures ({counts}) don't belong together by name (a/01.png and b/01.png) or by number "
+        "(a_01.png and b_01.png); give names that do, or as many of each in the same order"
     )
 
 

@@ -18,7 +18,8 @@ Pairs = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="With --stereo: which pictures belong together, a line for each pair: the left one's name and the right one's.",
+        help="With --stereo: which pictures belong together, a line for each pair: "
+        "the left one's name and the right one's.",
     ),
 ]
 SEPARATORS = (",", ";", "\t")

@@ -42,8 +42,9 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     if len(left) == len(right):
         return Pairing([(k, k) for k in range(len(left))], "order")
     raise ConfigError(
-        f"{len(left)} pictures of the left camera and {len(right)} of the right one don't pair by name (a/01.png and b/01.png, or left_01.png and "
-        f"right_01.png); give names that do, or as many of each in the same order, or {_way_out(left, right)}"
+        f"{len(left)} pictures of the left camera and {len(right)} of the right one don't pair by name (a/01.png and "
+        "b/01.png, or left_01.png and right_01.png); give names that do, or as many of each in the same order, "
+        f"or {_way_out(left, right)}"
     )
 
 

@@ -34,8 +34,8 @@ class Pictures:
         self.left_out = ""
         if self._barred:
             self.left_out = (
-                f"{len(self._barred)} of {len(self._names)} photographs lie outside the folder of the file that names them and are "
-                "left out; --pictures FOLDER shows them."
+                f"{len(self._barred)} of {len(self._names)} photographs lie outside the folder of the file that names "
+                "them and are left out; --pictures FOLDER shows them."
             )
 
     def __call__(self, name: str) -> Array | None:

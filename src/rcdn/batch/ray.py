@@ -201,7 +201,8 @@ def _enter(folder: str) -> None:
         os.chdir(folder)
     except OSError as error:
         raise RcdnError(
-            f"--engine ray: a machine of the cluster has no folder {folder} ({error.strerror}); pictures must lie on a disk that all share"
+            f"--engine ray: a machine of the cluster has no folder {folder} ({error.strerror}); "
+            "pictures must lie on a disk that all share"
         ) from error
 
 

@@ -92,8 +92,8 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
         talk.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
         return dict(zip(rig.names, cameras.values(), strict=True))
     raise ConfigError(
-        f"--rig {path}: has cameras {', '.join(rig.names)}, but the inputs are {', '.join(cameras)}; name folders or videos as the cameras, "
-        "or give one a camera in that order"
+        f"--rig {path}: has cameras {', '.join(rig.names)}, but the inputs are {', '.join(cameras)}; name folders or "
+        "videos as the cameras, or give one a camera in that order"
     )
 
 
@@ -117,8 +117,8 @@ def _line(moment: str, pose: RigPoseEstimate) -> str:
     std = pose.std
     out = "".join(f"  without {name}: {why}" for name, why in pose.left_out.items())
     return (
-        f"{one_line(moment)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  rms {pose.rms:.3f} px  by "
-        f"{', '.join(pose.residuals)}{out}"
+        f"{one_line(moment)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  rms "
+        f"{pose.rms:.3f} px  by {', '.join(pose.residuals)}{out}"
     )
 
 

@@ -140,9 +140,7 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array,
     return at
 
 
-def _grown(
-    field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]
-) -> tuple[dict[Label, int], _Places]:
+def _grown(field: Field, at: dict[Label, int], gap: float, free: Bool[Array, " n"]) -> tuple[dict[Label, int], _Places]:
     """The grid with all `free` (N,) corners at predicted positions, and where its corners are."""
     at, open_ = dict(at), free.copy()
     open_[list(at.values())] = False
@@ -218,8 +216,8 @@ def _predicted(places: _Places, at: dict[Label, int], gap: float, spot: Label) -
 def corner_and_gaps(
     printed: Real[Array, "k 2"], flat: Real[Array, "k 2"], gap: float, lens: Division | None
 ) -> Real[Array, "3 2"] | None:
-    """Where the origin of the print is in the picture, and the points a `gap` beyond it along both axes, (3, 2) px, by the
-    homography of corners at `printed` (K, 2), sides of a tag, which are at `flat` (K, 2) px without the `lens`.
+    """Where the origin of the print is in the picture, and the points a `gap` beyond it along both axes, (3, 2) px, by
+    the homography of corners at `printed` (K, 2), sides of a tag, which are at `flat` (K, 2) px without the `lens`.
 
     None if there is no such homography.
     """

@@ -26,8 +26,8 @@ def edge_contrast(
 
     `start`, `end` (L, 2) px. Positive: the side at rising angle (clockwise on the screen) from the direction
     start → end is brighter. Offsets to the side stay between 1 and 5 px; at both ends, where blur mixes all four
-    squares, nothing is sampled. `close`: within 0.045 of a link's length and 2.5 px instead of 0.2 and 5 px, for squares
-    that a marker fills but for a narrow rim.
+    squares, nothing is sampled. `close`: within 0.045 of a link's length and 2.5 px instead of 0.2 and 5 px, for
+    squares that a marker fills but for a narrow rim.
     """
     out = np.empty((len(start), 3))
     _contrast(grey, _plane(start), _plane(end), close, out)

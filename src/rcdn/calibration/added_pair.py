@@ -135,9 +135,9 @@ class PairForecast:
         return cls(pair, prior, projections, float(now.max()), float(level_of(now[None] ** 2)[0]))
 
     def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c 2 n"]) -> tuple[Array, Array]:
-        """(C,) px, the worst uncertainty, and (C,) px, the mean: with each of C pairs of pictures of `points` (C, N, 3),
-        m, coordinates of the left camera; `seen` (C, 2, N): number of corners that each stands for in each picture, 0
-        where it is not visible."""
+        """(C,) px, the worst uncertainty, and (C,) px, the mean: with each of C pairs of pictures of `points`
+        (C, N, 3), m, coordinates of the left camera; `seen` (C, 2, N): number of corners that each stands for in each
+        picture, 0 where it is not visible."""
         every = []
         for k in range(0, len(points), BATCH):
             more = self._information(points[k : k + BATCH], seen[k : k + BATCH])

@@ -36,8 +36,8 @@ def _sizes(c: Calibration) -> str:
         return ""
     what = ", ".join(f"{s} in {many(n, 'view')}" for s, n in sizes.most_common())
     return (
-        f"Boards that aren't part of the {c.size[0]}×{c.size[1]} one were used, too ({what}): distances hold only if their squares are "
-        "as large. Name the size to leave them out."
+        f"Boards that aren't part of the {c.size[0]}×{c.size[1]} one were used, too ({what}): distances hold only if "
+        "their squares are as large. Name the size to leave them out."
     )
 
 
@@ -47,8 +47,8 @@ def _symmetric(c: Calibration) -> str:
     board = a_board(c.size)
     turn = "half a turn" if c.orientation == "ambiguous_180" else "quarter turns"
     return (
-        f"{board[0].upper()}{board[1:]} looks the same after {turn}: lens and RMS don't mind, but poses may be turned by that. A board with one odd "
-        "and one even side (9×6) has only one way up."
+        f"{board[0].upper()}{board[1:]} looks the same after {turn}: lens and RMS don't mind, but poses may be turned "
+        "by that. A board with one odd and one even side (9×6) has only one way up."
     )
 
 
@@ -66,4 +66,7 @@ def _unread(c: Calibration) -> str:
     unread = sum(v.target is None and v.spacing == c.spacing for v in c.used_views) if c.target is not None else 0
     if not unread:
         return ""
-    return f"The codes of {unread} of the used views were not read: these boards count as parts of the {c.target} at an unknown place."
+    return (
+        f"The codes of {unread} of the used views were not read: these boards count as parts of the "
+        f"{c.target} at an unknown place."
+    )

@@ -15,7 +15,8 @@ def check_spacing(spacing: float) -> None:
     """Raise ConfigError unless `spacing` can be the side of a square."""
     if not is_spacing(spacing):
         raise ConfigError(
-            f"spacing is the side of one square in metres and must be positive, {in_words(*SPACING)} (25 mm: 0.025), not {shown(spacing)}"
+            f"spacing is the side of one square in metres and must be positive, {in_words(*SPACING)} (25 mm: 0.025), "
+            f"not {shown(spacing)}"
         )
 
 

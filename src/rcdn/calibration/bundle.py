@@ -208,8 +208,8 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
 
 
 def told_by(state: State, camera: int) -> Array:
-    """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place, and the boards' places
-    and shape."""
+    """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place,
+    and the boards' places and shape."""
     lenses, others = state.counts[:-2], 6 * (len(state.cameras) - 1)
     out = np.zeros(sum(state.counts), bool)
     at = sum(lenses[:camera])
@@ -258,7 +258,7 @@ def motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
 
 
 def default_free(state: State, shape: bool = False, lens: bool = True, rig: bool = False) -> Array:
-    """(K,) bool, which shared parameters are unknown: those of the cameras (`lens`), the places of the other cameras and
-    boards (`rig`), the board's `shape`."""
+    """(K,) bool, which shared parameters are unknown: those of the cameras (`lens`), the places of the other cameras
+    and boards (`rig`), the board's `shape`."""
     *cameras, places, bends = state.counts
     return np.concatenate([np.full(sum(cameras), lens), np.full(places, rig), np.full(bends, shape)])

@@ -253,7 +253,8 @@ def result_of(
     scores: tuple[ModelScore, ...],
     fewest: int = FEWEST_VIEWS,
 ) -> Calibration:
-    """The calibration that a fit is; what it held fixed has no deviation. Raises CalibrationError if fewer views than `fewest` agree."""
+    """The calibration that a fit is; what it held fixed has no deviation.
+    Raises CalibrationError if fewer views than `fewest` agree."""
     used = [f for f, reason in enumerate(fit.reasons) if not reason]
     if len(used) < fewest:
         raise CalibrationError(
@@ -314,6 +315,6 @@ def _check_plausible(done: Calibration) -> None:
     share = float(max(done.std[:2] / done.camera.parameters[:2]))
     if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:
         raise CalibrationError(
-            f"these {len(done.used_views)} views don't settle the focal length (±{share:.0%}): they are too much alike; "
-            "take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
+            f"these {len(done.used_views)} views don't settle the focal length (±{share:.0%}): they are too much "
+            "alike; take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
         )

@@ -106,9 +106,9 @@ class Geometries:
         coded = sum(b.target is not None for b in boards)
         if left_out > coded:
             raise ConfigError(
-                f"{many(coded, 'board is', 'boards are')} {self.main.target} and {many(left_out, 'other has', 'others have')} "
-                f"no codes that could be read: name the spacing of each kind "
-                f"(checker=25mm,{kind_name(self.main)}=30mm), or calibrate from one kind"
+                f"{many(coded, 'board is', 'boards are')} {self.main.target} and "
+                f"{many(left_out, 'other has', 'others have')} no codes that could be read: name the spacing of each "
+                f"kind (checker=25mm,{kind_name(self.main)}=30mm), or calibrate from one kind"
             )
 
     def _unread(self, board: Board) -> Labelled:
@@ -189,12 +189,13 @@ def _sides(spacing: Any, kinds: Counter[str]) -> dict[str, float]:
     if len(coded) > 1:
         example = ", ".join(f"{k}=30mm" for k in coded)
         raise ConfigError(
-            f"the boards are of {len(coded)} kinds ({', '.join(coded)}), and one spacing can't say how large each is: name each one's "
-            f"(--spacing {example}; in Python a dict)"
+            f"the boards are of {len(coded)} kinds ({', '.join(coded)}), and one spacing can't say how large each is: "
+            f"name each one's (--spacing {example}; in Python a dict)"
         )
     if not coded and kinds["checker"] and kinds["deltille"]:
         raise ConfigError(
-            "boards: some are of squares and some of triangles (deltilles); calibrate from one kind, or name each one's spacing"
+            "boards: some are of squares and some of triangles (deltilles); calibrate from one kind, "
+            "or name each one's spacing"
         )
     return dict.fromkeys(coded or KINDS, float(spacing))
 

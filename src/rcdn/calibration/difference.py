@@ -93,7 +93,8 @@ def difference(a: Camera, b: Camera, pixels: Array) -> tuple[Array, Array]:
     common = np.isfinite(rays).all(axis=1) & np.isfinite(theirs).all(axis=1)
     if common.sum() < FEWEST:
         raise RcdnError(
-            f"the cameras have rays in common at {int(common.sum())} of {len(pixels)} pixels; a rotation takes {FEWEST} at least"
+            f"the cameras have rays in common at {int(common.sum())} of {len(pixels)} pixels; "
+            f"a rotation takes {FEWEST} at least"
         )
     turn = _rotation_between(rays[common], theirs[common])
     common &= np.isfinite(displacement(a, b, turn, pixels)).all(axis=1)

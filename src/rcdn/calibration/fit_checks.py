@@ -27,11 +27,13 @@ def board(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "stretched", abs(b.stretch), f"The print's squares are square, to {max(abs(b.stretch), 1e-4):.2%}.",
-            f"The board's squares aren't square: {abs(b.stretch):.1%} {way} than high. The lens is right, lengths in poses may be off by that.",
+            f"The board's squares aren't square: {abs(b.stretch):.1%} {way} than high. The lens is right, "
+            "lengths in poses may be off by that.",
             "Measure the print both ways, and print it again without scaling.",
         ),
         reason(
-            "bent", b.bend, f"The board is flat, to {bend:.2g} mm.", f"The board is bent by {bend:.2g} mm. The camera takes that into account.",
+            "bent", b.bend, f"The board is flat, to {bend:.2g} mm.",
+            f"The board is bent by {bend:.2g} mm. The camera takes that into account.",
             "A board on something flat and stiff makes a better camera.",
         ),
     ]  # fmt: skip
@@ -43,8 +45,10 @@ def dropped(c: Calibration, facts: Facts) -> list[Reason]:
     seen = sum(len(v) for v in c.used_views)
     found = [
         reason(
-            "dropped", r.dropped, f"Nearly all corners agree ({r.dropped:.1%} left out)." if c.outliers else "All corners agree.",
-            f"{c.outliers} of {seen} corners ({r.dropped:.0%}) {were_left_out(c.outliers)}: the figures are of the rest.",
+            "dropped", r.dropped,
+            f"Nearly all corners agree ({r.dropped:.1%} left out)." if c.outliers else "All corners agree.",
+            f"{c.outliers} of {seen} corners ({r.dropped:.0%}) {were_left_out(c.outliers)}: "
+            "the figures are of the rest.",
             "Look at them in the report: wrong corners, motion, a bent board, or a lens that the model doesn't follow.",
         )
     ]  # fmt: skip
@@ -52,7 +56,8 @@ def dropped(c: Calibration, facts: Facts) -> list[Reason]:
     found += [
         reason(
             "crowded", r.crowded, "Corners left out lie scattered." if c.outliers else "No region was left out.",
-            f"The corners left out sit together: {r.crowded:.0%} of those seen {where}. There the lens model or the board is wrong, not the corners.",
+            f"The corners left out sit together: {r.crowded:.0%} of those seen {where}. There the lens model or the "
+            "board is wrong, not the corners.",
             "Try another lens model, and look whether the board is flat and lit there.",
         )
     ]  # fmt: skip
@@ -65,8 +70,8 @@ def rms(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "rms", c.rms, "The camera explains the corners about as well as they can be found.",
-            f"An RMS of {c.rms:.2f} px is much for {width} px of width: a board that isn't flat and stiff, zoom or focus that changed, something "
-            "that moved, or a lens model that doesn't fit.",
+            f"An RMS of {c.rms:.2f} px is much for {width} px of width: a board that isn't flat and stiff, zoom or "
+            "focus that changed, something that moved, or a lens model that doesn't fit.",
             "Look at the worst views in the report.", factor=growth(c.camera.image_size),
         )
     ]  # fmt: skip
@@ -78,15 +83,18 @@ def held_out(c: Calibration, facts: Facts) -> list[Reason]:
     if not np.isfinite(ratio):
         return [
             reason(
-                "held_out", ratio, "", "Too few pictures to hold some back: nothing shows how the camera does in new ones.", "Take more pictures.",
+                "held_out", ratio, "",
+                "Too few pictures to hold some back: nothing shows how the camera does in new ones.",
+                "Take more pictures.",
                 level="fair",
             )
         ]  # fmt: skip
     return [
         reason(
-            "held_out", ratio, f"Pictures held out of the calibration fit {ratio:.2f} times the RMS: it does as well in new ones.",
-            f"Pictures held out of the calibration fit {ratio:.1f} times worse than those in it: there are too few different views for "
-            "this lens model.",
+            "held_out", ratio,
+            f"Pictures held out of the calibration fit {ratio:.2f} times the RMS: it does as well in new ones.",
+            f"Pictures held out of the calibration fit {ratio:.1f} times worse than those in it: there are too few "
+            "different views for this lens model.",
             "Take more pictures, with more variety, or a simpler lens model.",
         )
     ]  # fmt: skip
@@ -101,8 +109,10 @@ def systematic(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "systematic", cells.rms,
-            f"Hardly anything stands out from chance ({odd} of {of} cells of the sensor)." if odd else "Nothing stands out from chance.",
-            f"In {odd} of {of} cells of the sensor corners are systematically off, by up to {cells.largest:.2f} px: the lens isn't followed there.",
+            f"Hardly anything stands out from chance ({odd} of {of} cells of the sensor)." if odd
+            else "Nothing stands out from chance.",
+            f"In {odd} of {of} cells of the sensor corners are systematically off, by up to {cells.largest:.2f} px: "
+            "the lens isn't followed there.",
             "Try another lens model, or a flatter board.", factor=growth(c.camera.image_size),
         )
     ]  # fmt: skip
@@ -114,8 +124,8 @@ def smooth(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "smooth", r.smooth, f"Neighbouring corners share {r.smooth:.2f} px of their residuals: little enough.",
-            f"Neighbouring corners err alike, by {r.smooth:.2f} px (correlation {r.correlation:.2f}): a board that isn't flat or evenly printed, or "
-            "that moved while the picture was taken.",
+            f"Neighbouring corners err alike, by {r.smooth:.2f} px (correlation {r.correlation:.2f}): a board that "
+            "isn't flat or evenly printed, or that moved while the picture was taken.",
             "Put the board on something flat and stiff, and hold it still.", factor=growth(c.camera.image_size),
         )
     ]  # fmt: skip
@@ -130,8 +140,8 @@ def uneven(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "uneven", r.uneven, "The views scatter alike.",
-            f"Half of the views scatter {r.uneven:.1f} times as much as the others ({r.rough:.2f} px): blurred or moving pictures, another board, or "
-            "another camera.",
+            f"Half of the views scatter {r.uneven:.1f} times as much as the others ({r.rough:.2f} px): blurred or "
+            "moving pictures, another board, or another camera.",
             "Look at the worst views in the report, and take them out.", level=level,
         )
     ]  # fmt: skip
@@ -155,7 +165,8 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
     beyond = max(abs(facts.aspect - 1) - SIGMAS * facts.aspect_std, 0.0)
     return [
         reason(
-            "focal", facts.focal_std, "The pictures settle the focal length.", f"The focal length is known only to ±{facts.focal_std:.1%}.", how
+            "focal", facts.focal_std, "The pictures settle the focal length.",
+            f"The focal length is known only to ±{facts.focal_std:.1%}.", how
         ),
         reason(
             "centre", facts.centre_std / width, "The pictures settle the principal point.",
@@ -163,8 +174,8 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
         ),
         reason(
             "aspect", beyond, "Pixels are square, as far as the pictures tell.",
-            f"fy is {facts.aspect:.3f} × fx (±{facts.aspect_std:.3f}): pixels are hardly ever that far from square. The print may be stretched, "
-            "or the picture.",
+            f"fy is {facts.aspect:.3f} × fx (±{facts.aspect_std:.3f}): pixels are hardly ever that far from square. "
+            "The print may be stretched, or the picture.",
             "Measure the printed board both ways: its squares must be square.",
         ),
     ]  # fmt: skip
@@ -182,7 +193,8 @@ def projections(c: Calibration, facts: Facts) -> list[Reason]:
         ),
         reason(
             "corners", facts.at_corners, "Projections are firm out to the corners of the picture.",
-            f"Towards the corners of the picture projections are {rim}.", "Bring the board into the corners.", factor=factor,
+            f"Towards the corners of the picture projections are {rim}.", "Bring the board into the corners.",
+            factor=factor,
         ),
     ]  # fmt: skip
 

@@ -5,8 +5,8 @@ What camera c saw of board b at moment m, T_c_b, is T_c_rig · T_rig_set(m) · T
 enter alike. Groups of cameras whose places are known see sets of boards whose places are known; two groups that see one
 set at the same moment are joined, and so are two sets that one group sees at the same moment, as votes over all such
 moments. Where each group sees a set of its own only, both places follow from at least five moments in which the boards
-were turned differently (AX = YB: Shah, Solving the robot-world/hand-eye calibration problem using the Kronecker product,
-2013).
+were turned differently (AX = YB: Shah, Solving the robot-world/hand-eye calibration problem using the
+Kronecker product, 2013).
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Places = dict[int, Array]
 
 @dataclass(frozen=True, eq=False)
 class FixedBoards:
-    """`sets` of boards (one or more) whose relative poses are known: T_set_board (4, 4) by the number of the board's target; each
-    set's frame is that of its first board, the one that most views show. `edges`: cameras that see different boards of a set at the same moment, as
-    edges of the rig's graph."""
+    """`sets` of boards (one or more) whose relative poses are known: T_set_board (4, 4) by the number of the board's
+    target; each set's frame is that of its first board, the one that most views show. `edges`: cameras that see
+    different boards of a set at the same moment, as edges of the rig's graph."""
 
     sets: list[Places] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)

@@ -81,8 +81,8 @@ def _check_size(boards: Sequence[Board], camera: Camera) -> None:
     if boards and not any(b.image_size == camera.image_size for b in boards):
         (w, h), (width, height) = boards[0].image_size, camera.image_size
         raise CalibrationError(
-            f"its pictures have {w}×{h} px, but the camera given is one of {width}×{height}: give a camera of this size, or none, so that its "
-            "lens is solved for"
+            f"its pictures have {w}×{h} px, but the camera given is one of {width}×{height}: give a camera of this "
+            "size, or none, so that its lens is solved for"
         )
 
 

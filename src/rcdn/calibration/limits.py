@@ -71,7 +71,8 @@ def growth(image_size: tuple[int, int]) -> float:
 LIMITS = {
     "one_camera": Limit(
         "Difference of the cameras of groups of pictures (RMS after the best rotation)", "px", 0.0, 0.0, NEVER,
-        "Groups by name, order or focal length that differ by more than views of one camera do; one set of numbers can't be right for both.",
+        "Groups by name, order or focal length that differ by more than views of one camera do; "
+        "one set of numbers can't be right for both.",
     ),
     "spacing": Limit(
         "Side of a square", "m", 0.5, 0.5, NEVER,
@@ -87,7 +88,8 @@ LIMITS = {
     ),
     "views": Limit(
         "Different boards used", "", 10, 5, 0,
-        "Ten views let chance average out; below five one bad picture bends the whole result. Near-duplicates count once.", rising=True,
+        "Ten views let chance average out; below five one bad picture bends the whole result. "
+        "Near-duplicates count once.", rising=True,
     ),
     "tilt": Limit(
         "Tilt of the boards", "°", 20, 10, 0,
@@ -95,19 +97,23 @@ LIMITS = {
     ),
     "tilt_spread": Limit(
         "Spread of the tilts, in the direction of the least", "°", 4, 2, 0,
-        "Tilts about one axis, or all alike, leave focal length and principal point to make up for each other.", rising=True,
+        "Tilts about one axis, or all alike, leave focal length and principal point to make up for each other.",
+        rising=True,
     ),
     "unsettled": Limit(
         "Scatter between views ÷ what still counts as known", "×", 1.0, 1.0, 1.0,
-        "Focal length to 5 %, principal point to 5 % of the diagonal, fx ÷ fy to 3 %: what views don't agree on any better isn't known.",
+        "Focal length to 5 %, principal point to 5 % of the diagonal, fx ÷ fy to 3 %: "
+        "what views don't agree on any better isn't known.",
     ),
     "stretched": Limit(
         "Squares wider than high", "share", 0.005, 0.015, NEVER,
-        "Printers stretch by a few thousandths; the shape of the board is solved for, but lengths in poses may be off by it.",
+        "Printers stretch by a few thousandths; the shape of the board is solved for, "
+        "but lengths in poses may be off by it.",
     ),
     "bent": Limit(
         "Bend of the board, share of its side", "share", 0.005, 0.02, NEVER,
-        "Paper on cardboard stands out by 1 mm in 300, which is solved for; a strongly bent board bends anew in every picture, too.",
+        "Paper on cardboard stands out by 1 mm in 300, which is solved for; "
+        "a strongly bent board bends anew in every picture, too.",
     ),
     "left_out": Limit(
         "Views left out", "share", 0.1, 0.15, 0.5,
@@ -115,7 +121,8 @@ LIMITS = {
     ),
     "dropped": Limit(
         "Corners left out of the views used", "share", 0.05, 0.15, 0.3,
-        "A good detector is wrong in a few per cent; beyond that the model is at fault, and what is left only looks well.",
+        "A good detector is wrong in a few per cent; beyond that the model is at fault, "
+        "and what is left only looks well.",
     ),
     "crowded": Limit(
         "Largest share of corners left out in one region", "share", 0.2, 0.4, NEVER,
@@ -131,11 +138,13 @@ LIMITS = {
     ),
     "systematic": Limit(
         "Systematic part of the residuals over the sensor (RMS)", "px", 0.1, 0.25, 1.0,
-        "Means over cells that chance doesn't explain: directions there are wrong by as much, and no deviation holds it.", grows=True,
+        "Means over cells that chance doesn't explain: directions there are wrong by as much, "
+        "and no deviation holds it.", grows=True,
     ),
     "smooth": Limit(
         "Part of the residuals that neighbours share (RMS)", "px", 0.35, 0.45, 2.0,
-        "Noise of corners is independent; what neighbours share is a bent board, a moving picture or a lens that isn't followed.", grows=True,
+        "Noise of corners is independent; what neighbours share is a bent board, "
+        "a moving picture or a lens that isn't followed.", grows=True,
     ),
     "uneven": Limit(
         "RMS of the rougher half of the views ÷ the other half", "×", 2.5, 4.0, NEVER,
@@ -173,7 +182,9 @@ LIMITS = {
 """the thresholds of one camera's verdict"""
 STEREO_LIMITS = {
     "pairs": Limit("Pairs used", "", 10, 5, 0, "As for views.", rising=True),
-    "pair_rms": Limit("Reprojection error of both cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True),
+    "pair_rms": Limit(
+        "Reprojection error of both cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True,
+    ),
     "epipolar": Limit(
         "Distance from epipolar lines (RMS)", "px", 0.5, 1.0, 2.0,
         "Stereo matchers look along these lines, to half a pixel.", grows=True,
@@ -189,15 +200,18 @@ RIG_LIMITS = {
         "Parts of the rig that no board connects", "", 1, 1, 1, "Nothing tells where one part stands to the other."
     ),
     "thin": Limit(
-        "Cameras that hang on one board", "", 0, 0, NEVER, "A single wrong view would move the camera, and nothing would tell.",
+        "Cameras that hang on one board", "", 0, 0, NEVER,
+        "A single wrong view would move the camera, and nothing would tell.",
     ),
     "fixed_boards": Limit(
         "Parts of the boards that keep no place to each other", "", 1, NEVER, NEVER,
-        "Boards that are fixed to each other agree on it in every moment; what can't be placed is solved for as a board of its own.",
+        "Boards that are fixed to each other agree on it in every moment; "
+        "what can't be placed is solved for as a board of its own.",
     ),
     "rig_rms": Limit("Reprojection error of all cameras (RMS)", "px", 0.5, 1.0, 2.0, "As for one camera.", grows=True),
     "time_shift": Limit(
-        "Cameras that are out of step", "", 0, 0, NEVER, "A board that moves is then at different places for different cameras."
+        "Cameras that are out of step", "", 0, 0, NEVER,
+        "A board that moves is then at different places for different cameras."
     ),
 }  # fmt: skip
 """additional thresholds for a rig of many cameras"""

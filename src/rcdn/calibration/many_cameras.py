@@ -55,9 +55,9 @@ def calibrate_rig(
     cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
     enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
     moments that end in numbers count frames by them. `fixed_boards`: the different boards are fixed to each other (on
-    both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also connected
-    by different boards at one moment. All else as in `calibrate`; the first camera of the largest
-    connected component defines the rig's frame.
+    both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also
+    connected by different boards at one moment. All else as in `calibrate`; the first camera of the largest connected
+    component defines the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
     that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
@@ -132,7 +132,8 @@ def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[s
     """The cameras whose lens is known. Raises ConfigError for a name without views."""
     if unknown := [name for name in cameras or {} if name not in order]:
         raise ConfigError(
-            f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: give the same names"
+            f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: "
+            "give the same names"
         )
     return dict(cameras or {})
 

@@ -67,8 +67,8 @@ def next_view(
     size: tuple[int, int] | None = None,
     plane: Plane | None = None,
 ) -> NextView | None:
-    """The view that would reduce the projection uncertainty over the frame most, above all where it is large; None if no
-    candidate is visible or the camera's covariance is unknown.
+    """The view that would reduce the projection uncertainty over the frame most, above all where it is large; None if
+    no candidate is visible or the camera's covariance is unknown.
 
     Candidates are boards in 25 places of the frame, at three distances within those of the used views (or at
     `distances` (D,) m), facing the camera or tilted by 30° or 45° in eight directions, with at least half of their
@@ -106,8 +106,8 @@ def best_of(after: Real[Array, " c"], inside: Real[Array, " c"]) -> int:
 def sentence(found: NextView, image_size: tuple[int, int]) -> str:
     """The instruction in words, with its predicted benefit."""
     return (
-        f"{place_and_tilt(found, image_size)[:-1]}: the worst projection uncertainty would fall from {found.before:.2g} px to about "
-        f"{found.after:.2g} px."
+        f"{place_and_tilt(found, image_size)[:-1]}: the worst projection uncertainty would fall from "
+        f"{found.before:.2g} px to about {found.after:.2g} px."
     )
 
 
@@ -164,7 +164,8 @@ def described(
     inside: float,
     foreseen: tuple[float, float, float],
 ) -> NextView:
-    """The candidate with the index `best` of a board of `size` (columns, rows); `foreseen`: `before`, `after` and `gain`."""
+    """The candidate with the index `best` of a board of `size` (columns, rows); `foreseen`:
+    `before`, `after` and `gain`."""
     last = np.array(size) - 1
     box = plane.points(np.array([[0, 0], [last[0], 0], last, [0, last[1]]])) * calibration.spacing
     tilt = float(every.tilt[best])

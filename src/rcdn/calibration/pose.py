@@ -88,7 +88,8 @@ def _starts(camera: Camera, corners: Corners3) -> list[Array]:
     seen = np.isfinite(rays).all(axis=1)
     if seen.sum() < FEWEST or np.linalg.matrix_rank(corners.board[seen] - corners.board[seen].mean(axis=0), 1e-9) < 2:
         raise CalibrationError(
-            f"a pose needs {FEWEST} corners, not all in one line, with viewing rays; the board has {int(seen.sum())} that this camera can see"
+            f"a pose needs {FEWEST} corners, not all in one line, with viewing rays; "
+            f"the board has {int(seen.sum())} that this camera can see"
         )
     rays = rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True)
     turn = _facing(rays.mean(axis=0))

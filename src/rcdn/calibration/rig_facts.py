@@ -126,7 +126,8 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
         ),
         reason(
             "rig_rms", found.rms, "All cameras explain the corners about as well as they can be found.",
-            f"An RMS of {found.rms:.2f} px of all cameras is high.", "Look at the pairs of the highest RMS.", factor=factor,
+            f"An RMS of {found.rms:.2f} px of all cameras is high.", "Look at the pairs of the highest RMS.",
+            factor=factor,
         ),
         reason(
             "time_shift", len(late),
@@ -148,7 +149,8 @@ def _of_boards(found: RigCalibration) -> list[Reason]:
         reason(
             "fixed_boards", len(sets), "The boards keep their places to each other.",
             f"Only these boards keep their places to each other: {parts}.",
-            "Show boards of different parts at one moment, turned to several sides; or leave --fixed-boards out if they were moved.",
+            "Show boards of different parts at one moment, turned to several sides; "
+            "or leave --fixed-boards out if they were moved.",
         )
     ] if sets else []  # fmt: skip
 
@@ -187,7 +189,10 @@ def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
     against = camera.verdict.against
 
     def action(r: Reason) -> str:
-        anew = "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture may have changed."
+        anew = (
+            "Leave the camera that was given for it away, so that its lens is solved for: zoom, "
+            "focus or the picture may have changed."
+        )
         return anew if given and r.key in LENS_CHECKS else r.action
 
     return [

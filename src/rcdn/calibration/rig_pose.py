@@ -46,7 +46,8 @@ def estimate_rig_pose(
         check_board(board)
         if board.image_size != tuple(rig.cameras[rig.index(name)].image_size):
             raise ConfigError(
-                f"boards[{name!r}]: the picture has {board.image_size} px, the camera {tuple(rig.cameras[rig.index(name)].image_size)}"
+                f"boards[{name!r}]: the picture has {board.image_size} px, the camera "
+                f"{tuple(rig.cameras[rig.index(name)].image_size)}"
             )
     sights, reasons = _sights(boards, rig, spacing, shape)
     if not sights:

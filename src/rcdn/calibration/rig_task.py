@@ -20,10 +20,10 @@ from rcdn.types import Array, Calibration
 
 @dataclass(frozen=True, eq=False)
 class RigTask:
-    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, or sets
-    of boards that are `fixed` to each other, each with its entry of `keys` (None: the partial view of a single camera);
-    `boards`: for each board its frame; `rows`: (camera, view) → rows of the corners, with labels `ij`; `cluster` (F,):
-    moments; `known`: for each camera, whether its lens is held constant."""
+    """The joint problem: the `cameras` in it by their numbers, first that of the rig's frame; frames are boards, or
+    sets of boards that are `fixed` to each other, each with its entry of `keys` (None: the partial view of a single
+    camera); `boards`: for each board its frame; `rows`: (camera, view) → rows of the corners, with labels `ij`;
+    `cluster` (F,): moments; `known`: for each camera, whether its lens is held constant."""
 
     cameras: list[int]
     keys: list[Key | None]

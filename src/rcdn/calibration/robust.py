@@ -235,7 +235,8 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
         elif len(mine) and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
-                f"its corners lie {px[f]:.2g} px from where this camera would see them, those of other views {others:.2g} px"
+                f"its corners lie {px[f]:.2g} px from where this camera would see them, "
+                f"those of other views {others:.2g} px"
             )
         elif share > TOO_MANY:
             reasons[f] = f"{share:.0%} of its corners disagree with the other views"

@@ -224,7 +224,8 @@ class Normal:
 
     @classmethod
     def _by_camera(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str, each: int) -> Normal:
-        """The same, camera by camera: a corner tells of its own camera's lens and place and of the board's shape, and nothing of other cameras."""
+        """The same, camera by camera: a corner tells of its own camera's lens and place and of the board's shape,
+        and nothing of other cameras."""
         prior, many = state.beforehand, int(free.sum())
         blocks, whole = np.zeros((len(state.poses), 6, 6 + many)), prior.precision[np.ix_(free, free)].copy()
         by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]
@@ -246,8 +247,8 @@ class Normal:
 
 
 def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Array]:
-    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose` (M, 2, 6), `shared` (M, 2, K)
-    and `gaps` (M, 2)."""
+    """Whitened Jacobian (2 M, K) and residuals (2 M,) of one view without what its pose takes up; of `by_pose`
+    (M, 2, 6), `shared` (M, 2, K) and `gaps` (M, 2)."""
     Q, _ = np.linalg.qr(by_pose.reshape(-1, 6))
     J, e = shared.reshape(len(Q), shared.shape[-1]), gaps.ravel()
     return J - Q @ (Q.T @ J), e - Q @ (Q.T @ e)

@@ -86,7 +86,8 @@ def stereo_solution(
     second = _alone(1, right, geometries or spacing, named[1], model, size or first.size)
     if first.size != second.size:
         raise CalibrationError(
-            f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): name the size to use"
+            f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
+            "name the size to use"
         )
     note = ""
     if model == "auto":
@@ -225,7 +226,8 @@ def _result(
     pairs = [f for f in used if min(task.seen[f]) >= 0]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
-            f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: check that pictures are paired by moment"
+            f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: "
+            "check that pictures are paired by moment"
         )
     cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
     a, b = len(first.std), len(second.std)

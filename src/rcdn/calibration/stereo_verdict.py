@@ -48,22 +48,26 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
     shared = np.isfinite(stereo.epipolar)
     return [
         reason(
-            "pairs", used, "Enough pairs for chance to average out.", f"Only {many(used, 'pair')}: one bad pair can bend the result.",
+            "pairs", used, "Enough pairs for chance to average out.",
+            f"Only {many(used, 'pair')}: one bad pair can bend the result.",
             "Take 10 to 30 pairs, of the board in different places, distances and tilts.",
         ),
         reason(
             "pair_rms", stereo.rms, "Both cameras explain the corners about as well as they can be found.",
-            f"An RMS of {stereo.rms:.2f} px of both cameras is high.", "Look at the worst pairs in the report.", factor=factor,
+            f"An RMS of {stereo.rms:.2f} px of both cameras is high.", "Look at the worst pairs in the report.",
+            factor=factor,
         ),
         reason(
             "epipolar", stereo.epipolar, "Matching points lie on one row of the rectified pictures.",
-            f"Matching corners lie {stereo.epipolar:.2f} px off their epipolar lines: the cameras moved against each other, or "
-            "weren't triggered together." if shared else "No corner was seen by both cameras: nothing tells how far off the rows are.",
+            f"Matching corners lie {stereo.epipolar:.2f} px off their epipolar lines: the cameras moved against each "
+            "other, or weren't triggered together." if shared
+            else "No corner was seen by both cameras: nothing tells how far off the rows are.",
             "Trigger both cameras at one moment, with the board held still." if shared
             else "Add pairs in which both see the same part of the board.", factor=factor,
         ),
         reason(
-            "baseline", share, "The pairs settle how far the cameras stand apart.", f"The baseline is known only to ±{share:.1%}.",
+            "baseline", share, "The pairs settle how far the cameras stand apart.",
+            f"The baseline is known only to ±{share:.1%}.",
             "Add pairs with the board near and tilted.",
         ),
     ]  # fmt: skip

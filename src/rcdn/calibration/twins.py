@@ -206,13 +206,13 @@ def _together(model: str, alone: Sequence[str]) -> str:
     sides = zip(("left", "right"), alone, strict=True)
     other = " and ".join(f"{name} on the {side}" for side, name in sides if name != model)
     return (
-        f"The lenses are alike, so both cameras have one model, {model}, the simplest that predicts the pictures of both "
-        f"(each alone: {other})."
+        f"The lenses are alike, so both cameras have one model, {model}, the simplest that predicts the pictures of "
+        f"both (each alone: {other})."
     )
 
 
 def _apart(alone: Sequence[str]) -> str:
     return (
-        f"The lenses see at the same angles, but no one model does for both: {alone[0]} on the left, {alone[1]} on the right. If they "
-        "are of one make, take more pictures with the board near the frame's edges, or name a model."
+        f"The lenses see at the same angles, but no one model does for both: {alone[0]} on the left, {alone[1]} on the "
+        "right. If they are of one make, take more pictures with the board near the frame's edges, or name a model."
     )

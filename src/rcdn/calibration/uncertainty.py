@@ -129,7 +129,8 @@ def covariance(arrow: Arrow, frames: Real[Array, " f"], scale: float, honest: Cl
 
 
 def with_held(cov: Array, free: Array) -> Array:
-    """`cov` of the `free` ones of K shared parameters and of the poses' mean motion, with zeros for what was held: (K + 6, K + 6)."""
+    """`cov` of the `free` ones of K shared parameters and of the poses' mean motion,
+    with zeros for what was held: (K + 6, K + 6)."""
     if free.all():
         return cov
     at = np.flatnonzero(np.append(free, np.ones(6, bool)))

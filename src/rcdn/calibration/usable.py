@@ -49,8 +49,9 @@ def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     if many >= SAME_SIZE * len(boards):
         return usual
     raise CalibrationError(
-        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one resolution; "
-        "calibrate the pictures of each size by themselves. Crops and resized copies belong to no camera: take pictures as they were stored"
+        f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one "
+        "resolution; calibrate the pictures of each size by themselves. Crops and resized copies belong to no camera: "
+        "take pictures as they were stored"
     )
 
 
@@ -90,7 +91,8 @@ def usable(
     whole: Geometry,
     fewest: int = FEWEST_VIEWS,
 ) -> Usable:
-    """The boards with enough corners, at least `fewest` of them, as arrays; `whole`: the board whose shape may be estimated."""
+    """The boards with enough corners, at least `fewest` of them, as arrays;
+    `whole`: the board whose shape may be estimated."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(names))}
     index, reasons = [], {}
     for k, (board, label) in enumerate(zip(boards, labels, strict=True)):
@@ -133,8 +135,8 @@ def too_few(views: int, reasons: dict[int, str]) -> str:
     why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
     verb = "are" if views > 1 else "is"
     return (
-        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the board in different "
-        "places and tilts"
+        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the "
+        "board in different places and tilts"
     )
 
 

@@ -22,7 +22,8 @@ def spacing(c: Calibration, facts: Facts) -> list[Reason]:
     """A side of a square that is implausible in metres; no reason if it is plausible."""
     found = reason(
         "spacing", c.spacing, "",
-        f"A spacing of {c.spacing:g} m makes a board of {c.spacing:g} m squares: distances will be wrong if these are millimetres.",
+        f"A spacing of {c.spacing:g} m makes a board of {c.spacing:g} m squares: "
+        "distances will be wrong if these are millimetres.",
         "Give the side of one square in metres (25 mm: 0.025).",
     )  # fmt: skip
     return [] if found.level == "good" else [found]
@@ -37,8 +38,9 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "picture_size", len(odd) / len(c.views), "",
-            f"{many(len(odd), 'picture')} of {len(c.views)} {'has' if len(odd) == 1 else 'have'} another size ({words}) and "
-            f"{'was' if len(odd) == 1 else 'were'} left out: another camera, or another setting of this one.",
+            f"{many(len(odd), 'picture')} of {len(c.views)} {'has' if len(odd) == 1 else 'have'} another size "
+            f"({words}) and {'was' if len(odd) == 1 else 'were'} left out: another camera, "
+            "or another setting of this one.",
             "Calibrate pictures of one camera at one resolution.",
         )
     ]  # fmt: skip
@@ -53,8 +55,8 @@ def board_size(c: Calibration, facts: Facts) -> list[Reason]:
     share = sum(b == less for b in boxes) / max(len(boxes), 1)
     found = reason(
         "board_size", share, "",
-        f"No view shows the whole {c.size[0]}×{c.size[1]} board, and {share:.0%} show exactly {less[1]}×{less[0]} corners: was the board named by "
-        "its squares?",
+        f"No view shows the whole {c.size[0]}×{c.size[1]} board, and {share:.0%} show exactly {less[1]}×{less[0]} "
+        "corners: was the board named by its squares?",
         f"Name its inner corners: {c.size[0] - 1}×{c.size[1] - 1}.",
     )  # fmt: skip
     return [] if found.level == "good" else [found]
@@ -66,7 +68,10 @@ def views(c: Calibration, facts: Facts) -> list[Reason]:
     need = f"{LIMITS['views'].good:g}"
     wrong = f"Only {many(views, 'view')}: one bad picture can bend the result."
     if distinct < views:
-        wrong = f"{many(views, 'view')}, but the board stands in only {distinct} different places: near-duplicates tell nothing new."
+        wrong = (
+            f"{many(views, 'view')}, but the board stands in only {distinct} different places: "
+            "near-duplicates tell nothing new."
+        )
     return [
         reason(
             "views", distinct, "Enough different boards for chance to average out.", wrong,
@@ -81,8 +86,8 @@ def tilt(c: Calibration, facts: Facts) -> list[Reason]:
     found = [
         reason(
             "tilt", facts.views.tilt, "The boards are tilted enough to tell focal length from distance.",
-            f"The board nearly faces the camera in all pictures (tilt at most {facts.views.tilt:.0f}°): that doesn't tell focal "
-            "length from distance.",
+            f"The board nearly faces the camera in all pictures (tilt at most {facts.views.tilt:.0f}°): that doesn't "
+            "tell focal length from distance.",
             how,
         )
     ]  # fmt: skip
@@ -90,8 +95,8 @@ def tilt(c: Calibration, facts: Facts) -> list[Reason]:
         found += [
             reason(
                 "tilt_spread", facts.views.spread, "The boards are tilted in several directions.",
-                f"The board is tilted in nearly one direction in all pictures (its tilts vary by {facts.views.spread:.1f}° across it): focal length "
-                "and principal point can make up for each other.",
+                "The board is tilted in nearly one direction in all pictures (its tilts vary by "
+                f"{facts.views.spread:.1f}° across it): focal length and principal point can make up for each other.",
                 how,
             )
         ]  # fmt: skip
@@ -107,8 +112,8 @@ def left_out(c: Calibration, facts: Facts) -> list[Reason]:
         reason(
             "left_out", len(out) / max(of, 1),
             "Hardly any view disagrees with the others." if out else "No view disagrees with the others.",
-            f"{len(out)} of {many(of, 'view')} {were_left_out(len(out))} ({some}): another camera, zoom or board, wrong corners, "
-            "or a board that moved.",
+            f"{len(out)} of {many(of, 'view')} {were_left_out(len(out))} ({some}): another camera, zoom or board, "
+            "wrong corners, or a board that moved.",
             "Look at them in the report, and take out what doesn't belong to this camera.",
         )
     ]  # fmt: skip
@@ -119,11 +124,15 @@ def coverage(c: Calibration, facts: Facts) -> list[Reason]:
     empty = int((facts.in_view & (facts.coverage == 0)).sum())
     where = _thirds(c)
     none = f", none in the {where}" if where else ""
-    wrong = f"{empty} of {int(facts.in_view.sum())} cells of the sensor {'has' if empty == 1 else 'have'} no corner{none}: there the lens is guessed."
+    wrong = (
+        f"{empty} of {int(facts.in_view.sum())} cells of the sensor {'has' if empty == 1 else 'have'} no corner{none}: "
+        "there the lens is guessed."
+    )
     return [
         reason(
             "coverage", facts.covered, f"Corners cover {facts.covered:.0%} of the sensor.", wrong,
-            "Hold the board there, too, tilted." if where else "Bring the board to the edges and corners of the picture.",
+            "Hold the board there, too, tilted." if where
+            else "Bring the board to the edges and corners of the picture.",
         )
     ]  # fmt: skip
 

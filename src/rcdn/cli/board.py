@@ -64,8 +64,8 @@ def board(
         typer.Option(
             parser=_size,
             metavar="COLSxROWS",
-            help="Inner corners, where four squares (six triangles) meet: 9x6 gives 10x7 squares. Of a ChArUco board its squares, of an "
-            "AprilGrid its tags.",
+            help="Inner corners, where four squares (six triangles) meet: 9x6 gives 10x7 squares. Of a ChArUco board "
+            "its squares, of an AprilGrid its tags.",
         ),
     ] = None,
     spacing: Annotated[
@@ -73,7 +73,8 @@ def board(
         typer.Option(
             parser=parse_length,
             metavar="LENGTH",
-            help="Side of one square, triangle or tag, with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025.",
+            help="Side of one square, triangle or tag, with its unit: 25mm, 2.5cm, 1in. "
+            "A number alone is in metres: 0.025.",
         ),
     ] = None,
     paper: Annotated[
@@ -82,8 +83,8 @@ def board(
     pattern: Annotated[
         Printable,
         typer.Option(
-            help="checker: squares. deltille: triangles, for `rcdn detect --pattern deltille`. The others carry codes that tell every corner "
-            "from the others; --spacing is the side of a square or of a tag."
+            help="checker: squares. deltille: triangles, for `rcdn detect --pattern deltille`. The others carry codes "
+            "that tell every corner from the others; --spacing is the side of a square or of a tag."
         ),
     ] = Printable.checker,
     dictionary: Annotated[
@@ -114,7 +115,8 @@ def board(
         str | None,
         typer.Option(
             metavar="N",
-            help="The number of the first marker or tag, usually 0. puzzleboard: COLUMN,ROW of its first corner on the code.",
+            help="The number of the first marker or tag, usually 0. puzzleboard: "
+            "COLUMN,ROW of its first corner on the code.",
         ),
     ] = None,
     which: Annotated[
@@ -203,8 +205,8 @@ def _note(target: Print) -> str | None:
 
     if isinstance(target, Charuco) and target.first_id:
         return (
-            f"numbers that begin with {target.first_id} are read where the paper above the first row is seen: leave half a square of it white; "
-            f"else say which board it is, --target {specification(target)}"
+            f"numbers that begin with {target.first_id} are read where the paper above the first row is seen: leave "
+            f"half a square of it white; else say which board it is, --target {specification(target)}"
         )
     if isinstance(target, AprilGrid) and target.first_id:
         return (

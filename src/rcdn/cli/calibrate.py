@@ -47,8 +47,8 @@ def calibrate(
         list[str],
         typer.Argument(
             metavar="INPUTS...",
-            help="Pictures, folders, patterns ('a/*.png') or videos of one camera, or detections that were saved (.json of rcdn "
-            "detect, corners.vnl). With --stereo two: the left and the right camera's.",
+            help="Pictures, folders, patterns ('a/*.png') or videos of one camera, or detections that were saved "
+            "(.json of rcdn detect, corners.vnl). With --stereo two: the left and the right camera's.",
         ),
     ],
     spacing: SpacingOrFile = None,
@@ -67,8 +67,8 @@ def calibrate(
         bool,
         typer.Option(
             "--rig",
-            help="Calibrate many cameras: an input for each, or one folder with a folder or a video of each; frames of one name or "
-            "number belong together.",
+            help="Calibrate many cameras: an input for each, or one folder with a folder or a video of each; frames of "
+            "one name or number belong together.",
         ),
     ] = False,
     camera: KnownCameras = None,
@@ -169,7 +169,8 @@ def _check_two(inputs: list[str], alone: dict[str, object]) -> None:
     """Raise ConfigError unless there are two `inputs`, and no option for a single camera (`alone`) is given."""
     if len(inputs) != 2:
         raise ConfigError(
-            f"--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), not {len(inputs)}"
+            "--stereo takes two inputs, LEFT and RIGHT (folders, quoted patterns such as 'left*.png', videos), "
+            f"not {len(inputs)}"
         )
     for name, given in alone.items():
         if given:

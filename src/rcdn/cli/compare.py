@@ -40,8 +40,8 @@ def compare(
     where: Annotated[
         Where | None,
         typer.Option(
-            help="Fit the rotation and take the figures over the area that the corners of both calibrations cover (seen, the "
-            "default where a calibration is given), or wherever both cameras have rays (frame)."
+            help="Fit the rotation and take the figures over the area that the corners of both calibrations cover "
+            "(seen, the default where a calibration is given), or wherever both cameras have rays (frame)."
         ),
     ] = None,
     camera_name: Annotated[

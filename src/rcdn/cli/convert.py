@@ -50,11 +50,12 @@ def convert(
         list[str],
         typer.Argument(
             metavar="IN... OUT",
-            help="A camera file (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON, what `rcdn calibrate --json` wrote; two where a pair has two), a rig (as "
-            "`rcdn calibrate --rig -o` writes it: one file, or all), or "
-            "detections (.json of rcdn detect, corners.vnl); then the file to write. By its name: .yaml (OpenCV; camera_info.yaml: ROS, "
-            "camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl; .npz: maps that undistort; of a rig .toml (aniposelib; "
-            "camera_array.toml: caliscope), rig_config.json (COLMAP), and .yaml a file a camera, too.",
+            help="A camera file (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON, what `rcdn calibrate --json` wrote; two "
+            "where a pair has two), a rig (as `rcdn calibrate --rig -o` writes it: one file, or all), or detections "
+            "(.json of rcdn detect, corners.vnl); then the file to write. By its name: .yaml (OpenCV; "
+            "camera_info.yaml: ROS, camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl; "
+            ".npz: maps that undistort; of a rig .toml (aniposelib; camera_array.toml: caliscope), rig_config.json "
+            "(COLMAP), and .yaml a file a camera, too.",
         ),
     ],
     to: Annotated[
@@ -171,7 +172,8 @@ def _check_squares(path: Path, images: Sequence[ImageResult]) -> None:
         for board in image.boards:
             if board.pattern != "checker":
                 raise FormatError(
-                    f"{path}: {image.path} has a board of the kind {board.pattern}; corners.vnl holds grids of squares only: write json"
+                    f"{path}: {image.path} has a board of the kind {board.pattern}; "
+                    "corners.vnl holds grids of squares only: write json"
                 )
 
 

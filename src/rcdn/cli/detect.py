@@ -122,7 +122,8 @@ def detect(
         typer.Option(
             metavar="HOST:PORT",
             envvar="RAY_ADDRESS",
-            help="With --engine ray: the cluster; `auto`: the one of this machine. Without it one is started here, for this run.",
+            help="With --engine ray: the cluster; `auto`: the one of this machine. "
+            "Without it one is started here, for this run.",
         ),
     ] = None,
     cache: Annotated[

@@ -40,7 +40,8 @@ def live(
         Path,
         typer.Argument(
             metavar="FOLDER",
-            help="Where pictures are kept as they are taken, and the camera at the end: a new folder, or one to go on with.",
+            help="Where pictures are kept as they are taken, and the camera at the end: a new folder, "
+            "or one to go on with.",
         ),
     ] = Path("camera"),
     spacing: SquareSide = None,
@@ -48,8 +49,9 @@ def live(
         list[str] | None,
         typer.Option(
             metavar="WHICH",
-            help="browser (the default): the camera that the page may use. 0, 1, …: a camera of this computer; rtsp://…: one on the "
-            "network; or a video file. With --stereo twice, LEFT and RIGHT, or once for one whose pictures hold both side by side.",
+            help="browser (the default): the camera that the page may use. 0, 1, …: a camera of this computer; "
+            "rtsp://…: one on the network; or a video file. With --stereo twice, LEFT and RIGHT, or once for one whose "
+            "pictures hold both side by side.",
         ),
     ] = None,
     stereo: Annotated[
@@ -66,7 +68,8 @@ def live(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="An address of this machine, for a page on another one, a phone say: only with --certificate or --self-signed.",
+            help="An address of this machine, for a page on another one, a phone say: "
+            "only with --certificate or --self-signed.",
         ),
     ] = "127.0.0.1",
     port: Annotated[

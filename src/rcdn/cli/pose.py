@@ -39,8 +39,8 @@ def pose(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Instead of a camera: a rig, as `rcdn calibrate --rig -o` writes it. INPUTS are then one a camera, or one folder with a "
-            "folder or a video of each, as there.",
+            help="Instead of a camera: a rig, as `rcdn calibrate --rig -o` writes it. INPUTS are then one a camera, or "
+            "one folder with a folder or a video of each, as there.",
         ),
     ] = None,
     spacing: SpacingOrFile = None,

@@ -23,7 +23,8 @@ def report(
     ),
     shown: PicturePlaces = None,
 ) -> None:
-    """Write the page of a calibration (of a camera, a pair or a rig) again, from its JSON; photographs that are still where they were are drawn in.
+    """Write the page of a calibration (of a camera, a pair or a rig) again, from its JSON;
+    photographs that are still where they were are drawn in.
 
     Only those in the JSON's own folder, or in --pictures: a file from elsewhere could name any picture of yours.
 

@@ -31,8 +31,9 @@ def train(
         str | None,
         typer.Option(
             metavar="FILE|DIR",
-            help="Labelled pictures of your own, crops of which are mixed with the rendered ones: what rcdn detect --json "
-            "wrote, once its errors are corrected, or a truth.json, or the folder of one; none: the configuration's aren't used.",
+            help="Labelled pictures of your own, crops of which are mixed with the rendered ones: what rcdn detect "
+            "--json wrote, once its errors are corrected, or a truth.json, or the folder of one; none: "
+            "the configuration's aren't used.",
         ),
     ] = None,
     overfit: Annotated[

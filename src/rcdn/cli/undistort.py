@@ -175,7 +175,10 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
 def _finish(run: _Run, make: Undistortion, out: Path) -> None:
     """Print what was done, and set the exit code."""
     width, height = make.flat.image_size
-    line = f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}; their camera: {out / CAMERA_FILE}"
+    line = (
+        f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}; their camera: "
+        f"{out / CAMERA_FILE}"
+    )
     if run.unwritten > 1:
         say_error(f"{run.unwritten} pictures could not be written")
     if run.stopped:

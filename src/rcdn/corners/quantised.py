@@ -15,9 +15,12 @@ from rcdn.corners.model_facts import FIX
 from rcdn.errors import RcdnError
 
 FORMS = {
-    "reals": (np.dtype(np.float32), prod(SHAPES[0]) + SHAPES[0][0] + 2 * sum(s[0] for s in SHAPES[1:]) + prod(SHAPES[-1])),
+    "reals": (
+        np.dtype(np.float32),
+        prod(SHAPES[0]) + SHAPES[0][0] + 2 * sum(s[0] for s in SHAPES[1:]) + prod(SHAPES[-1]),
+    ),
     "whole": (np.dtype(np.int8), sum(prod(s) for s in SHAPES[1:-1])),
-}  # fmt: skip
+}
 """type and length of the arrays. `reals`: first layer, scales and biases of the others, last layer; `whole`: the layers
 between"""
 

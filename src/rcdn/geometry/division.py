@@ -18,7 +18,8 @@ from rcdn.types.arrays import Real
 FEWEST = 12
 """least number of points from which the coefficient is estimated"""
 BETTER = 0.4
-"""largest residual with the coefficient, as a share of that of a homography alone, with which a lens is seen to distort"""
+"""largest residual with the coefficient, as a share of that of a homography alone,
+with which a lens is seen to distort"""
 RANGE, STEPS, ROUNDS = (-0.97, 0.4), 25, 3
 """coefficients that are tried, times the square of the outermost point's radius; how many, and how often again between
 the neighbours of the best"""
@@ -71,8 +72,8 @@ def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: t
 def _residuals(
     coefficients: Real[Array, " c"], plane: Real[Array, "n 2"], off: Real[Array, "n 2"]
 ) -> Real[Array, " c"]:
-    """(C,) root mean square distances of points at `off` (N, 2) from the centre, in units of the scale, from those of the
-    `plane` (N, 2) under the best homography and each of the `coefficients` (C,); infinite where there is none."""
+    """(C,) root mean square distances of points at `off` (N, 2) from the centre, in units of the scale, from those of
+    the `plane` (N, 2) under the best homography and each of the `coefficients` (C,); infinite where there is none."""
     c = coefficients[:, None, None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         flat = off / (1 + c * _square(off))

@@ -20,7 +20,8 @@ GOOD = 1e-11
 BLOCK = 1 << 16
 """points at a time, which bounds the memory"""
 SHRUNK = (1.0, 0.97, 0.9, 0.75, 0.5)
-"""scale factors of a distorted point; the first at which the parametric model can be inverted gives the initial guess"""
+"""scale factors of a distorted point; the first at which the parametric model can be inverted
+gives the initial guess"""
 STAGES = 8
 """continuation steps from no correction to the full one, for points where Newton's method fails with the full one"""
 

@@ -44,7 +44,8 @@ class Undistortion:
         if (width, height) != tuple(self.camera.image_size):
             wide, high = self.camera.image_size
             raise RcdnError(
-                f"the picture has {width}×{height} px, but the camera was calibrated at {wide}×{high} px; give the camera of this size"
+                f"the picture has {width}×{height} px, but the camera was calibrated at {wide}×{high} px; "
+                "give the camera of this size"
             )
         # the outer half pixels of the border repeat the outermost pixels; otherwise they would fade to black
         out = cv2.remap(picture, self.map_x, self.map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

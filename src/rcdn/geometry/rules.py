@@ -1,4 +1,5 @@
-"""Rules of the lattices of the patterns: what a label's neighbours are, how labels turn, and what the colours leave open.
+"""Rules of the lattices of the patterns: what a label's neighbours are, how labels turn,
+and what the colours leave open.
 
 A lattice has K directions, each with a step forth and one back: 2 for squares and for tags, 3 for triangles. All that
 the recovery of boards knows about a pattern's labels follows from the steps and from the number of a cell's corners.

@@ -35,7 +35,10 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
             {"moment": m, "target": n, "T_rig_board": T.tolist()} for (m, n), T in found.boards.items()
         ],
         "fixed_boards": [
-            {"target": b.target, "name": b.name, "first": b.first, "T_first_board": b.T_first_board.tolist(), "cov": b.cov.tolist()}
+            {
+                "target": b.target, "name": b.name, "first": b.first,
+                "T_first_board": b.T_first_board.tolist(), "cov": b.cov.tolist(),
+            }
             for b in found.fixed_boards
         ],
         "cameras": [
@@ -48,8 +51,8 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
 def read_rig_calibration(path: str | Path) -> RigCalibration:
     """Read the calibration of a rig from a file of `write_rig_calibration`: equal in every number.
 
-    Unknown fields, and those that follow from others, are ignored. Raises FormatError, naming the file and the field, if
-    the file can't be read, is of another version or kind, or doesn't have the structure of docs/formats.md.
+    Unknown fields, and those that follow from others, are ignored. Raises FormatError, naming the file and the field,
+    if the file can't be read, is of another version or kind, or doesn't have the structure of docs/formats.md.
     """
     data, where = load_kind(path, "rig"), str(path)
     records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]

@@ -58,8 +58,8 @@ def rig_of(data: Any, where: str) -> Rig:
         lost = [key for key in ("camera_model_name", "camera_params", "width", "height") if key not in sensor]
         if lost:
             raise FormatError(
-                f"{at} ({name}) has no {' and no '.join(lost)}; add the lens (and the size of its pictures, px), as `rcdn calibrate --rig -o "
-                "rig_config.json` writes them"
+                f"{at} ({name}) has no {' and no '.join(lost)}; add the lens (and the size of its pictures, px), as "
+                "`rcdn calibrate --rig -o rig_config.json` writes them"
             )
         names.append(name)
         cameras.append(_camera(sensor, at))

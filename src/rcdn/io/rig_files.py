@@ -21,8 +21,8 @@ from rcdn.types import Array, Camera, Pose, Rig
 
 RigFormat = Literal["kalibr", "aniposelib", "caliscope", "colmap", "opencv", "ros", "json"]
 _NAMES = (
-    "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .yaml (OpenCV, a file a camera; "
-    "camera_info.yaml: ROS) or .json"
+    "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .yaml "
+    "(OpenCV, a file a camera; camera_info.yaml: ROS) or .json"
 )
 _READ = "Kalibr (camchain.yaml), aniposelib, caliscope, COLMAP or rcdn"
 _LENSES: dict[RigFormat, CameraFormat] = {

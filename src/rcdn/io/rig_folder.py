@@ -28,7 +28,8 @@ def paths(path: Path, names: Sequence[str], kind: str) -> list[Path]:
     """The files of a rig that is written to `path`: `path` with each camera's name added (ROS: also `transforms`)."""
     if odd := [name for name in names if not name or Path(name).name != name or "\0" in name or "\\" in name]:
         raise FormatError(
-            f"{path}: one file a camera is named by it, and {odd[0]!r} can't be a part of a file's name; rename the camera, or write json"
+            f"{path}: one file a camera is named by it, and {odd[0]!r} can't be a part of a file's name; "
+            "rename the camera, or write json"
         )
     parts = [*names, TRANSFORMS] if kind == "ros" else list(names)
     if kind == "ros" and TRANSFORMS in names:
@@ -110,8 +111,8 @@ def _of_opencv(files: Sequence[tuple[Any, str]]) -> Rig:
             isinstance(data.get(key), Matrix) for key in ("camera_matrix", "R", "T")
         ):
             raise FormatError(
-                f"{path}: has no camera_matrix, R and T (!!opencv-matrix) of a rig's camera; give the files that `rcdn calibrate --rig -o` wrote "
-                "(of ROS: the file of transforms, too)"
+                f"{path}: has no camera_matrix, R and T (!!opencv-matrix) of a rig's camera; give the files that `rcdn "
+                "calibrate --rig -o` wrote (of ROS: the file of transforms, too)"
             )
         camera = opencv.FORMAT.cameras({key: v for key, v in data.items() if key not in ("R", "T")}, path)["camera"]
         R, t = data["R"].array(f"{path}: 'R'"), data["T"].array(f"{path}: 'T'")

@@ -26,7 +26,8 @@ def self_signed(folder: Path, host: str) -> tuple[Path, Path]:
         from cryptography.x509.oid import NameOID
     except ImportError as error:
         raise DependencyError(
-            "--self-signed needs the package cryptography; run: pip install cryptography (or give --certificate and --key)"
+            "--self-signed needs the package cryptography; run: pip install cryptography (or give "
+            "--certificate and --key)"
         ) from error
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "rcdn live")])

@@ -100,8 +100,8 @@ class Folder:
         now = Settings(wanted.spacing or before.spacing, wanted.model, wanted.size or before.size)
         if self.names() and (before.spacing, before.size) != (now.spacing, now.size):
             raise ConfigError(
-                f"{self.path}: its pictures were taken with squares of {before.spacing} m and board size {before.size or 'unknown'}, "
-                f"not {now.spacing} m and {now.size or 'unknown'}; name another folder"
+                f"{self.path}: its pictures were taken with squares of {before.spacing} m and board size "
+                f"{before.size or 'unknown'}, not {now.spacing} m and {now.size or 'unknown'}; name another folder"
             )
         self._write_settings(now)
         return now
@@ -148,7 +148,9 @@ class Folder:
         """Names of the accepted pictures, in the order of capture."""
         sides = range(self.cameras)
         there = {f"{p.stem}.png" for p in (self.path / self._places[0][1]).glob("frame-*.json")}
-        whole = lambda n: all(self._detections(n, c).exists() and self.picture(n, c).exists() for c in sides)  # noqa: E731
+        whole = lambda n: all(  # noqa: E731
+            self._detections(n, c).exists() and self.picture(n, c).exists() for c in sides
+        )
         return sorted(n for n in there if NAME.fullmatch(n) and whole(n))
 
     def picture(self, name: str, camera: int = 0) -> Path:

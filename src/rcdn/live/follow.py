@@ -113,8 +113,12 @@ def followed(before: Array, after: Array, board: Board) -> Board | None:
     tracked; None if these are too many."""
     start = board.xy.astype(np.float32).reshape(-1, 1, 2)
     settings = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
-    there, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, start, np.zeros_like(start), **settings)  # type: ignore[call-overload]
-    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, np.zeros_like(start), **settings)  # type: ignore[call-overload]
+    there, ok, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+        before, after, start, np.zeros_like(start), **settings
+    )
+    back, ok_back, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+        after, before, there, np.zeros_like(start), **settings
+    )
     off = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
     xy = there.reshape(-1, 2).astype(float)
     inside = ((xy >= 0) & (xy <= np.array(after.shape[::-1]) - 1)).all(axis=1)

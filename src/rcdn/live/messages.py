@@ -63,7 +63,8 @@ def frame_of(message: bytes) -> Frame:
 
 
 def pair_of(message: bytes) -> PairFrame:
-    """Parse the frames of two cameras. Raises RcdnError as `frame_of`, and for a length that the message doesn't have."""
+    """Parse the frames of two cameras. Raises RcdnError as `frame_of`, and for a length that the
+    message doesn't have."""
     left = frame_of(message)
     if len(left.data) <= PAIR.size:
         raise RcdnError("a frame is too short")

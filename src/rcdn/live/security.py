@@ -20,10 +20,14 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 PAGE_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; media-src blob:; connect-src 'self' {socket}; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'; trusted-types rcdn"
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; media-src blob:; connect-src "
+    "'self' {socket}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; require-trusted-types-for 'script'; "
+    "trusted-types rcdn"
 )
-REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; sandbox"
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'; sandbox"
+)
 """content security policy of the report, a single file that embeds its styles and pictures, and needs no script"""
 
 
@@ -48,11 +52,13 @@ def check_host(host: str, secure: bool) -> None:
     """Raise ConfigError if the page at `host` would be open to the network without TLS, or at unspecified addresses."""
     if host in ("", "0.0.0.0", "::", "*"):
         raise ConfigError(
-            f"--host {host or '(empty)'}: name the one address of this machine that the other one reaches, such as 192.168.1.20"
+            f"--host {host or '(empty)'}: name the one address of this machine that the other one reaches, "
+            "such as 192.168.1.20"
         )
     if not is_loopback(host) and not secure:
         raise ConfigError(
-            f"--host {host}: other machines only by TLS: add --certificate and --key, or --self-signed (browsers give a page no camera otherwise)"
+            f"--host {host}: other machines only by TLS: add --certificate and --key, "
+            "or --self-signed (browsers give a page no camera otherwise)"
         )
 
 

@@ -163,8 +163,8 @@ class Session:
         return look_facts(boards[0], None if look is None else look.sides[0], refused)
 
     def see_pair(self, greys: tuple[Array, Array], times: tuple[float, float]) -> dict[str, Any]:
-        """As `see`, for the frames of both cameras with their `times`, s; if these differ by more than APART, the frames
-        are refused."""
+        """As `see`, for the frames of both cameras with their `times`, s; if these differ by more than APART,
+        the frames are refused."""
         apart = abs(times[1] - times[0])
         if apart > APART:
             why = f"The cameras' pictures are {apart * 1000:.0f} ms apart; at most {APART * 1000:.0f} ms are allowed"

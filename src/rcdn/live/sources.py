@@ -56,7 +56,8 @@ def check_source(text: str) -> None:
         return
     if not is_video(text):
         raise ConfigError(
-            f"--camera {text}: give `{BROWSER}`, the number of a camera of this computer (0, 1, …), an address rtsp://…, or a video file"
+            f"--camera {text}: give `{BROWSER}`, the number of a camera of this computer (0, 1, …), "
+            "an address rtsp://…, or a video file"
         )
     if not Path(text).is_file():
         raise ConfigError(f"--camera {text}: no such file; check the path")
@@ -80,8 +81,8 @@ def open_pair(cameras: Sequence[str]) -> PairSource | None:
     kinds = ["browser" if c == BROWSER else "file" if _is_file(c) else "camera" for c in cameras]
     if len(cameras) > 2 or len(set(kinds)) > 1:
         raise ConfigError(
-            f"--camera {' --camera '.join(cameras)}: with --stereo two cameras of one kind, LEFT and RIGHT: both of this computer or the "
-            "network, or two video files; or one whose pictures hold both side by side"
+            f"--camera {' --camera '.join(cameras)}: with --stereo two cameras of one kind, LEFT and RIGHT: both of "
+            "this computer or the network, or two video files; or one whose pictures hold both side by side"
         )
     if kinds[0] == "browser":
         return None

@@ -42,7 +42,8 @@ class Print(NamedTuple):
 
 
 PLAIN = Print(
-    np.zeros((0, 2, EDGES)), np.zeros((0, CELLS, CELLS)), np.zeros((0, PARTS), np.int32), np.zeros((0, PARTS, 2)), np.zeros(0), np.zeros((0, SIDES))
+    np.zeros((0, 2, EDGES)), np.zeros((0, CELLS, CELLS)), np.zeros((0, PARTS), np.int32), np.zeros((0, PARTS, 2)),
+    np.zeros(0), np.zeros((0, SIDES))
 )  # fmt: skip
 """a plain checkerboard: only squares"""
 

@@ -17,6 +17,7 @@ from rcdn.synthetic.scene import Background, Bend, BoardSpec, BoardTruth, Cover,
 from rcdn.synthetic.scene_text import scene_from_json
 
 __all__ = [
-    "DELTILLE", "DELTILLE_TRAINING", "HARD", "ORDINARY", "PRESETS", "TRAINING", "Background", "Bend", "BoardSpec", "BoardTruth", "Cover", "Light",
-    "Ranges", "Scene", "Sensor", "camera_view", "random_crop", "random_scene", "render", "scene_from_json", "truth",
+    "DELTILLE", "DELTILLE_TRAINING", "HARD", "ORDINARY", "PRESETS", "TRAINING", "Background", "Bend", "BoardSpec",
+    "BoardTruth", "Cover", "Light", "Ranges", "Scene", "Sensor", "camera_view", "random_crop", "random_scene", "render",
+    "scene_from_json", "truth",
 ]  # fmt: skip

@@ -20,8 +20,8 @@ ANY, SEEDS, GREY, LIGHT, BLUR = (-1e6, 1e6), (0, 2**64 - 1), (-10, 10), (-20, 20
 RANGES: dict[type, dict[str, tuple[float, float]]] = {
     Scene: {"width": (1, 10_000), "height": (1, 10_000), "focal": (1e-3, 1e7), "seed": SEEDS},
     BoardSpec: {
-        "cols": (1, 1000), "rows": (1, 1000), "aspect": (1e-3, 1e3), "margin": (0, 1e3), "margin_value": GREY, "black": GREY,
-        "white": GREY, "bleed": (-0.5, 0.5), "coded": (0, 64),
+        "cols": (1, 1000), "rows": (1, 1000), "aspect": (1e-3, 1e3), "margin": (0, 1e3), "margin_value": GREY,
+        "black": GREY, "white": GREY, "bleed": (-0.5, 0.5), "coded": (0, 64),
     },
     Bend: {"curvature": (-1e3, 1e3), "amplitude": (-1e3, 1e3), "period": (1e-3, 1e6)},
     Cover: {"radius": (0, 1e6), "value": GREY, "soft": (1e-6, 1e6)},

@@ -42,8 +42,8 @@ class BentLines:
 def bent_lines(
     grid: Real[Array, "r c 2"], x: Real[Array, " c"], y: Real[Array, " r"], image_size: tuple[int, int]
 ) -> BentLines | None:
-    """The lattice whose crossings of printed lines `x` (C,) and `y` (R,) were seen at `grid` (R, C, 2) px, NaN where they
-    weren't; None where no lens is seen to bend its lines.
+    """The lattice whose crossings of printed lines `x` (C,) and `y` (R,) were seen at `grid` (R, C, 2) px, NaN where
+    they weren't; None where no lens is seen to bend its lines.
 
     `image_size` (width, height) px.
     """
@@ -58,8 +58,8 @@ def bent_lines(
 
 
 def bent_board(grid: Real[Array, "r c 2"], found: Bool[Array, "r c"], image_size: tuple[int, int]) -> BentLines | None:
-    """The same for a `grid_with_ring` of a board of squares, of which only the corners that were `found` count; with one
-    more line on each side."""
+    """The same for a `grid_with_ring` of a board of squares, of which only the corners that were `found` count; with
+    one more line on each side."""
     seen = np.pad(np.where(found[..., None], grid, np.nan), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     rows, columns = seen.shape[:2]
     return bent_lines(seen, np.arange(float(columns)), np.arange(float(rows)), image_size)

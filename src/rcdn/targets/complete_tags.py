@@ -27,7 +27,8 @@ LEAST_GAP = 3.0
 OFF = 0.2
 """largest offset from the prediction, gaps"""
 ASTRAY, TIMES = 0.25, 6.0
-"""largest distance of a corner from its neighbours' prediction: in gaps, and × the median distance, whichever is more"""
+"""largest distance of a corner from its neighbours' prediction: in gaps, and × the median
+distance, whichever is more"""
 
 
 def completed_tags(grey: Array, board: Board, target: AprilGrid) -> Board:
@@ -72,14 +73,15 @@ def _sensible(guess: Predictions) -> Int[Array, " k"]:
 
 
 class _Print:
-    """Where corners of a print with gaps of `gap` sides of a tag are in a picture of `image_size` (width, height) px."""
+    """Where corners of a print with gaps of `gap` sides of a tag are in a picture of
+    `image_size` (width, height) px."""
 
     def __init__(self, gap: float, image_size: tuple[int, int]) -> None:
         self._gap, self._image_size = gap, image_size
 
     def predictions(self, grid: Grid, spots: Int[Array, "k 2"]) -> Predictions:
-        """Corners at the labels `spots` (K, 2), predicted from those of `grid` around them, themselves left out, by local
-        homographies under the lens that the grid shows; NaN with the support 0 where there are too few."""
+        """Corners at the labels `spots` (K, 2), predicted from those of `grid` around them, themselves left out, by
+        local homographies under the lens that the grid shows; NaN with the support 0 where there are too few."""
         labels, xy = grid.labels, grid.xy[grid.corners]
         printed, wanted = (plane_points(ij, "aprilgrid", self._gap) for ij in (labels, spots))
         lens = division_of(printed, xy, self._image_size)

@@ -118,6 +118,6 @@ def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Boa
     ij = np.stack([column, row], axis=1) + np.array(reading.place)
     pick = lambda a: None if a is None else a[order]  # noqa: E731
     return replace(
-        board, xy=board.xy[order], ij=ij, response=board.response[order], status=board.status[order], sigma=pick(board.sigma),
-        orientation="unique", target=target, ids=target.ids(ij),
+        board, xy=board.xy[order], ij=ij, response=board.response[order], status=board.status[order],
+        sigma=pick(board.sigma), orientation="unique", target=target, ids=target.ids(ij),
     )  # fmt: skip

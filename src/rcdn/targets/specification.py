@@ -15,11 +15,12 @@ from rcdn.targets.files import read_target
 from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Print, Printed, PuzzleBoard, PuzzlePart
 
 FORMS = {
-    "charuco": "charuco:COLUMNSxROWS:DICTIONARY:MARKER[:legacy][:inverted][:first=N] (squares; MARKER: side of a marker over that of a "
-    "square), such as charuco:8x8:DICT_4X4_50:0.75",
-    "aprilgrid": "aprilgrid:COLUMNSxROWS[:FAMILY[:GAP]][:border=N][:first=N] (tags; GAP: their distance over their side), such as "
-    "aprilgrid:6x6:tag36h11:0.3",
-    "puzzleboard": "puzzleboard, or a part of it, puzzleboard:COLUMNSxROWS[:at=COLUMN,ROW] (corners), such as puzzleboard:12x9:at=0,100",
+    "charuco": "charuco:COLUMNSxROWS:DICTIONARY:MARKER[:legacy][:inverted][:first=N] (squares; MARKER: side of a "
+    "marker over that of a square), such as charuco:8x8:DICT_4X4_50:0.75",
+    "aprilgrid": "aprilgrid:COLUMNSxROWS[:FAMILY[:GAP]][:border=N][:first=N] (tags; GAP: their distance over their "
+    "side), such as aprilgrid:6x6:tag36h11:0.3",
+    "puzzleboard": "puzzleboard, or a part of it, puzzleboard:COLUMNSxROWS[:at=COLUMN,ROW] (corners), "
+    "such as puzzleboard:12x9:at=0,100",
     "checkerboard": "checkerboard:COLUMNSxROWS (inner corners), such as checkerboard:9x6",
     "deltille": "deltille:COLUMNSxROWS (inner corners), such as deltille:9x6",
 }

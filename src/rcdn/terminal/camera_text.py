@@ -39,8 +39,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
     board = "" if c.size is None else f", board {c.size[0]}×{c.size[1]}"
     board += "" if c.target is None else f" ({c.target})"
     lines = [
-        f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {many(len(c.views), 'view')}, {many(corners, 'corner')}"
-        f" ({c.outliers} left out){board}"
+        f"{c.models[0].model} camera, {width}×{height} px: {len(used)} of {many(len(c.views), 'view')}, "
+        f"{many(corners, 'corner')} ({c.outliers} left out){board}"
     ]
     few = c.camera.coefficients
     values = _values(c.camera.parameters[:few], c.std[:few])
@@ -57,7 +57,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
         )
     if c.shape is not None:
         lines.append(
-            f"board: corners {1e3 * c.shape.print_error:.3f} mm off their places in its plane, bent by {1e3 * c.shape.bend:.2f} mm"
+            f"board: corners {1e3 * c.shape.print_error:.3f} mm off their places in its plane, "
+            f"bent by {1e3 * c.shape.bend:.2f} mm"
         )
     return lines
 
@@ -134,6 +135,6 @@ def pose_line(name: str, pose: PoseEstimate) -> str:
     turn = np.degrees(np.arccos(np.clip(abs(pose.R[2, 2]), 0, 1)))
     doubt = "  AMBIGUOUS: a second pose fits as well" if pose.ambiguous else ""
     return (
-        f"{one_line(name)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  tilt {turn:.1f}° (± "
-        f"{np.degrees(std[:2].max()):.2f}°)  rms {pose.rms:.3f} px{doubt}"
+        f"{one_line(name)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  tilt "
+        f"{turn:.1f}° (± {np.degrees(std[:2].max()):.2f}°)  rms {pose.rms:.3f} px{doubt}"
     )

@@ -74,7 +74,8 @@ MaxMegapixels = Annotated[
         max=1e6,
         metavar="N",
         callback=_allow,
-        help="The largest picture or frame that is read; without it 250, or the environment variable RCDN_MAX_MEGAPIXELS.",
+        help="The largest picture or frame that is read; without it 250, "
+        "or the environment variable RCDN_MAX_MEGAPIXELS.",
     ),
 ]
 PicturePlaces = Annotated[
@@ -82,8 +83,8 @@ PicturePlaces = Annotated[
     typer.Option(
         "--pictures",
         metavar="PLACE",
-        help="A folder or file whose photographs a saved file may name for the report; may be given several times. Without it only "
-        "those in the saved file's own folder are shown.",
+        help="A folder or file whose photographs a saved file may name for the report; may be given several times. "
+        "Without it only those in the saved file's own folder are shown.",
     ),
 ]
 Frames = Annotated[

@@ -35,7 +35,8 @@ BoardSize = Annotated[
     typer.Option(
         parser=parse_size,
         metavar="COLSxROWS",
-        help="The board's inner corners: 10x7 squares are 9x6. Not needed; boards that can't be part of it are left out.",
+        help="The board's inner corners: 10x7 squares are 9x6. Not needed; "
+        "boards that can't be part of it are left out.",
     ),
 ]
 Flat = Annotated[bool, typer.Option("--flat", help="The board is perfect (glass, say): don't solve for its shape.")]
@@ -44,7 +45,8 @@ LeaveOut = Annotated[
     typer.Option(
         "--leave-out",
         metavar="NAME",
-        help="Solve without this picture, or without its second board (NAME:2); may be given several times. The report names them.",
+        help="Solve without this picture, or without its second board (NAME:2); may be given several times. "
+        "The report names them.",
     ),
 ]
 FixAspect = Annotated[bool, typer.Option("--fix-aspect", help="Pixels are square: hold fx = fy.")]
@@ -56,16 +58,16 @@ CorrectTime = Annotated[
     bool,
     typer.Option(
         "--correct-time",
-        help="With --rig: bring cameras into step that are late or early, by boards that move; of videos the frames beside the chosen ones "
-        "are looked at, too.",
+        help="With --rig: bring cameras into step that are late or early, by boards that move; of videos the frames "
+        "beside the chosen ones are looked at, too.",
     ),
 ]
 FixedBoards = Annotated[
     bool,
     typer.Option(
         "--fixed-boards",
-        help="With --rig: the boards with different codes are fixed to each other (on both sides of a plate, on a frame, in a room); their "
-        "places are solved for, and connect cameras that see different ones.",
+        help="With --rig: the boards with different codes are fixed to each other (on both sides of a plate, on a "
+        "frame, in a room); their places are solved for, and connect cameras that see different ones.",
     ),
 ]
 Select = Annotated[

@@ -51,7 +51,8 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
 
     if not is_spacing(spacing):
         raise ConfigError(
-            f"--spacing is the side of one square and must be above 0, {in_words(*SPACING)} m (25mm, or metres: 0.025), not {spacing.text}"
+            f"--spacing is the side of one square and must be above 0, {in_words(*SPACING)} m (25mm, or metres: "
+            f"0.025), not {spacing.text}"
         )
     across = (SMALLEST_BOARD if size is None else max(size) + 1) * spacing
     if spacing.unit or across <= LARGEST:
@@ -59,8 +60,8 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     board = "a board" if size is None else a_board((size[0], size[1]))
     least = "at least " if size is None else ""
     raise ConfigError(
-        f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean {_likely(spacing)}? "
-        f"If it is so large, write {spacing.text}m"
+        f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean "
+        f"{_likely(spacing)}? If it is so large, write {spacing.text}m"
     )
 
 
@@ -134,7 +135,8 @@ SpacingOrFile = Annotated[
         "--spacing",
         parser=parse_spacing,
         metavar="LENGTH",
-        help="Side of one square (or triangle, or tag), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025. For several "
-        "kinds of boards charuco=30mm,aprilgrid=88mm (checker, deltille, puzzleboard). Needed unless --target names a file, which says it.",
+        help="Side of one square (or triangle, or tag), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: "
+        "0.025. For several kinds of boards charuco=30mm,aprilgrid=88mm (checker, deltille, puzzleboard). Needed "
+        "unless --target names a file, which says it.",
     ),
 ]

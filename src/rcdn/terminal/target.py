@@ -61,7 +61,8 @@ class Told:
         if given is not None:
             if self.spacing is not None and not abs(given - self.spacing) <= MEASURED * self.spacing:
                 raise ConfigError(
-                    f"--spacing {given.text} is {float(given):g} m, but {self.text} says {self.spacing:g} m; leave --spacing out, or mend the file"
+                    f"--spacing {given.text} is {float(given):g} m, but {self.text} says {self.spacing:g} m; leave "
+                    "--spacing out, or mend the file"
                 )
             return given
         length = Length(self.spacing or 0.0)
@@ -106,9 +107,9 @@ Target = Annotated[
     typer.Option(
         parser=parse_target,
         metavar="WHICH",
-        help="auto: read the codes of ChArUco boards, AprilGrids and PuzzleBoards, if there are any; nobody has to say which. plain: take all "
-        "boards for plain ones. One "
-        "target alone, of which smaller parts are certain: charuco:8x8:DICT_4X4_50:0.75, aprilgrid:6x6:tag36h11:0.3, puzzleboard, "
-        "checkerboard:9x6, or the YAML file of one, which `rcdn board --yaml` or Kalibr's users write.",
+        help="auto: read the codes of ChArUco boards, AprilGrids and PuzzleBoards, if there are any; nobody has to say "
+        "which. plain: take all boards for plain ones. One target alone, of which smaller parts are certain: "
+        "charuco:8x8:DICT_4X4_50:0.75, aprilgrid:6x6:tag36h11:0.3, puzzleboard, checkerboard:9x6, or the YAML file of "
+        "one, which `rcdn board --yaml` or Kalibr's users write.",
     ),
 ]

@@ -69,7 +69,8 @@ class TrainConfig:
                 or len(name) > LONGEST
             ):
                 raise ConfigError(
-                    f"config: {key} must be the bare name of a folder in the runs' folder, without / and \\, not {name!r}"
+                    f"config: {key} must be the bare name of a folder in the runs' folder, "
+                    f"without / and \\, not {name!r}"
                 )
         for key, known in _CHOICES.items():
             if getattr(self, key) not in known:
@@ -98,8 +99,8 @@ _CHOICES: dict[str, Any] = {
     "architecture": ARCHITECTURES, "loss": LOSSES, "normalisation": ("minmax", "local"), "optimiser": ("sgd", "adamw"),
 }  # fmt: skip
 _RANGES = {
-    "batch": (1, 100_000), "side": (1, 10_000), "steps": (1, 10**9), "validate_every": (1, 10**9), "seed": (0, 2**32 - 1),
-    "rate": (0, 100), "decay": (0, 100), "clip": (0, 1e6), "ema": (0, 1), "frozen": (0, 10**9),
+    "batch": (1, 100_000), "side": (1, 10_000), "steps": (1, 10**9), "validate_every": (1, 10**9),
+    "seed": (0, 2**32 - 1), "rate": (0, 100), "decay": (0, 100), "clip": (0, 1e6), "ema": (0, 1), "frozen": (0, 10**9),
 }  # fmt: skip
 
 

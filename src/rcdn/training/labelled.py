@@ -1,4 +1,5 @@
-"""Crops of labelled pictures of one's own, beside the rendered ones (docs/training.md, "Your own labelled pictures")."""
+"""Crops of labelled pictures of one's own, beside the rendered ones (docs/training.md,
+"Your own labelled pictures")."""
 
 from __future__ import annotations
 

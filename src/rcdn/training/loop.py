@@ -125,7 +125,8 @@ def _restore(fabric: Fabric, path: Path, state: dict[str, Any]) -> None:
 
 
 def _from_teacher(net: CornerNet, run: Path) -> list[torch.nn.Parameter]:
-    """Initialise `net` from the averaged weights of a finished run, by `grow`; returns the teacher's parameters in it."""
+    """Initialise `net` from the averaged weights of a finished run, by `grow`;
+    returns the teacher's parameters in it."""
     teacher, report = load_run(run)
     if (done := report["metrics"]["step"]) != (wanted := report["config"]["steps"]):
         raise ConfigError(f"config: the teacher {run} has {done} of its {wanted} steps; finish it first: rcdn train")
@@ -297,7 +298,8 @@ class _Run:
             path.unlink(missing_ok=True)
             reason = str(error).strip().splitlines()[0]
             raise OutputError(
-                f"{path}: can't be written: {reason}; make room, then run the same command again: it goes on from its last checkpoint"
+                f"{path}: can't be written: {reason}; make room, then run the same command again: "
+                "it goes on from its last checkpoint"
             ) from error
 
     def _log(self, row: dict[str, Any]) -> None:

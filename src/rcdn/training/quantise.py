@@ -43,8 +43,8 @@ def quantised(model: ResponseModel) -> tuple[bytes, dict[str, Any]] | None:
     for name, most in BOUNDS.items():
         if not figures[name] <= most:
             raise RcdnError(
-                f"export: in 8 bits the network differs from itself in floating point: {name} {figures[name]:.4f}, more than "
-                f"{most:g}; nothing was written"
+                f"export: in 8 bits the network differs from itself in floating point: {name} {figures[name]:.4f}, "
+                f"more than {most:g}; nothing was written"
             )
     return content, facts | figures
 

@@ -111,8 +111,8 @@ class Reason:
 @dataclass(frozen=True)
 class Verdict:
     """Whether to use a calibration: `good`: use it; `fair`: usable with care; `unsure`: the data can't confirm some
-    aspect of it; `bad`: don't use it. `reasons`: all checks, the most severe first; `level` is that of the first. Without any, it is
-    `NOT_JUDGED`."""
+    aspect of it; `bad`: don't use it. `reasons`: all checks, the most severe first; `level` is that of the first.
+    Without any, it is `NOT_JUDGED`."""
 
     level: Level
     reasons: tuple[Reason, ...] = ()

@@ -151,7 +151,10 @@ class Board(Value):
         kind = self.pattern if self.target is None else str(self.target)
         (cols, rows), (width, height) = self.size, self.image_size
         whole = "complete" if self.complete else "in part"
-        return f"<Board {cols}×{rows} {whole}, {many(len(self), 'corner')}, {kind}, {self.orientation}, in {width}×{height} px>"
+        return (
+            f"<Board {cols}×{rows} {whole}, {many(len(self), 'corner')}, {kind}, {self.orientation}, "
+            f"in {width}×{height} px>"
+        )
 
     def _repr_html_(self) -> str:
         return drawing(self.image_size, [(self.xy, self.ij)]) + paragraph(repr(self)[1:-1])

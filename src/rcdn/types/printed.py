@@ -168,7 +168,8 @@ class Printed:
             check_target(self.target)
         if not is_spacing(self.spacing):
             raise ConfigError(
-                f"Printed.spacing must be a length above 0, {in_words(*SPACING)} m, such as 0.025, not {shown(self.spacing)}"
+                f"Printed.spacing must be a length above 0, {in_words(*SPACING)} m, such as 0.025, "
+                f"not {shown(self.spacing)}"
             )
 
     @property

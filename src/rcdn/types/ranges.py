@@ -41,7 +41,8 @@ def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
     size = _two(value)
     if size is None or min(size) < least or size[0] * size[1] > BOX:
         raise ConfigError(
-            f"{what} counts inner corners (columns, rows), at least {least} each and {BOX} in all at most, not {shown(value)}"
+            f"{what} counts inner corners (columns, rows), at least {least} each and {BOX} in all at most, "
+            f"not {shown(value)}"
         )
     return size
 

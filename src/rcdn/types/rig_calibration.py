@@ -15,10 +15,10 @@ from rcdn.types.shown import paragraph, table
 
 @dataclass(frozen=True)
 class RigPair:
-    """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`, and the root mean
-    square `rms` of their corners' residuals in both pictures, px (NaN if none was used). `epipolar`: of the corners' distances from each other's
-    epipolar planes in moments that were held out, under lenses and places that were solved for without them, px (NaN unless both cameras are in
-    the rig and other moments connect them)."""
+    """Two cameras of a rig, by name: `shared` boards that both saw whole at one moment, those of them that were `used`,
+    and the root mean square `rms` of their corners' residuals in both pictures, px (NaN if none was used). `epipolar`:
+    of the corners' distances from each other's epipolar planes in moments that were held out, under lenses and places
+    that were solved for without them, px (NaN unless both cameras are in the rig and other moments connect them)."""
 
     first: str
     second: str
@@ -43,8 +43,9 @@ class MissingLink:
 
 @dataclass(frozen=True)
 class TimeShift:
-    """How much later than its stamp a camera's pictures were taken, against those of the camera that most others are in step with: `moments` (1: the
-    time from one to the next, or a frame, where they have numbers), with its standard deviation `std`."""
+    """How much later than its stamp a camera's pictures were taken, against those of the camera that most others are in
+    step with: `moments` (1: the time from one to the next, or a frame, where they have numbers), with its standard
+    deviation `std`."""
 
     moments: float
     std: float
@@ -59,8 +60,8 @@ class TimeShift:
 class FixedBoard(Value):
     """One of several boards that are fixed to each other: the number of its `target`, as in `RigCalibration.boards`,
     its `name`, the number of the `first` board of its set, and `T_first_board` (4, 4), which takes its coordinates to
-    those of the first, m, with the covariance `cov` (6, 6) of its left increment (rotation vector, rad; translation, m),
-    zero for the first board itself."""
+    those of the first, m, with the covariance `cov` (6, 6) of its left increment (rotation vector, rad; translation,
+    m), zero for the first board itself."""
 
     target: int
     name: str
@@ -81,13 +82,14 @@ class FixedBoard(Value):
 class RigCalibration(Value):
     """Cameras of a rig with the data that show the quality of their calibration.
 
-    `rig`: the cameras that are connected and where they stand; its frame is that of its first camera. `cameras`: by name each camera's own
-    calibration after the joint solution, those that aren't connected as they are alone. `boards`: by (moment, number of the board's
-    target) T_rig_board (4, 4), m. `rms` reprojection error over all used corners, px. `pairs` of cameras that saw boards together.
-    `components`: names of cameras that boards connect, the largest part first; `links`: what would join each other part to the first.
-    `thin`: cameras that hang on one shared board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras
-    whose lens was given and held; its covariance is zero. `corrected`: names of cameras that were brought into step; poses of their views
-    are those when the pictures were really taken. `fixed_boards`: the boards whose relative poses were estimated, each
+    `rig`: the cameras that are connected and where they stand; its frame is that of its first camera. `cameras`: by
+    name each camera's own calibration after the joint solution, those that aren't connected as they are alone.
+    `boards`: by (moment, number of the board's target) T_rig_board (4, 4), m. `rms` reprojection error over all used
+    corners, px. `pairs` of cameras that saw boards together. `components`: names of cameras that boards connect, the
+    largest part first; `links`: what would join each other part to the first. `thin`: cameras that hang on one shared
+    board. `shifts`: by name, of cameras that saw a moving board. `given`: names of cameras whose lens was given and
+    held; its covariance is zero. `corrected`: names of cameras that were brought into step; poses of their views are
+    those when the pictures were really taken. `fixed_boards`: the boards whose relative poses were estimated, each
     set's first board first.
     """
 

@@ -162,7 +162,8 @@ def transferred(cameras, T, xy, distance):
 
 
 def test_errors_from_left_to_right_are_as_large_as_stated():
-    """The error of points that the left camera sees, projected into the right picture, is a standard deviation in the mean of calibrations."""
+    """The error of points that the left camera sees, projected into the right picture,
+    is a standard deviation in the mean of calibrations."""
     ratios = []
     for seed in range(8):
         pair = as_pair(solved(random_pairs(10 + seed)))

@@ -12,7 +12,8 @@ PITCH, FINE = 24, 8
 
 
 def picture(blur=0.0, motion=0.0, dark=40.0, bright=200.0):
-    """Squares in the middle of a frame (240, 320), blurred by a Gaussian of `blur` px, and by `motion` px along x; and its board of 9 × 6 corners."""
+    """Squares in the middle of a frame (240, 320), blurred by a Gaussian of `blur` px, and by `motion` px along x; and
+    its board of 9 × 6 corners."""
     y, x = np.mgrid[0 : 240 * FINE, 0 : 320 * FINE] / FINE
     odd = (np.floor((x - 40.5) / PITCH) + np.floor((y - 40.5) / PITCH)) % 2
     fine = np.where(odd > 0, bright, dark).astype(np.float32)

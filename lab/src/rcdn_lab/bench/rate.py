@@ -55,7 +55,10 @@ def tasks(size: tuple[int, int], sides: tuple[int, ...]) -> dict[str, Task]:
     for side in sides:
         a, b = rng.standard_normal((2, side, side), np.float32)
         room = np.empty((side, side), np.float32)
-        out[f"matrix product, {side}"] = (2.0 * side**3, lambda a=a, b=b, room=room: np.matmul(a, b, out=room))  # type: ignore[misc]
+        out[f"matrix product, {side}"] = (
+            2.0 * side**3,
+            lambda a=a, b=b, room=room: np.matmul(a, b, out=room),  # type: ignore[misc]
+        )
     return out
 
 

@@ -166,7 +166,10 @@ def class_of(picture: Photograph) -> str:
     """The class of a photograph, in words."""
     low = max((edge for edge in CLASSES if picture.megapixels >= edge), default=0.0)
     high = min((edge for edge in CLASSES if picture.megapixels < edge), default=None)
-    return f"{'no board' if picture.is_empty else 'boards'}, {low:g} MP {'and more' if high is None else f'to {high:g} MP'}"
+    return (
+        f"{'no board' if picture.is_empty else 'boards'}, {low:g} MP "
+        f"{'and more' if high is None else f'to {high:g} MP'}"
+    )
 
 
 def class_rows(name: str, mine: Sequence[tuple[float, list[Row]]]) -> list[Row]:

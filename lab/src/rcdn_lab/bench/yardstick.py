@@ -58,9 +58,10 @@ def _row(mine: Sequence[Figure]) -> Row:
     ratios = by_set(mine, lambda f: f.cpu_ratio)
     worst = max(ratios, key=lambda name: ratios[name], default=None)
     return {
-        "threads": mine[0].threads, "detector": mine[0].detector, "sets": len({f.set for f in mine}), "count": len(mine),
-        "cpu ms/MP": _mean(by_set(mine, lambda f: f.cpu)), "ms/MP": _mean(by_set(mine, lambda f: f.wall)),
-        RATIO: _mean(ratios), f"{RATIO}, wall": _mean(by_set(mine, lambda f: f.wall_ratio)),
+        "threads": mine[0].threads, "detector": mine[0].detector, "sets": len({f.set for f in mine}),
+        "count": len(mine), "cpu ms/MP": _mean(by_set(mine, lambda f: f.cpu)),
+        "ms/MP": _mean(by_set(mine, lambda f: f.wall)), RATIO: _mean(ratios),
+        f"{RATIO}, wall": _mean(by_set(mine, lambda f: f.wall_ratio)),
         "where found": _mean(by_set([f for f in mine if f.whole], lambda f: f.cpu_ratio)),
         "worst": _rounded(None if worst is None else ratios[worst]), "worst set": worst or "-",
         "whole": share([f.whole for f in mine]), "false": share([f.alarm for f in mine]),

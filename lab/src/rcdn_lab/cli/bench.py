@@ -99,12 +99,12 @@ def bench(
 ) -> None:
     """Time from a grey picture to labelled boards, ours and other detectors', and memory.
 
-    All detectors in turn on the same pictures, each in a process of its own that may use as many cores as threads. `ms`:
-    median of the repeats, `iqr ms`: from their first quartile to their third; `cpu ms`: of all cores; `ratio`: median of
-    its time ÷ findChessboardCornersSB's on the same picture in the same round; `corners`: in boards. A detector that
-    isn't installed, breaks down, or takes longer than the budget says so. `rate`: operations a second of the preset `paper`'s
-    network, beside products of matrices. With `--photographs`: figures a megapixel, geometric means
-    over the sets. At most 15 minutes; the machine must be idle.
+    All detectors in turn on the same pictures, each in a process of its own that may use as many cores as threads.
+    `ms`: median of the repeats, `iqr ms`: from their first quartile to their third; `cpu ms`: of all cores; `ratio`:
+    median of its time ÷ findChessboardCornersSB's on the same picture in the same round; `corners`: in boards. A
+    detector that isn't installed, breaks down, or takes longer than the budget says so. `rate`: operations a second of
+    the preset `paper`'s network, beside products of matrices. With `--photographs`: figures a megapixel, geometric
+    means over the sets. At most 15 minutes; the machine must be idle.
     """
     from rcdn_lab.bench import record
 
@@ -129,8 +129,9 @@ def bench(
     settings = {
         "count": count, "budget": budget, "sizes": frames, "board": board, "threads": counts,
         "photographs": None if photographs is None else photographs.resolve().name,
-        "rounds": None if photographs is None else rounds, "chosen": results.chosen, "folder": folder, "folder jobs": along if folder else None,
-        "peers": _versions(who), "skipped": skipped, "machine": machine | {"load after": record.load()},
+        "rounds": None if photographs is None else rounds, "chosen": results.chosen, "folder": folder,
+        "folder jobs": along if folder else None, "peers": _versions(who), "skipped": skipped,
+        "machine": machine | {"load after": record.load()},
     }  # fmt: skip
     if drawn is not None and plot is not None:
         from rcdn_lab.plots.bench_plot import draw

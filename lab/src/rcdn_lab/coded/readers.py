@@ -76,7 +76,9 @@ def can_read(name: str, target: Target) -> bool:
 def judged(name: str, image: Array, boards: Sequence[TrueBoard]) -> Count:
     """A reader's score on one picture. Readers that need the target are run for each of its boards in turn, and scored
     on that one alone."""
-    ask: Callable[[Sequence[TrueBoard]], Count] = lambda some: score(read(name, image, some[0].target), some)  # noqa: E731
+    ask: Callable[[Sequence[TrueBoard]], Count] = lambda some: score(  # noqa: E731
+        read(name, image, some[0].target), some
+    )
     try:
         if name == OURS:
             return ask(boards)

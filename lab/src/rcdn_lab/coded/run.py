@@ -48,7 +48,8 @@ def parts_of(parts: Sequence[str], plan: Plan) -> list[str]:
 def settings_of(plan: Plan, parts: Sequence[str]) -> dict[str, Any]:
     """Settings recorded with the figures."""
     return {
-        "parts": list(parts), "skip": list(plan.skip), "scenes": plan.scenes, "rendered": rendered.settings_of(plan.count),
+        "parts": list(parts), "skip": list(plan.skip), "scenes": plan.scenes,
+        "rendered": rendered.settings_of(plan.count),
         "peers": {name: CODED_PEERS[name].version() for name in plan.peers},
     }  # fmt: skip
 

@@ -120,9 +120,14 @@ KINDS: dict[str, Kind] = {
     **{f"charuco {side}": partial(_charuco, names=_sizes(side)) for side in ("4X4", "5X5", "6X6", "7X7")},
     **{
         f"charuco {name}": partial(_charuco, names=(f"DICT_{name}",))
-        for name in ("ARUCO_ORIGINAL", "APRILTAG_16h5", "APRILTAG_25h9", "APRILTAG_36h10", "APRILTAG_36h11", "ARUCO_MIP_36h12")
+        for name in (
+            "ARUCO_ORIGINAL", "APRILTAG_16h5", "APRILTAG_25h9", "APRILTAG_36h10", "APRILTAG_36h11", "ARUCO_MIP_36h12",
+        )
     },
-    **{f"aprilgrid {f}": partial(_aprilgrid, family=f, border=2) for f in ("tag36h11", "tag36h10", "tag25h9", "tag16h5")},
+    **{
+        f"aprilgrid {f}": partial(_aprilgrid, family=f, border=2)
+        for f in ("tag36h11", "tag36h10", "tag25h9", "tag16h5")
+    },
     "aprilgrid tag36h11 border 1": partial(_aprilgrid, family="tag36h11", border=1),
     "puzzleboard": _puzzleboard,
 }  # fmt: skip

@@ -190,7 +190,14 @@ def _placed(scene: Scene, tilt: float, turn: float, roll: float, pitch: float, a
     middle = np.array([4.75, 4 * 0.75**0.5, 0])
     t = np.array([*(at - scene.centre) / scene.focal * depth, depth]) - R @ middle
     r = cv2.Rodrigues(R)[0].ravel()
-    return BoardSpec(10, 9, (*map(float, r),), (*map(float, t),), margin=1.0, pattern="deltille")  # type: ignore[arg-type]
+    return BoardSpec(
+        10,
+        9,
+        (*map(float, r),),  # type: ignore[arg-type]
+        (*map(float, t),),  # type: ignore[arg-type]
+        margin=1.0,
+        pattern="deltille",
+    )
 
 
 def views(count: int, step: Step = None) -> Iterator[View]:

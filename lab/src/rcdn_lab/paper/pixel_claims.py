@@ -188,7 +188,10 @@ def fewer_misses(rows: Sequence[Row]) -> Claim:
     every = cells(rows)
     more = [cell for cell in every if cell[RCDN]["miss"] > cell[CHESS]["miss"]]
     shares = [float(np.mean([cell[name]["miss"] for cell in every])) for name in (RCDN, CHESS)]
-    found = f"It misses more in {len(more)} of {len(every)} cells; in all RCDN misses {shares[0]:.1%}, ChESS {shares[1]:.1%}"
+    found = (
+        f"It misses more in {len(more)} of {len(every)} cells; in all RCDN misses {shares[0]:.1%}, "
+        f"ChESS {shares[1]:.1%}"
+    )
     return Claim(text, not more, found, ours=True)
 
 

@@ -163,8 +163,8 @@ def _row(cell: Cell, blurred: bool, k: int, judged: Array) -> Row:
     worse = error - judged[0, :, 0]
     return {
         "figure": cell.figure, ANGLES[cell.figure]: cell.angle, "noise": cell.noise, "pre-blur": blurred,
-        "method": cell.methods[k], "trials": cell.trials, "mean px": float(error.mean()), "se px": standard_error(error),
-        "hit": float(hit.mean()), "miss": float(miss.mean()),
+        "method": cell.methods[k], "trials": cell.trials, "mean px": float(error.mean()),
+        "se px": standard_error(error), "hit": float(hit.mean()), "miss": float(miss.mean()),
         "worse px": float(worse.mean()), "worse se": standard_error(worse),
     }  # fmt: skip
 

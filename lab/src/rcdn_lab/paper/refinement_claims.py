@@ -102,7 +102,8 @@ def diverging(curves: Curves) -> Claim:
     growth = {name: curves.growth(name) for name in PAPER}
     faster = min(growth[name] for name in INTENSITY) > max(growth[name] for name in RESPONSE)
     return Claim(
-        "Noise: intensity methods diverge sharply, especially edge approximation", faster and max(growth, key=growth.__getitem__) == "OpenCV",
+        "Noise: intensity methods diverge sharply, especially edge approximation",
+        faster and max(growth, key=growth.__getitem__) == "OpenCV",
         f"Increase over the range, px: {_figures([*INTENSITY, *RESPONSE], curves.growth)}",
     )  # fmt: skip
 
@@ -133,7 +134,8 @@ def above_response(curves: Curves) -> Claim:
     gain = np.mean(np.min([curves.of[name] for name in RESPONSE], axis=0) - curves.of[MIX])
     return Claim(
         "Blur: mixed excels the response methods largely", len(best) == len(curves.levels),
-        f"Lower than all three at {len(best)} of {len(curves.levels)} levels; by {gain:.3f} px on average than the best of them",
+        f"Lower than all three at {len(best)} of {len(curves.levels)} levels; "
+        f"by {gain:.3f} px on average than the best of them",
     )  # fmt: skip
 
 
@@ -200,8 +202,8 @@ def parts(curves: Curves) -> Claim:
     above, below = int((mine < parents.min(axis=0)).sum()), int((mine > parents.max(axis=0)).sum())
     return Claim(
         f"{curves.factor.capitalize()}: mixed is better than both of its parts", above == len(mine),
-        f"Better than both at {above}, between them at {len(mine) - above - below}, worse than both at {below} of {len(mine)} levels; "
-        f"{np.median(mine / parents.min(axis=0)):.2f} × the better part (median)",
+        f"Better than both at {above}, between them at {len(mine) - above - below}, worse than both at {below} of "
+        f"{len(mine)} levels; {np.median(mine / parents.min(axis=0)):.2f} × the better part (median)",
         ours=True,
     )  # fmt: skip
 
@@ -210,7 +212,10 @@ def ours(curves: Curves) -> Claim:
     """The first refinement of `auto` compared with the paper's six."""
     best = lowest(curves, FIRST, [FIRST, *PAPER])
     six = np.min([curves.of[name] for name in PAPER], axis=0)
-    found = f"At {len(best)} of {len(curves.levels)} levels; {np.median(curves.of[FIRST] / six):.2f} × the best of the six (median)"
+    found = (
+        f"At {len(best)} of {len(curves.levels)} levels; "
+        f"{np.median(curves.of[FIRST] / six):.2f} × the best of the six (median)"
+    )
     return Claim(
         f"{curves.factor.capitalize()}: the first refinement of auto is better than all six",
         len(best) == len(curves.levels),

@@ -178,8 +178,8 @@ def _rows(factor: str, level: float, trials: int, parts: Sequence[tuple[Array, A
     for k, method in enumerate(METHODS):
         row = {"factor": factor, "level": level, "method": method, "trials": trials}
         some = {
-            "mean px": float(errors[k].mean()), "se px": standard_error(errors[k]), "median px": float(np.median(errors[k])),
-            "failed": float(failed[k].mean()),
+            "mean px": float(errors[k].mean()), "se px": standard_error(errors[k]),
+            "median px": float(np.median(errors[k])), "failed": float(failed[k].mean()),
         } if count else dict.fromkeys(("mean px", "se px", "median px", "failed"))  # fmt: skip
         out.append(row | some | {"no corner": 1 - count / trials})
     return out

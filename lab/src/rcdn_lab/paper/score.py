@@ -26,7 +26,8 @@ CHESS = {"Mesa": 0.0, "uEye": 0.6, "GoPro": 0.45}
 def rules(network: Network) -> dict[str, Threshold]:
     """The threshold rules of Table 2, tuned for a network's loss, by their name in `published`."""
     return {
-        "0.5": Fixed(0.5), "std": Std(network.std_factor), "max": MaxFraction(network.max_fraction), "adaptive": Adaptive(),
+        "0.5": Fixed(0.5), "std": Std(network.std_factor), "max": MaxFraction(network.max_fraction),
+        "adaptive": Adaptive(),
     }  # fmt: skip
 
 

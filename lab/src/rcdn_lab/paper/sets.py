@@ -74,18 +74,20 @@ SETS = {
     s.name: s
     for s in (
         PictureSet("mesa-like", "Mesa", 206, 206, recipe=Recipe(
-            size=(176, 144), model="brown", focal=(1.3, 1.5), lens=((-0.25, -0.05), *[(0, 0)] * 4), pitch=(5.5, 9), least=5, tilt=40,
-            noise=(8, 20), blur=(0.4, 0.8), gain=(0.6, 0.95), light=0.6, jpeg=(0, 0), clutter=("plain", "noise", "shapes"),
+            size=(176, 144), model="brown", focal=(1.3, 1.5), lens=((-0.25, -0.05), *[(0, 0)] * 4), pitch=(5.5, 9),
+            least=5, tilt=40, noise=(8, 20), blur=(0.4, 0.8), gain=(0.6, 0.95), light=0.6, jpeg=(0, 0),
+            clutter=("plain", "noise", "shapes"),
         )),
         PictureSet("ueye-like", "uEye", 206, 24, recipe=Recipe(
-            size=(1280, 1024), model="brown", focal=(1.1, 1.6), lens=((-0.06, 0.02), *[(0, 0)] * 4), pitch=(33, 62), least=20, tilt=55,
-            noise=(3, 8), blur=(0.5, 1.2), gain=(0.2, 0.5), light=0.5, jpeg=(0, 0), clutter=("shapes", "text", "tiles", "blocks"),
+            size=(1280, 1024), model="brown", focal=(1.1, 1.6), lens=((-0.06, 0.02), *[(0, 0)] * 4), pitch=(33, 62),
+            least=20, tilt=55, noise=(3, 8), blur=(0.5, 1.2), gain=(0.2, 0.5), light=0.5, jpeg=(0, 0),
+            clutter=("shapes", "text", "tiles", "blocks"),
         )),
         PictureSet("ueye", "uEye", 5, 5, folder="rochade-ueye"),
         PictureSet("gopro-like", "GoPro", 100, 10, recipe=Recipe(
             size=(2000, 1500), model="fisheye", focal=(0.45, 0.5), lens=((-0.03, 0.03), (-0.01, 0.01), (0, 0), (0, 0)),
-            pitch=(45, 110), least=25, tilt=60, noise=(1, 4), blur=(0.7, 1.3), gain=(0.6, 0.9), light=0.6, jpeg=(80, 95),
-            clutter=("noise", "shapes", "text", "tiles", "blocks"),
+            pitch=(45, 110), least=25, tilt=60, noise=(1, 4), blur=(0.7, 1.3), gain=(0.6, 0.9), light=0.6,
+            jpeg=(80, 95), clutter=("noise", "shapes", "text", "tiles", "blocks"),
         )),
         PictureSet("gopro", "GoPro", 30, 30, folder="rochade-gopro-a"),
     )
@@ -193,7 +195,8 @@ def _empty(rng: Rng, r: Recipe) -> Scene:
     return Scene(
         width, height, float(rng.uniform(*r.focal)) * width, (float(cx), float(cy)), r.model, lens,
         light=Light(float(gx), float(gy), float(wave), int(rng.integers(2**31))), sensor=sensor,
-        background=Background(str(rng.choice(list(r.clutter))), int(rng.integers(2**31))), seed=int(rng.integers(2**31)),
+        background=Background(str(rng.choice(list(r.clutter))), int(rng.integers(2**31))),
+        seed=int(rng.integers(2**31)),
     )  # fmt: skip
 
 

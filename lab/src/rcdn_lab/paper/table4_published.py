@@ -208,13 +208,19 @@ class Table:
 
 
 DIGITS = {"cal": 5, "pose": 5, "focal": 2, "centre": 2, "baseline": 0}
-TITLE = "Table 4: calibration and pose error, px, half and half; the ratio to OpenCV on the same pictures, the paper's, the difference"
-TRUTH = "Against the truth: corners (px), cameras (px), poses (degrees, share of the distance), model (px), stereo (µm, degrees)"
+TITLE = (
+    "Table 4: calibration and pose error, px, half and half; the ratio to OpenCV on the same pictures, "
+    "the paper's, the difference"
+)
+TRUTH = (
+    "Against the truth: corners (px), cameras (px), poses (degrees, share of the distance), model (px), "
+    "stereo (µm, degrees)"
+)
 
 
 FLATTERED = (
-    "The rendered boards are perfectly flat, which our refinement counts on, and come from the renderer that our networks learn from: "
-    "they flatter our presets. Photographs don't."
+    "The rendered boards are perfectly flat, which our refinement counts on, and come from the renderer that our "
+    "networks learn from: they flatter our presets. Photographs don't."
 )
 MAIN = ("set", "on", "detector", "whole", "views", "corners", "outliers", "cal", "pose", *RATIOS, "note")
 KNOWN = (

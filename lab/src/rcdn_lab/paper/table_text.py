@@ -11,11 +11,12 @@ from rcdn_lab.paper.table_claims import Comparison, claims, measured, published
 TITLES = {"table2": "Table 2: thresholds and losses", "table3": "Table 3: networks"}
 SHORT = {
     "precision": "precision", "recall": "recall", "strict precision": "strict P", "strict recall": "strict R",
-    "paper precision": "paper P", "paper recall": "paper R", "precision difference": "diff P", "recall difference": "diff R",
+    "paper precision": "paper P", "paper recall": "paper R", "precision difference": "diff P",
+    "recall difference": "diff R",
 }  # fmt: skip
 READING = (
-    "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner is true as well), "
-    "`strict`: one to one. All detections of a set together. No refinement."
+    "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner "
+    "is true as well), `strict`: one to one. All detections of a set together. No refinement."
 )
 
 
@@ -75,8 +76,8 @@ def _grain(rows: Sequence[Mapping[str, Any]]) -> str:
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     head = ("network", "threshold", "set", "pictures")
     figures = (
-        "paper precision", "precision", "precision difference", "paper recall", "recall", "recall difference", "strict precision",
-        "strict recall",
+        "paper precision", "precision", "precision difference", "paper recall", "recall", "recall difference",
+        "strict precision", "strict recall",
     )  # fmt: skip
     named = [
         f.replace("precision difference", "difference").replace("recall difference", "difference") for f in figures

@@ -201,7 +201,8 @@ def _measured(line: Line, on: PictureSet, counts: Counts) -> Row:
         "precision": precision, "recall": recall, "strict precision": strict[0], "strict recall": strict[1],
         "paper precision": paper[0], "paper recall": paper[1],
         "precision difference": precision - paper[0], "recall difference": recall - paper[1],
-        "mean precision": counts.precisions / max(counts.pictures, 1), "mean recall": counts.recalls / max(counts.pictures, 1),
+        "mean precision": counts.precisions / max(counts.pictures, 1),
+        "mean recall": counts.recalls / max(counts.pictures, 1),
     }  # fmt: skip
     whole = {name: getattr(counts, name) for name in ("corners", "found", "near", "reached", "pairs")}
     told = _threshold(line.rule(on.column))
@@ -209,8 +210,9 @@ def _measured(line: Line, on: PictureSet, counts: Counts) -> Row:
 
 
 FIGURES = (
-    "precision", "recall", "strict precision", "strict recall", "paper precision", "paper recall", "precision difference",
-    "recall difference", "mean precision", "mean recall", "corners", "found", "near", "reached", "pairs",
+    "precision", "recall", "strict precision", "strict recall", "paper precision", "paper recall",
+    "precision difference", "recall difference", "mean precision", "mean recall", "corners", "found", "near", "reached",
+    "pairs",
 )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 Row = dict[str, Any]
 LABELS = {
-    "noise": "noise, grey levels", "blur": "Gaussian blur, px", "rotation": "rotation, degrees", "tilt": "tilt, degrees",
+    "noise": "noise, grey levels", "blur": "Gaussian blur, px", "rotation": "rotation, degrees",
+    "tilt": "tilt, degrees",
 }  # fmt: skip
 STYLES = {
     "seed": ("0.6", ":", "", 1.2), "CoM": ("C9", "--", "v", 1.2), "Gauss": ("C0", "--", "o", 1.2),

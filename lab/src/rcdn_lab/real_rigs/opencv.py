@@ -19,7 +19,8 @@ FEWEST = 4
 
 
 def opencvs(shots: Shots, spacing: float, parts: bool = False) -> Rig:
-    """The rig of all cameras, with the lens k1 k2 p1 p2 k3; the first camera's frame. It is given whole boards, or those seen in `parts`, too.
+    """The rig of all cameras, with the lens k1 k2 p1 p2 k3; the first camera's frame. It is given whole boards,
+    or those seen in `parts`, too.
 
     Raises CalibrationError with OpenCV's own words, or if what it gives is no rig.
     """

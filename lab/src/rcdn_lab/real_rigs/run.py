@@ -1,4 +1,5 @@
-"""Each rig calibrated without a part of its moments, by each solver, and scored on that part; and how pairs of cameras close."""
+"""Each rig calibrated without a part of its moments, by each solver, and scored on that part;
+and how pairs of cameras close."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ DIVERGED = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Three cameras by `names`, each two calibrated apart: `gap` (6,) of the way round (rad, then lengths), and its stated `covariance`."""
+    """Three cameras by `names`, each two calibrated apart: `gap` (6,) of the way round (rad, then lengths),
+    and its stated `covariance`."""
 
     names: tuple[str, str, str]
     gap: Array
@@ -64,7 +66,8 @@ def folds(shots: Shots, count: int) -> list[list[str]]:
 
 
 def held_out(shots: Shots, solver: str, spacing: float, count: int) -> dict[str, Any]:
-    """The figures of one solver over `count` parts of the moments, each scored by a rig that was calibrated from the other parts.
+    """The figures of one solver over `count` parts of the moments, each scored by a rig that was
+    calibrated from the other parts.
 
     Parts without a rig are in `failed`, with its reason in `why`.
     """
@@ -97,7 +100,8 @@ def _of_moments(
 
 
 def figures(found: Sequence[Scored]) -> dict[str, Any]:
-    """Root mean squares of all moments: `step_permille` and `span_permille` of the spacing and of whole rows, `rays_px` and `board_px`."""
+    """Root mean squares of all moments: `step_permille` and `span_permille` of the spacing and of whole rows,
+    `rays_px` and `board_px`."""
     parts = {k: np.concatenate([getattr(s, k) for s in found] or [np.full(1, np.nan)]) for k in ("steps", "spans")}
     px = {k: np.concatenate([getattr(s, k) for s in found] or [np.full(1, np.nan)]) for k in ("rays", "board")}
     return {
@@ -115,7 +119,8 @@ def _rms(values: Array) -> float:
 
 
 def chain(shots: Shots, names: tuple[str, str, str], spacing: float) -> Chain:
-    """Cameras a, b, c, each two by `calibrate_stereo` of the boards that both saw: T_c_a by way of b against T_c_a itself."""
+    """Cameras a, b, c, each two by `calibrate_stereo` of the boards that both saw:
+    T_c_a by way of b against T_c_a itself."""
     a, b, c = names
     (T_ba, C_ba), (T_cb, C_cb), (T_ca, C_ca) = (_pair(shots, *pair, spacing) for pair in ((a, b), (b, c), (a, c)))
     D = T_cb @ T_ba @ np.linalg.inv(T_ca)
@@ -125,7 +130,8 @@ def chain(shots: Shots, names: tuple[str, str, str], spacing: float) -> Chain:
 
 
 def closing(shots: Shots, spacing: float) -> dict[str, Any]:
-    """Of the `chain` of three cameras: `chi2` of its gap ÷ 6 (1 by chance), and the largest gap in stated deviations, `most_sigma`."""
+    """Of the `chain` of three cameras: `chi2` of its gap ÷ 6 (1 by chance), and the largest gap in stated
+    deviations, `most_sigma`."""
     names = tuple(shots.boards)
     found = chain(shots, (names[0], names[1], names[2]), spacing)
     return {

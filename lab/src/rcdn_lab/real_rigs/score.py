@@ -1,4 +1,5 @@
-"""How well a rig predicts boards that it wasn't calibrated from: corners triangulated in space, and boards projected."""
+"""How well a rig predicts boards that it wasn't calibrated from: corners triangulated in space,
+and boards projected."""
 
 from __future__ import annotations
 
@@ -19,9 +20,10 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Of the boards of one moment: `steps` (E,) lengths between neighbouring corners ÷ the spacing − 1; `spans` (S,) the same of the first and
-    last corner of each row and column; `rays` (N,) px from each corner to its triangulated point as its camera sees that; `board` (N,) px from
-    each corner to that of the flat board, or that of its shape, in the pose that fits all cameras best. NaN: a camera has no ray."""
+    """Of the boards of one moment: `steps` (E,) lengths between neighbouring corners ÷ the spacing − 1; `spans` (S,)
+    the same of the first and last corner of each row and column; `rays` (N,) px from each corner to its triangulated
+    point as its camera sees that; `board` (N,) px from each corner to that of the flat board, or that of its shape, in
+    the pose that fits all cameras best. NaN: a camera has no ray."""
 
     steps: Array
     spans: Array
@@ -55,7 +57,8 @@ def _at(board: Board, labels: list[tuple[int, ...]]) -> Array:
 
 
 def triangulated(rig: Rig, xy: Mapping[str, Array]) -> Array:
-    """(N, 3) the points of the rig's frame whose angles to the rays of `xy` (N, 2) by camera have the least sum of squares; NaN under two rays."""
+    """(N, 3) the points of the rig's frame whose angles to the rays of `xy` (N, 2) by camera have the least sum of
+    squares; NaN under two rays."""
     eyes, ways = [], []
     for name, each in xy.items():
         k = rig.index(name)

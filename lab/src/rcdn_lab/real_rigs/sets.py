@@ -23,8 +23,9 @@ Step = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class RigSet:
-    """A rig in `folder` of the data: by camera the `patterns` of its pictures, whose last number is the moment, or of one video. `size` of the
-    plain board in inner corners; None: it is coded. `other`: a file of the rig by another program, or ""."""
+    """A rig in `folder` of the data: by camera the `patterns` of its pictures, whose last number is the moment, or of
+    one video. `size` of the plain board in inner corners; None: it is coded. `other`: a file of the rig by another
+    program, or ""."""
 
     name: str
     folder: str
@@ -49,7 +50,8 @@ SETS = (
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """By camera and moment the board that it saw; of plain ones whole boards only, so that a label means one corner in all cameras."""
+    """By camera and moment the board that it saw; of plain ones whole boards only,
+    so that a label means one corner in all cameras."""
 
     boards: Mapping[str, Mapping[str, Board]]
 

@@ -61,8 +61,8 @@ def table(
 def settings_of(photographs: Path, limit: float) -> dict[str, Any]:
     """Settings recorded with the figures."""
     return {
-        "photographs": photographs.name, "most photographs": MOST_PHOTOGRAPHS, "limit s": limit, "threads": 1, "least megapixels": LEAST,
-        "goal": GOAL,
+        "photographs": photographs.name, "most photographs": MOST_PHOTOGRAPHS, "limit s": limit, "threads": 1,
+        "least megapixels": LEAST, "goal": GOAL,
     }  # fmt: skip
 
 
@@ -129,8 +129,8 @@ def _child(name: str, limit: float, send: Connection) -> None:
 def _answer(time_taken: float, found: Any) -> Answer:
     sizes = [len(board) for board in found.boards]
     return {
-        "ms a megapixel": time_taken, "boards": len(sizes), "largest": max(sizes, default=0), "corners": len(found.corners),
-        "warnings": len(found.warnings), "ended": "done",
+        "ms a megapixel": time_taken, "boards": len(sizes), "largest": max(sizes, default=0),
+        "corners": len(found.corners), "warnings": len(found.warnings), "ended": "done",
     }  # fmt: skip
 
 

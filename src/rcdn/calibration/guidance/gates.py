@@ -51,7 +51,10 @@ def blurred(board: Board, found: Quality) -> str:
     """Out of focus, or moved while the picture was taken."""
     if found.blur <= max(BLUR * growth(board.image_size), BLUR_SHARE * pitch(board)) or np.isnan(found.blur):
         return ""
-    return "The picture is blurred: hold the board still, in more light, neither too near nor too far for the lens to be sharp."
+    return (
+        "The picture is blurred: hold the board still, in more light, "
+        "neither too near nor too far for the lens to be sharp."
+    )
 
 
 def taken(board: Board, others: Collection[Board]) -> str:

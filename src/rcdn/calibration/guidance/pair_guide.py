@@ -44,9 +44,9 @@ class PairGuide:
 
     One criterion from the first pair on: the mean of high power (`added_view.NORM`) of the uncertainties of projections
     over the left frame, over the right frame, and from the left picture into the right one, at the boards' distance and
-    infinitely far. The last are what rectified rows and triangulated depths depend on: both lenses and the relative pose,
-    with their covariances. The first pair must show the whole board to both cameras; until the pictures alone determine
-    the calibration, cameras have the prior of `first_guess`.
+    infinitely far. The last are what rectified rows and triangulated depths depend on: both lenses and the relative
+    pose, with their covariances. The first pair must show the whole board to both cameras; until the pictures alone
+    determine the calibration, cameras have the prior of `first_guess`.
 
     `image_sizes`: (width, height) px of the left and of the right picture; all else as in `Guide`, where `target` px
     is to be reached by all three.

@@ -22,11 +22,11 @@ BOTH = "Hold the whole board where both cameras see it."
 
 @dataclass(frozen=True, eq=False)
 class PairProgress:
-    """State of a guided calibration of two cameras. `views`: the names of the accepted moments. `stereo` from them, None
-    until they determine it. `wanted`: the pose of the board for the next ones, None before both cameras have seen the
-    board at once. `parts` (3,) px: the worst uncertainty of each of PARTS over the frame, and `worst`, the largest of
-    them (infinite before there is a calibration); `maps`: for each part (rows, columns) over a grid that includes the
-    border, NaN where the other camera doesn't see; `target` px. `done`, `stuck`, `sentence` as in `Progress`."""
+    """State of a guided calibration of two cameras. `views`: the names of the accepted moments. `stereo` from them,
+    None until they determine it. `wanted`: the pose of the board for the next ones, None before both cameras have seen
+    the board at once. `parts` (3,) px: the worst uncertainty of each of PARTS over the frame, and `worst`, the largest
+    of them (infinite before there is a calibration); `maps`: for each part (rows, columns) over a grid that includes
+    the border, NaN where the other camera doesn't see; `target` px. `done`, `stuck`, `sentence` as in `Progress`."""
 
     views: tuple[str, ...]
     stereo: StereoCalibration | None

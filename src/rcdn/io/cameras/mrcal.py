@@ -97,8 +97,8 @@ def _camera(data: Any, path: str) -> Camera:
         return _splined_camera(data, path, [int(n) for n in splined.groups()])
     if name not in _LENGTHS:
         raise FormatError(
-            f"{path}: rcdn doesn't know the lens model {shown(name)}; make it one of {', '.join(_LENGTHS)} or {SPLINED}_order=3_… "
-            "with mrcal-convert-lensmodel"
+            f"{path}: rcdn doesn't know the lens model {shown(name)}; make it one of {', '.join(_LENGTHS)} or "
+            f"{SPLINED}_order=3_… with mrcal-convert-lensmodel"
         )
     values, size = _numbers(data, path, 4 + _LENGTHS[name])
     model, distortion = opencv_lens(path, values[4:])

@@ -1,7 +1,7 @@
 """`rcdn evaluate`: the figures of the docs, each by one command.
 
-To add a suite: write a function in one of these files (parameters are the options, the docstring is the help, heavy imports
-inside) and add it below.
+To add a suite: write a function in one of these files (parameters are the options, the docstring is the help, heavy
+imports inside) and add it below.
 """
 
 from __future__ import annotations

@@ -40,13 +40,13 @@ def calibration(
 ) -> None:
     """Calibrations from the corners of several detectors by one solver, on photographs: the paper's section 4.4.
 
-    `on all`: all boards that a detector found, outliers left out; `on common`: the pictures in which everybody found the
-    whole board, everybody's same corners, equal weights, none left out; `on agreed`: these without anybody's outliers;
-    `on with NAME`: pictures in common with one that finds too few whole boards to be compared with all.
-    Root mean square lengths of the reprojection errors, px: `fit`: calibrated from all; `cal` and `pose`: calibrated from
-    half of the pictures, and poses only on the other half, both directions, median of 5 splits; `unsteady`: worst split ÷
-    median; `folds`: poses of held-out fifths; `camera`: the same with these cameras, but poses and errors of the peers'
-    corners: one measure for everybody. `auto, by sigma`: each corner weighs by its sigma.
+    `on all`: all boards that a detector found, outliers left out; `on common`: the pictures in which everybody found
+    the whole board, everybody's same corners, equal weights, none left out; `on agreed`: these without anybody's
+    outliers; `on with NAME`: pictures in common with one that finds too few whole boards to be compared with all. Root
+    mean square lengths of the reprojection errors, px: `fit`: calibrated from all; `cal` and `pose`: calibrated from
+    half of the pictures, and poses only on the other half, both directions, median of 5 splits; `unsteady`: worst split
+    ÷ median; `folds`: poses of held-out fifths; `camera`: the same with these cameras, but poses and errors of the
+    peers' corners: one measure for everybody. `auto, by sigma`: each corner weighs by its sigma.
     """
     from rcdn.batch.cache import Cache, fingerprint, open_cache
     from rcdn.config import DetectorConfig
@@ -72,8 +72,8 @@ def repeatability(
         typer.Option(
             "--set",
             metavar="NAME|NAME:PATTERN:COLSxROWS:MODEL",
-            help="A known set, or pictures of one camera; MODEL is what OpenCV's solver gets. May be given again; default: all "
-            "known sets of ten pictures and more.",
+            help="A known set, or pictures of one camera; MODEL is what OpenCV's solver gets. May be given again; "
+            "default: all known sets of ten pictures and more.",
         ),
     ] = None,
     splits: Annotated[int, typer.Option(min=1, help="Random splits of each set.")] = 8,
@@ -82,9 +82,10 @@ def repeatability(
 ) -> None:
     """Do cameras repeat, by as much as they state? Random halves of the photographs of one camera, calibrated apart.
 
-    `px`: how far the cameras of two halves differ over the area with corners after the best rotation (root mean square; `median px`
-    over the splits). `difference / stated`: difference of fx, fy, cx, cy ÷ what both state, root mean square (chance: 1), `within 1` the share
-    within one standard deviation (.683); the same of projections. `auto` is rcdn.calibrate, `opencv` is OpenCV's solver on the same corners.
+    `px`: how far the cameras of two halves differ over the area with corners after the best rotation (root mean square;
+    `median px` over the splits). `difference / stated`: difference of fx, fy, cx, cy ÷ what both state, root mean
+    square (chance: 1), `within 1` the share within one standard deviation (.683); the same of projections. `auto` is
+    rcdn.calibrate, `opencv` is OpenCV's solver on the same corners.
     """
     from functools import partial
 
@@ -127,12 +128,12 @@ def trust(
 ) -> None:
     """Do the stated standard deviations hold? Simulated calibrations, and how often the truth lies within them.
 
-    Each run: 20 views of a 9×6 board of 30 mm squares, parts included, noise of 0.1, 0.3 and 1 px in turn, 5 % of the corners thrown 5 to
-    40 px away. Boards are flat; or uneven, the same in all views (0.3 % longer in one direction, 0.1 mm off within the plane, 0.7 mm out of it);
-    or paper held by hand, bent anew by 0.3 mm in every view (root mean squares).
-    `within`: share of all parameters within one standard deviation (chance: .683), `within2` within two (.954), `spread`: root mean
-    square of error ÷ deviation (1); then shares within one at each noise, of fx and fy, of fx ÷ fy, of cx and cy, and of the lens. About
-    10 minutes on one core.
+    Each run: 20 views of a 9×6 board of 30 mm squares, parts included, noise of 0.1, 0.3 and 1 px in turn, 5 % of the
+    corners thrown 5 to 40 px away. Boards are flat; or uneven, the same in all views (0.3 % longer in one direction,
+    0.1 mm off within the plane, 0.7 mm out of it); or paper held by hand, bent anew by 0.3 mm in every view (root mean
+    squares). `within`: share of all parameters within one standard deviation (chance: .683), `within2` within two
+    (.954), `spread`: root mean square of error ÷ deviation (1); then shares within one at each noise, of fx and fy, of
+    fx ÷ fy, of cx and cy, and of the lens. About 10 minutes on one core.
     """
     from rcdn_lab import trust as suite
 

@@ -51,10 +51,11 @@ def coded(
 ) -> None:
     """Numbers on boards that carry codes: ours, told nothing, beside readers that are told everything.
 
-    real: labelled photographs; degraded: the same halved, blurred (2 px), with noise (20 grey levels), at a fifth of the light; videos: frames that
-    are read, and numbers that readers see at different places; rendered: kinds of boards under conditions, at VGA, the recall of each; 'no codes':
-    no board may have a number. A number is right within 4 px of its corner. `named`: boards whose kind, dictionary and legacy are right.
-    The lines at the end say which goals are reached. All takes some ten minutes of two cores.
+    real: labelled photographs; degraded: the same halved, blurred (2 px), with noise (20 grey levels), at a fifth of
+    the light; videos: frames that are read, and numbers that readers see at different places; rendered: kinds of boards
+    under conditions, at VGA, the recall of each; 'no codes': no board may have a number. A number is right within 4 px
+    of its corner. `named`: boards whose kind, dictionary and legacy are right. The lines at the end say which goals are
+    reached. All takes some ten minutes of two cores.
     """
     from rcdn.io.files import is_stream
     from rcdn_lab import coded as suite
@@ -63,8 +64,8 @@ def coded(
     check_files(json)
     names, lacking = suite.contestants([name.strip() for name in peers.split(",") if name.strip()])
     plan = suite.Plan(
-        data, tuple(without or ()), tuple(skip or ()), count, tuple(kind or ()), tuple(condition or ()), scenes, tuple(names),
-        workers or os.cpu_count() or 1, pictures,
+        data, tuple(without or ()), tuple(skip or ()), count, tuple(kind or ()), tuple(condition or ()), scenes,
+        tuple(names), workers or os.cpu_count() or 1, pictures,
     )  # fmt: skip
     rows: list[dict[str, Any]] = []
     done: list[str] = []

@@ -24,11 +24,12 @@ def coded_cameras(
     seeds: Annotated[int, typer.Option(min=1, help="Random halves of each folder.")] = 5,
     json: Json = None,
 ) -> None:
-    """Cameras from ChArUco boards: ours, told the spacing alone, beside OpenCV's detector and solver, told the board, too.
+    """Cameras from ChArUco boards: ours, told the spacing alone, beside OpenCV's detector and
+    solver, told the board, too.
 
-    Both calibrate from random halves, each from its own corners. In the pictures of the other half the pose is solved from every second
-    corner, and the residuals of the rest count: RMS = √(Σ |observed − projected|² / N), px, over all corners that both found. The goal is a ratio
-    of at most 0.7.
+    Both calibrate from random halves, each from its own corners. In the pictures of the other half the pose is solved
+    from every second corner, and the residuals of the rest count: RMS = √(Σ |observed − projected|² / N), px, over all
+    corners that both found. The goal is a ratio of at most 0.7.
     """
     from rcdn_lab import coded_cameras as suite
 

@@ -22,12 +22,14 @@ def deltille(
     views: Annotated[int, typer.Option(min=8, help="Rendered views to calibrate from.")] = 40,
     json: Json = None,
 ) -> None:
-    """Deltilles: rendered scenes, clutter, two real pictures, calibration and pose beside the paper's (about 8 minutes).
+    """Deltilles: rendered scenes, clutter, two real pictures, calibration and pose beside the
+    paper's (about 8 minutes).
 
-    `recall`, `precision`: of corners in boards, at 2 px; of those in the picture that can be placed to within 0.25 px at its noise, and `of all`
-    (deep shadows hide some); `whole`: pictures with all of the former and nothing false. `cal`: calibrated from every second view,
-    `pose`: only poses of the others, root mean square lengths of reprojection errors, px; the views have noise of 5 grey levels and blur
-    of 1 px. Without the real pictures their rows are left out.
+    `recall`, `precision`: of corners in boards, at 2 px; of those in the picture that can be placed to within 0.25 px
+    at its noise, and `of all` (deep shadows hide some); `whole`: pictures with all of the former and nothing false.
+    `cal`: calibrated from every second view, `pose`: only poses of the others, root mean square lengths of reprojection
+    errors, px; the views have noise of 5 grey levels and blur of 1 px. Without the real pictures
+    their rows are left out.
     """
     from rcdn_lab.paper import deltille as suite
     from rcdn_lab.paper.claim import lines

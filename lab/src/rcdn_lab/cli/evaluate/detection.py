@@ -15,7 +15,8 @@ def scenes(
     count: Annotated[int, typer.Option(min=1, help="Rendered 640×480 scenes.")] = 300,
     json: Json = None,
 ) -> None:
-    """Raw corners on rendered scenes: precision and recall at 4 px under each threshold of the paper's Table 2 (about 4 minutes)."""
+    """Raw corners on rendered scenes: precision and recall at 4 px under each threshold of the paper's
+    Table 2 (about 4 minutes)."""
     from rcdn_lab import scenes as suite
     from rcdn_lab.weights import PRESETS, weights_of
 
@@ -30,7 +31,8 @@ def hard(
     model: Annotated[list[str] | None, typer.Option(help="auto, paper, or an .onnx file; may be given again.")] = None,
     json: Json = None,
 ) -> None:
-    """F1 at 2 px on the fixed hard validation crops: noise to 60, blur to 4 px, contrast from 18 grey levels, tilt to 75° (a minute)."""
+    """F1 at 2 px on the fixed hard validation crops: noise to 60, blur to 4 px, contrast from 18 grey levels,
+    tilt to 75° (a minute)."""
     from rcdn_lab import hard as suite
     from rcdn_lab.weights import weights_of
 
@@ -62,10 +64,12 @@ def recovery(
     ] = None,
     json: Json = None,
 ) -> None:
-    """The paper's board recovery (growth) and ours (graph) on the same corners of the same rendered pictures (3 minutes).
+    """The paper's board recovery (growth) and ours (graph) on the same corners of the same
+    rendered pictures (3 minutes).
 
-    Flat, tilted, distorted, bent, covered and cut boards, several, none. `whole`: boards with all visible corners, no other,
-    and right labels; `wrong`: corners of boards that are none; `labels`: boards with a wrong label; `false`: boards where none is.
+    Flat, tilted, distorted, bent, covered and cut boards, several, none. `whole`: boards with all visible corners, no
+    other, and right labels; `wrong`: corners of boards that are none; `labels`: boards with a wrong label; `false`:
+    boards where none is.
     """
     from rcdn_lab import recovery as suite
     from rcdn_lab.plots.recovery import Gallery

@@ -36,9 +36,10 @@ def fig4(
 ) -> None:
     """Figure 4: how far RCDN's, MATE's and ChESS' highest response is from the corner, over noise and rotation.
 
-    Corners of 64 and 191 with a line of 128, without and with 3×3 pre-blur; noise 0 to 100, rotation 0° to 90°; the highest
-    response of the central 41×41 of 81×81 px, no refinement. Printed: means over all angles. `hit`: within 1 px; `miss`: more
-    than 4 px off, or no answer; `worst px`: the worst angle's mean. Then the paper's claims, with our figures.
+    Corners of 64 and 191 with a line of 128, without and with 3×3 pre-blur; noise 0 to 100, rotation 0° to 90°; the
+    highest response of the central 41×41 of 81×81 px, no refinement. Printed: means over all angles. `hit`: within 1
+    px; `miss`: more than 4 px off, or no answer; `worst px`: the worst angle's mean. Then the paper's
+    claims, with our figures.
 
     Steps of 10 (noise) and 5°, 100 pictures a cell: 3 minutes of one core; --full: steps of 1, 1000 pictures: 20 hours.
     """
@@ -80,11 +81,11 @@ def fig6(
 ) -> None:
     """The second Figure 5 of the paper: mean error, px, of sub-pixel refinements over noise, blur, rotation and tilt.
 
-    Corners of 64 and 191 anywhere within a pixel, 80×80 px; one factor at a time, the others low (noise 2, blur 1 px, 10°,
-    10°). From the highest response (seed) go: centre of mass (CoM), Gaussian peak (Gauss), parabola, cornerSubPix (OpenCV),
-    surface fit (ROCHADE), the paper's mean of Gauss and ROCHADE (mixed), the first refinement of the preset auto (ours, first)
-    and a fit of two blurred edges (ours, fit). In brackets: failures, whose start counts. Then the paper's claims, with our
-    figures.
+    Corners of 64 and 191 anywhere within a pixel, 80×80 px; one factor at a time, the others low (noise 2, blur 1 px,
+    10°, 10°). From the highest response (seed) go: centre of mass (CoM), Gaussian peak (Gauss), parabola, cornerSubPix
+    (OpenCV), surface fit (ROCHADE), the paper's mean of Gauss and ROCHADE (mixed), the first refinement of the preset
+    auto (ours, first) and a fit of two blurred edges (ours, fit). In brackets: failures, whose start counts. Then the
+    paper's claims, with our figures.
 
     200 pictures a level: a minute of one core; --full: 1000 pictures, 4 minutes.
     """

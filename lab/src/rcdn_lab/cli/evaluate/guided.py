@@ -16,10 +16,10 @@ def guided(
 ) -> None:
     """Simulated people: after how many pictures a camera is right to 0.1 px in the corners of the frame.
 
-    `guided` follow the guide of `rcdn live`, roughly; `random` hold the board as people do, 0.3 to 0.8 m away; `coverage`, of such poses,
-    take those that cover the sensor; `expert` go anywhere up to the rim, as near as the guide wants it, well tilted. Corners have a noise
-    of 0.1 px; `bent` boards are uneven and solved for. Also: errors after ten pictures, px, and the stated deviation ÷ the true error of
-    the guided.
+    `guided` follow the guide of `rcdn live`, roughly; `random` hold the board as people do, 0.3 to 0.8 m away;
+    `coverage`, of such poses, take those that cover the sensor; `expert` go anywhere up to the rim, as near as the
+    guide wants it, well tilted. Corners have a noise of 0.1 px; `bent` boards are uneven and solved for. Also: errors
+    after ten pictures, px, and the stated deviation ÷ the true error of the guided.
     """
     from rcdn_lab import guided as suite
 

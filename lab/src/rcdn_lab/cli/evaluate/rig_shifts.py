@@ -17,7 +17,8 @@ def rig_shifts(
 ) -> None:
     """Frames of one of four real videos numbered one or two too early or too late: is that found and corrected?
 
-    Lenses are those of each camera alone. true: the shift, with what is found of the videos as they are; epipolar_px: of moments held out.
+    Lenses are those of each camera alone. true: the shift, with what is found of the videos as they are;
+    epipolar_px: of moments held out.
     """
     from rcdn_lab import rig_shifts as suite
     from rcdn_lab.cli.evaluate.real_rigs import CODED

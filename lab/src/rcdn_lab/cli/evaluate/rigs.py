@@ -18,10 +18,11 @@ def rigs(
     ] = False,
     json: Json = None,
 ) -> None:
-    """Simulated rigs: how many of the numbers of the cameras' places lie within one and three of their standard deviations.
+    """Simulated rigs: how many of the numbers of the cameras' places lie within one and three of
+    their standard deviations.
 
-    Corners have a noise of 0.2 px; each rig is solved from the boards alone, with its cameras' lens models named. Six numbers for each two
-    cameras.
+    Corners have a noise of 0.2 px; each rig is solved from the boards alone, with its cameras' lens models named.
+    Six numbers for each two cameras.
     """
     from rcdn_lab import rigs as suite
 

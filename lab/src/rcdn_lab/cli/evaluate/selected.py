@@ -20,10 +20,11 @@ def selected(
     cache: Annotated[Path | None, typer.Option(metavar="DIR", help="Where detections are kept.")] = None,
     json: Json = None,
 ) -> None:
-    """Photographs: how near the camera of 8, 10 and 12 selected pictures comes to that of all, beside as many at random.
+    """Photographs: how near the camera of 8, 10 and 12 selected pictures comes to that of all,
+    beside as many at random.
 
-    Sets with boards in at least 20 pictures. Differences are root mean squares over the frame, px, after the best rotation; `random`: the
-    median of nine choices. `rcdn calibrate --select` selects so.
+    Sets with boards in at least 20 pictures. Differences are root mean squares over the frame, px, after the best
+    rotation; `random`: the median of nine choices. `rcdn calibrate --select` selects so.
     """
     from rcdn_lab import selected as suite
 

@@ -20,11 +20,11 @@ def sieve(
 ) -> None:
     """Recall of the sieve that says where the network is evaluated, on the pictures of `rcdn evaluate sweep`.
 
-    The network is evaluated everywhere, in all views of the whole picture that detection looks at. `recall`: of the visible corners to which
-    a peak of that response above the threshold belongs (the nearest one, within 2 px of the view), the share whose peak lies in a cell that
-    the sieve marks; `lost`: the others; `recall of peaks`: the same of all peaks above the threshold; `share of cells`: those that are marked.
-    A line a factor, with its worst level and the recall there; the file of --json has a row a level. At 5 pictures a level some 2 minutes of
-    one core.
+    The network is evaluated everywhere, in all views of the whole picture that detection looks at. `recall`: of the
+    visible corners to which a peak of that response above the threshold belongs (the nearest one, within 2 px of the
+    view), the share whose peak lies in a cell that the sieve marks; `lost`: the others; `recall of peaks`: the same of
+    all peaks above the threshold; `share of cells`: those that are marked. A line a factor, with its worst level and
+    the recall there; the file of --json has a row a level. At 5 pictures a level some 2 minutes of one core.
     """
     from rcdn_lab import sieve as suite
     from rcdn_lab.results import save

@@ -49,16 +49,18 @@ def table4(
 ) -> None:
     """Calibrate on half of the views, solve poses on the others: the paper's section 4.4.
 
-    On a rendered stereo pair with known truth, and on photographs; the cameras of a set count together. `on all`: the largest board
-    of each picture, parts too, no corner left out; `on common`: the pictures in which all find the whole board, the same corners;
-    `on with NAME`: the same for one that finds too few of them. `cal`, `pose`: root mean square reprojection error, px, of the half calibrated from
-    and of the other, both directions, median of 5 splits; `÷ opencv`: over that of OpenCV's corners on the same pictures, with the paper's
-    ratio and the difference: its pictures aren't public. `outliers`: corners that `rcdn.calibrate` would leave out. Against the truth:
-    `mean`, `rms` of found corners, `95 %` of all true ones (missing count); `focal`, `centre`; `rotation`, `translation` of held-out poses; `model`:
-    all true corners from where camera and pose see them; `baseline`, `turn` of the stereo pair. The paper's rows are marked.
+    On a rendered stereo pair with known truth, and on photographs; the cameras of a set count together. `on all`: the
+    largest board of each picture, parts too, no corner left out; `on common`: the pictures in which all find the whole
+    board, the same corners; `on with NAME`: the same for one that finds too few of them. `cal`, `pose`: root mean
+    square reprojection error, px, of the half calibrated from and of the other, both directions, median of 5 splits;
+    `÷ opencv`: over that of OpenCV's corners on the same pictures, with the paper's ratio and the difference: its
+    pictures aren't public. `outliers`: corners that `rcdn.calibrate` would leave out. Against the truth: `mean`, `rms`
+    of found corners, `95 %` of all true ones (missing count); `focal`, `centre`; `rotation`, `translation` of held-out
+    poses; `model`: all true corners from where camera and pose see them; `baseline`, `turn` of the stereo pair. The
+    paper's rows are marked.
 
-    The rendered boards are perfectly flat and come from our own renderer: they flatter our presets; photographs don't. About 10 minutes
-    of two cores, 4 without photographs; --full: 20.
+    The rendered boards are perfectly flat and come from our own renderer: they flatter our presets; photographs don't.
+    About 10 minutes of two cores, 4 without photographs; --full: 20.
     """
     from functools import partial
     from tempfile import TemporaryDirectory
@@ -128,5 +130,6 @@ def _tell(
         talk.say(line)
     facts = provenance()
     talk.say(
-        f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
+        f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, "
+        f"{facts['cpus']} CPUs"
     )

@@ -19,7 +19,8 @@ Data = Annotated[
     Path | None,
     typer.Option(
         metavar="DIR", envvar="RCDN_DATA",
-        help="The folder of photographs (rochade-gopro-a, rochade-ueye, truth.json); without it their rows are skipped.",
+        help="The folder of photographs (rochade-gopro-a, rochade-ueye, truth.json); "
+        "without it their rows are skipped.",
     ),
 ]  # fmt: skip
 Sets = Annotated[
@@ -47,10 +48,10 @@ def table2(
 ) -> None:
     """The paper's Table 2: thresholds and losses. Net A with cross entropy and with the squared loss (MATE).
 
-    Precision and recall of raw corners at 4 px, beside the paper's, on photographs and on rendered stand-ins: mesa-like (206
-    pictures), ueye-like (24; 206 with --full), gopro-like (10; 100), ueye (5), gopro (30). `precision`, `recall`: the paper's
-    reading, in which a second detection of one corner is true as well; `strict`: one to one; `diff`: ours less the paper's.
-    About 4 minutes on two cores, half an hour with --full.
+    Precision and recall of raw corners at 4 px, beside the paper's, on photographs and on rendered stand-ins: mesa-like
+    (206 pictures), ueye-like (24; 206 with --full), gopro-like (10; 100), ueye (5), gopro (30). `precision`, `recall`:
+    the paper's reading, in which a second detection of one corner is true as well; `strict`: one to one; `diff`: ours
+    less the paper's. About 4 minutes on two cores, half an hour with --full.
     """
     _run("table2", data, sets, full, count, workers, cache, json, csv, markdown)
 

@@ -29,9 +29,10 @@ def verdicts(
 ) -> None:
     """Does the verdict tell bad sets of pictures from good ones, and does its first line say what is wrong?
 
-    Simulated sets, each with a known fault (two cameras, autofocus, paper, frontal views, copies, wrong sizes, …), and good ones of several
-    lenses. `passed`: a bad set is called unsure or bad, or gives no camera; a good one good or fair; photographs that people
-    calibrate with anything but bad. `named`: the first line gives the fault, not only a symptom. About three minutes on one core.
+    Simulated sets, each with a known fault (two cameras, autofocus, paper, frontal views, copies, wrong sizes, …), and
+    good ones of several lenses. `passed`: a bad set is called unsure or bad, or gives no camera; a good one good or
+    fair; photographs that people calibrate with anything but bad. `named`: the first line gives the fault, not only a
+    symptom. About three minutes on one core.
     """
     from rcdn_lab import verdicts as suite
 

@@ -24,8 +24,9 @@ def worst_case(
 ) -> None:
     """CPU time a megapixel of pictures made to cost much, beside the median of photographs.
 
-    Tiny squares, hundreds of boards, bent, torn and nested ones; noise, dots, waves, lines, text; odd sizes. One thread, each picture in a process
-    of its own. `ratio`: to the median of the photographs, the worst first; pictures under 0.1 megapixel count as 0.1. All take some 15 minutes.
+    Tiny squares, hundreds of boards, bent, torn and nested ones; noise, dots, waves, lines, text; odd sizes. One
+    thread, each picture in a process of its own. `ratio`: to the median of the photographs, the worst first; pictures
+    under 0.1 megapixel count as 0.1. All take some 15 minutes.
     """
     from rcdn_lab.worst_case import run as suite
 
