@@ -15,6 +15,8 @@ import rcdn
 
 ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "onnx", "matplotlib", "lightning_fabric", "lightning", "tensorboard")
+LATE = ("numpy", "cv2", "scipy", "onnxruntime", "jinja2", "markupsafe")
+"""packages that are imported where they are needed"""
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 INSTALL_AND_TEST = (
     'pip install "torch==2.13.0" && pip install -e ".[train,test]" -e lab && python -m pytest -n auto --dist loadgroup'
@@ -86,18 +88,12 @@ def test_the_command_line_is_light(arguments):
 def test_the_command_line_starts_without_numpy():
     """Each verb imports what it needs: help is quick, and a process can still say how many threads
     NumPy's BLAS may use."""
-    assert (
-        run("import rcdn.cli, sys; print([m for m in ('numpy', 'cv2', 'scipy', 'onnxruntime') if m in sys.modules])")
-        == "[]\n"
-    )
+    assert run(f"import rcdn.cli, sys; print([m for m in {LATE!r} if m in sys.modules])") == "[]\n"
 
 
 def test_import_loads_nothing_of_its_own():
     """Not even NumPy: names arrive at their first use."""
-    assert (
-        run("import rcdn, sys; print([m for m in ('numpy', 'cv2', 'scipy', 'onnxruntime') if m in sys.modules])")
-        == "[]\n"
-    )
+    assert run(f"import rcdn, sys; print([m for m in {LATE!r} if m in sys.modules])") == "[]\n"
 
 
 def test_a_detector_of_plain_boards_needs_no_scipy():

@@ -15,8 +15,10 @@ from rcdn.calibration.verdict import headline, judge
 from rcdn.errors import OutputError
 from rcdn.geometry import project, rotation, transform, unproject
 from rcdn.geometry.undistort import HALF_VIEW, undistorted_camera
-from rcdn.report.calibration import maps, pictures, rig, stereo, style, write_report, write_stereo_report
-from rcdn.report.calibration.markup import escape, number, percent, tag, value_and_std
+from rcdn.report.calibration import maps, pictures, rectified, relative, write_report, write_stereo_report
+from rcdn.report.calibration.environment import script, sheet
+from rcdn.report.calibration.formats import number, percent, value_and_std
+from rcdn.report.calibration.svg import escape, tag
 from rcdn.terminal.camera_text import camera_lines
 from rcdn.types import BoardShape, BoardView, Calibration, Camera, ModelScore, Pose, StereoCalibration
 
@@ -66,13 +68,15 @@ def photograph(size=SIZE, seed=0):
 
 
 class Page(HTMLParser):
-    """Tags, attributes and text of a page; fails on elements that aren't closed in order."""
+    """Tags, attributes and text of a page, its white space as a browser shows it; fails on elements that aren't closed
+    in order."""
 
     def __init__(self, text):
         super().__init__()
         self.stack, self.tags, self.text, self.attributes = [], [], "", []
         self.feed(text)
         self.close()
+        self.text = " ".join(self.text.split())
         assert self.stack == []
 
     def handle_starttag(self, tag, attrs):
@@ -155,12 +159,15 @@ def test_what_comes_from_files_stays_text(tmp_path):
     ):
         assert seen in page.text
     assert "\u202e" not in text
-    assert style.SCRIPT in text
+    assert script() in text
 
 
-def test_markup_escapes_all_but_markup():
-    assert tag("p", "<", tag("b", "&"), title='"') == '<p title="&quot;">&lt;<b>&amp;</b></p>'
-    assert escape("'\0") == "&#x27;␀"
+def test_elements_of_drawings_escape_all_but_markup():
+    assert tag("text", "<", tag("tspan", "&"), id='"') == '<text id="&#34;">&lt;<tspan>&amp;</tspan></text>'
+    assert escape("'\0") == "&#39;␀"
+
+
+def test_numbers_are_short():
     assert number(-0.01234) == "−0.0123"
     assert (number(float("nan")), number(0), number(1234567), number(2e-5)) == ("–", "0.00", "1.23e+06", "2.00e−05")
     assert (percent(0.711), percent(0.0049), percent(float("nan"))) == ("71 %", "0.49 %", "– %")
@@ -356,7 +363,7 @@ def test_a_fisheye_isnt_blamed_for_the_dark_around_its_circle_but_a_folded_lens_
 
 def test_mean_residuals_find_what_is_systematic():
     calibration = simulated(many=60, noise=0.1)
-    assert "Nothing stands out" in maps.mean_map(calibration, mean_residuals(calibration))[1]
+    assert "Nothing stands out" in maps.mean_map(calibration, mean_residuals(calibration)).said
     pushed = []
     for v in calibration.views:
         shift = np.where(v.xy[:, :1] > 427, [[0.3, 0.0]], [[0.0, 0.0]])
@@ -367,7 +374,7 @@ def test_mean_residuals_find_what_is_systematic():
     assert right.sum() >= 6
     assert np.abs(cells.mean[right] - [0.3, 0]).max() < 4 * cells.error[right].max()
     assert cells.systematic[right].all()
-    assert "stand out from chance" in maps.mean_map(off, cells)[1]
+    assert "stand out from chance" in maps.mean_map(off, cells).said
 
 
 def test_bands_are_round_and_few():
@@ -394,7 +401,7 @@ def test_undistorting_makes_a_ramp_of_rays_a_ramp_of_pixels(camera):
 
 
 def test_undistorting_turns_as_rectification_does():
-    """A small bright spot lands where `stereo.rectify` says."""
+    """A small bright spot lands where `rectified.rectify` says."""
     R = rotation(np.array([0.03, -0.05, 0.02]))
     flat = Camera([[500, 0, 320], [0, 500, 240], [0, 0, 1]], [], SIZE, "pinhole")
     for spot in ([150.0, 120.0], [480.0, 300.0]):
@@ -403,7 +410,7 @@ def test_undistorting_turns_as_rectification_does():
         after = pictures.undistort(picture, BROWN, flat, R)
         after = np.maximum(after - 100, 0)  # less the grey of what the lens didn't see
         found = np.array([(after * g).sum() for g in np.meshgrid(np.arange(640), np.arange(480))]) / after.sum()
-        expected = stereo.rectify(BROWN, R, np.column_stack([flat.K, np.zeros(3)]), np.array([spot]))[0]
+        expected = rectified.rectify(BROWN, R, np.column_stack([flat.K, np.zeros(3)]), np.array([spot]))[0]
         assert found == pytest.approx(expected, abs=0.05)
 
 
@@ -437,7 +444,7 @@ def contrast(a, b):
 
 @pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
 def test_words_can_be_read(theme):
-    colours = dict(re.findall(r"--([a-z-]+):(#[0-9a-f]{3,6})", re.findall(r":root\{(.*?)\}", style.SHEET, re.S)[theme]))
+    colours = dict(re.findall(r"--([a-z-]+): (#[0-9a-f]{3,6})", re.findall(r":root \{(.*?)\}", sheet(), re.S)[theme]))
     for ground in ("paper", "card"):
         for ink in ("ink", "soft", "accent", "good", "fair", "unsure", "bad"):
             assert contrast(colours[ink], colours[ground]) >= 4.5, (ink, ground)
@@ -474,14 +481,14 @@ def simulated_pair(noise=0.0, many=14):
 
 def test_matching_corners_lie_on_one_row_after_rectification():
     pair = simulated_pair()
-    assert stereo.row_gaps(pair) == pytest.approx(np.zeros(14), abs=1e-6)
+    assert rectified.row_gaps(pair) == pytest.approx(np.zeros(14), abs=1e-6)
     views = list(pair.left.views)
     xy, used = np.array(views[0].xy), np.array(views[0].used)
     xy[4], used[4] = xy[4] + 5, False
     views[0] = replace(views[0], xy=xy, used=used)
     odd = replace(pair, left=replace(pair.left, views=tuple(views)))
-    assert stereo.row_gaps(odd)[0] == pytest.approx(0, abs=1e-6)  # an outlier has no partner
-    noisy = stereo.row_gaps(simulated_pair(noise=0.1))
+    assert rectified.row_gaps(odd)[0] == pytest.approx(0, abs=1e-6)  # an outlier has no partner
+    noisy = rectified.row_gaps(simulated_pair(noise=0.1))
     assert np.sqrt((noisy**2).mean()) == pytest.approx(0.1 * np.sqrt(2), rel=0.15)
 
 
@@ -489,7 +496,7 @@ def test_the_baseline_and_its_standard_deviation():
     pair = simulated_pair()
     assert pair.baseline == pytest.approx(np.linalg.norm([0.1, 0.002, 0.001]))
     assert baseline_std(pair) == pytest.approx(1e-4, rel=0.01)  # nearly along x
-    assert rig.turn_angle(pair) == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.03, 0.005])))
+    assert relative.turn_angle(pair) == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.03, 0.005])))
 
 
 def test_the_page_of_a_pair(tmp_path):

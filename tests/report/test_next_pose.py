@@ -9,7 +9,7 @@ from test_calibration_report import BROWN, FISHEYE, Page, simulated, written
 from rcdn.calibration.next_view import next_view
 from rcdn.geometry import project, transform
 from rcdn.report.calibration.maps import Sensor
-from rcdn.report.calibration.next_pose import next_figure
+from rcdn.report.calibration.next_pose import suggested_pose
 
 
 def loose(camera=BROWN):
@@ -24,7 +24,7 @@ def test_squares_are_where_the_camera_would_see_them():
     for camera in (BROWN, FISHEYE):
         calibration = loose(camera)
         found = next_view(calibration)
-        art = next_figure(calibration, found)
+        art = suggested_pose(calibration, found).art
         outlines = [
             np.array([p.split() for p in part.rstrip("z").split("L")], float)
             for kind in ("dark", "light")
@@ -46,7 +46,7 @@ def test_little_to_gain_is_said():
     firm = replace(calibration, cov=1e-4 * calibration.cov)
     found = next_view(firm)
     assert not found.worth_saying
-    assert "Little is left to gain" in next_figure(firm, found)
+    assert "Little is left to gain" in suggested_pose(firm, found).said
 
 
 def test_the_page_has_both_drawings(tmp_path):

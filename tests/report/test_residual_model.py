@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from test_calibration_report import BROWN, FISHEYE, Page, photograph, simulated, written
 
-from rcdn.report.calibration import charts, histogram, script, style
+from rcdn.report.calibration import charts, histogram
+from rcdn.report.calibration.environment import script, sheet
 
 
 def with_residuals(calibration, draw):
@@ -33,16 +34,16 @@ def test_residuals_are_divided_by_what_is_stated_of_them():
 def test_how_residuals_differ_from_their_model_is_said(draw, said):
     rng = np.random.default_rng(3)
     calibration = with_residuals(simulated(), lambda shape: draw(rng, shape))
-    art, sentence = histogram.histogram(calibration)
-    assert said in sentence
-    assert "deviations (0.27 % expected)" in sentence
-    assert "<svg" in art
+    drawing = histogram.histogram(calibration)
+    assert said in drawing.said
+    assert "deviations (0.27 % expected)" in drawing.said
+    assert "<svg" in drawing.art
 
 
 def test_no_residuals_make_a_histogram_still():
     calibration = simulated(many=3)
     views = tuple(replace(v, reason="bent", used=np.zeros(len(v), bool)) for v in calibration.views)
-    assert "no residuals" in histogram.histogram(replace(calibration, views=views))[1]
+    assert "no residuals" in histogram.histogram(replace(calibration, views=views)).said
 
 
 @pytest.mark.parametrize("camera", [BROWN, FISHEYE])
@@ -53,8 +54,8 @@ def test_a_radial_error_shows_against_the_angle(camera):
     for v in calibration.views:
         away = v.xy - camera.K[:2, 2]
         views.append(replace(v, residuals=0.3 * away / np.linalg.norm(away, axis=1, keepdims=True)))
-    _, sentence = charts.angle_chart(replace(calibration, views=tuple(views)))
-    assert "The running mean stays within ±0.30 px" in sentence
+    drawing = charts.angle_chart(replace(calibration, views=tuple(views)))
+    assert "The running mean stays within ±0.30 px" in drawing.said
 
 
 def test_every_picture_opens_large_with_and_without_script(tmp_path):
@@ -65,6 +66,6 @@ def test_every_picture_opens_large_with_and_without_script(tmp_path):
     assert {link[1:] for link in links} <= set(page.values("id"))
     assert [v for v in page.values("aria-label") if v == "Enlarge view000.png"]
     assert "To solve without it: --leave-out view003.png" in page.text
-    assert ".shot:target" in style.SHEET
-    assert script.SCRIPT in text
+    assert ".shot:target" in sheet()
+    assert script() in text
     assert text.count("data:image/jpeg") == 5 + 2  # no picture is in it twice

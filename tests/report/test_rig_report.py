@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_calibration_report import Page, simulated
+from test_calibration_report import Page, photograph, simulated
 from test_space import polygons
 
 from rcdn.geometry import rotation
-from rcdn.report.calibration import rig_space, space, write_rig_report
+from rcdn.report.calibration import page, rig_space, space, write_rig_report
+from rcdn.report.calibration import rig as rig_page
 from rcdn.types import NOT_JUDGED, MissingLink, Pose, Rig, RigCalibration, RigPair, TimeShift
 
 
@@ -34,7 +35,7 @@ def found(covariance=1e-6, cameras=3):
 
 def test_cameras_boards_and_ellipsoids_are_drawn_where_they_are():
     rig = found()
-    art = rig_space.rig_figure(rig, "c<2>")
+    art = rig_space.rig_in_space(rig, "c<2>").art
     assert len(polygons(art, "board faint")) == 18
     rims = [p for _, p in polygons(art, "ray") + polygons(art, "ray weak") if len(p) == 4 * space.RIM]
     assert len(rims) == 3
@@ -46,9 +47,9 @@ def test_cameras_boards_and_ellipsoids_are_drawn_where_they_are():
 
 def test_ellipsoids_are_three_deviations_by_the_factor_that_is_told():
     rig = found()
-    art = rig_space.rig_figure(rig)
-    (factor,) = re.findall(r"drawn (\d+) times larger", art.split("<figcaption>")[1])
-    rings = [p for _, p in polygons(art, "unsure")]
+    drawing = rig_space.rig_in_space(rig)
+    (factor,) = re.findall(r"drawn (\d+) times larger", drawing.said)
+    rings = [p for _, p in polygons(drawing.art, "unsure")]
     assert len(rings) == 6  # three of each camera but the first
     for name, mine in zip(rig.rig.names[1:], (rings[:3], rings[3:]), strict=True):
         points = np.concatenate(mine)
@@ -58,10 +59,10 @@ def test_ellipsoids_are_three_deviations_by_the_factor_that_is_told():
 
 
 def test_a_rig_known_badly_is_drawn_true_to_scale_and_one_without_covariance_has_no_ellipsoids():
-    assert "true to scale" in rig_space.rig_figure(found(covariance=1e-2))
+    assert "true to scale" in rig_space.rig_in_space(found(covariance=1e-2)).said
     rig = found()
     bare = replace(rig, rig=replace(rig.rig, covariance=None))
-    assert "unsure" not in rig_space.rig_figure(bare)
+    assert "unsure" not in rig_space.rig_in_space(bare).art
 
 
 def test_the_page_says_which_is_weakest_and_what_to_film(tmp_path):
@@ -86,3 +87,14 @@ def test_cameras_that_arent_connected_are_named(tmp_path):
     )
     write_rig_report(tmp_path / "rig.html", apart)
     assert "far: no board connects them" in (tmp_path / "rig.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("module", "limit"), [(rig_page, "OVERLAYS"), (page, "LARGEST")])
+def test_drawings_that_are_too_large_are_left_away_with_a_note(monkeypatch, module, limit):
+    photographs = {name: lambda _: photograph() for name in found().cameras}
+    assert 'id="view-' in rig_page.report(found(), photographs)
+    monkeypatch.setattr(module, limit, 1000)
+    text = rig_page.report(found(), photographs)
+    assert "There are too many pictures to draw each" in text
+    assert 'id="view-' not in text
+    assert "data:image" not in text

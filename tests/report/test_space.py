@@ -8,7 +8,8 @@ import pytest
 from test_calibration_report import BROWN, FISHEYE, FOLDED, simulated
 
 from rcdn.geometry import project
-from rcdn.report.calibration import script, space
+from rcdn.report.calibration import space
+from rcdn.report.calibration.environment import script
 from rcdn.types import Camera
 
 
@@ -23,16 +24,17 @@ def polygons(art, kind):
 
 def test_every_board_is_drawn_where_it_was():
     calibration = simulated(many=6)
-    art = space.space_figure(calibration)
+    drawing = space.boards_in_space(calibration)
+    art = drawing.art
     boards = polygons(art, "board")
     assert len(boards) == 6
     look = space.Look(*_look(art))
     for (drawn, corners), view in zip(boards, calibration.views, strict=True):
         assert look.to(corners) == pytest.approx(drawn, abs=0.1)
-        assert corners == pytest.approx(space.outline(calibration, view), abs=1e-3)
+        assert corners == pytest.approx(space.board_rim(calibration, view), abs=1e-3)
         assert (drawn > 0).all()
         assert (drawn < [space.WIDTH, space.HEIGHT]).all()
-    assert "Drag to turn it" in art
+    assert drawing.turns
 
 
 def _look(art):
@@ -48,19 +50,19 @@ def test_boards_left_out_are_told_apart_and_wild_ones_left_away():
     T[:3, 3] *= 50
     views[2] = replace(views[2], reason="far", pose=replace(views[2].pose, T_cam_board=T))
     views[3] = replace(views[3], reason="no pose", pose=None)
-    art = space.space_figure(replace(calibration, views=tuple(views)))
+    drawing = space.boards_in_space(replace(calibration, views=tuple(views)))
+    art = drawing.art
     assert len(polygons(art, "board")) == 3
     assert len(polygons(art, "board out")) == 1
     assert "view 2: view001.png" in art
     assert "left out: bent &amp; torn" in art
-    assert "1 board left out would stand far beyond, and is not drawn" in art
+    assert "1 board left out would stand far beyond, and is not drawn" in drawing.said
 
 
 def test_no_pose_no_drawing():
     calibration = simulated(many=3)
-    assert (
-        space.space_figure(replace(calibration, views=tuple(replace(v, pose=None) for v in calibration.views))) is None
-    )
+    blank = replace(calibration, views=tuple(replace(v, pose=None) for v in calibration.views))
+    assert space.boards_in_space(blank) is None
 
 
 @pytest.mark.parametrize("camera", [BROWN, FISHEYE, FOLDED, Camera(BROWN.K, [], BROWN.image_size, "pinhole")])
@@ -75,5 +77,9 @@ def test_the_frustum_goes_through_the_rim_of_the_frame(camera):
 
 def test_the_script_projects_as_the_drawing_does():
     """The formulas are written twice; they have the same terms."""
-    for term in ("ahead=Math.cos(a)*z-Math.sin(a)*x", "Math.cos(a)*x+Math.sin(a)*z", "Math.cos(b)*y-Math.sin(b)*ahead"):
-        assert term in script.SCRIPT
+    for term in (
+        "ahead = Math.cos(a) * z - Math.sin(a) * x",
+        "Math.cos(a) * x + Math.sin(a) * z",
+        "Math.cos(b) * y - Math.sin(b) * ahead",
+    ):
+        assert term in script()

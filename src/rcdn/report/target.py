@@ -79,7 +79,8 @@ def make_page(printed: Printed, paper: str = "a4") -> Page:
     least = _LEAST.get(target.kind, 3)
     if min(target.columns, target.rows or 0) < least:
         raise ConfigError(
-            f"size {target.columns}x{target.rows} is too small: a {target.kind} to print has at least {least}x{least} {_counted(target)}"
+            f"size {target.columns}x{target.rows} is too small: a {target.kind} to print has at least "
+            f"{least}x{least} {_counted(target)}"
         )
     upright = PAPERS[paper]
     size = max((upright, upright[::-1]), key=lambda p: _largest(target, p))

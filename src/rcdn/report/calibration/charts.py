@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from markupsafe import Markup
 
 from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import off_axis
-from rcdn.report.calibration.markup import Html, coordinate, crosses, dots, each, join, number, pixels, tag
+from rcdn.report.calibration.formats import coordinate, number, pixels
+from rcdn.report.calibration.svg import Drawing, crosses, dots, each, join, outline, polyline, tag
 from rcdn.types import Array, Calibration
 
 WIDTH, HEIGHT = 440, 280
@@ -21,24 +23,26 @@ BAND, FEWEST = 18, 8
 """number of bins of the radius, and smallest number of corners in a bin for a mean"""
 
 
-def plot(label: str, *children: object, height: float = HEIGHT, width: float = WIDTH, most: str | None = None) -> Html:
+def plot(
+    label: str,
+    *children: object,
+    height: float = HEIGHT,
+    width: float = WIDTH,
+    most: str | None = None,
+    look: str | None = None,
+) -> Markup:
     """An SVG of `width` × `height` units with `label` as its description for screen readers; `most`: its maximum CSS
-    width."""
+    width; `look`: the numbers that the page's script needs to rotate it."""
     return tag(
         "svg",
         *children,
-        class_="plot",
+        class_="plot" if look is None else "plot space",
+        data_look=look,
         viewBox=f"0 0 {coordinate(width)} {coordinate(height)}",
         role="img",
         aria_label=label,
         style=f"max-width:{most}" if most else None,
     )
-
-
-def legend(*entries: tuple[str, Html]) -> Html:
-    """A legend: (description, mark of 18 × 14 units) for each entry."""
-    svg = [(word, tag("svg", mark, viewBox="0 0 18 14", class_="plot", aria_hidden="true")) for word, mark in entries]
-    return tag("ul", each([tag("li", mark, word) for word, mark in svg]), class_="legend")
 
 
 def ticks(low: float, high: float, most: int) -> Array:
@@ -72,7 +76,7 @@ class Axes:
         """Vertical position in units, downwards."""
         return HEIGHT - BOTTOM - (np.asarray(value) - self.low) / (self.high - self.low) * (HEIGHT - TOP - BOTTOM)
 
-    def rows(self, name: str) -> Html:
+    def rows(self, name: str) -> Markup:
         """Horizontal grid lines with numbers, and the axis' name above."""
         out = [tag("text", name, x=0, y=11)]
         for value in ticks(self.low, self.high, 5):
@@ -82,7 +86,7 @@ class Axes:
             out.append(tag("text", label, x=LEFT - 6, y=y + 4, text_anchor="end"))
         return each(out)
 
-    def columns(self, name: str, values: Array) -> Html:
+    def columns(self, name: str, values: Array) -> Markup:
         """The horizontal axis with numbers at `values`, and the axis' name below them."""
         y = HEIGHT - BOTTOM
         out = [tag("path", class_="axis", d=f"M{LEFT} {y}H{WIDTH - RIGHT}")]
@@ -105,7 +109,7 @@ class Bar:
     leads_to: str
 
 
-def view_bars(calibration: Calibration, key: str = "") -> Html:
+def view_bars(calibration: Calibration, key: str = "") -> Drawing:
     """RMS of each view in the order of the input; views left out are dashed and crossed. Each bar links to its picture,
     whose anchor contains `key`."""
     bars = []
@@ -115,7 +119,7 @@ def view_bars(calibration: Calibration, key: str = "") -> Html:
     return bar_chart(bars, calibration.rms, "RMS, px", "view")
 
 
-def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Html:
+def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Drawing:
     """Bars in the given order, with a dashed line at `overall`; `name` of the values; `what` a bar represents. Bars of
     views left out don't extend the axis: they are cut off at its top with a mark."""
     values = np.array([b.value for b in bars], float)
@@ -127,12 +131,15 @@ def bar_chart(bars: list[Bar], overall: float, name: str, what: str) -> Html:
     rule = None
     if np.isfinite(overall) and overall <= top:
         rule = tag("path", class_="rule", d=f"M{LEFT} {coordinate(float(axes.y(overall)))}H{WIDTH - RIGHT}")
-    label = f"{name.split(',')[0]} of each of {len(bars)} {what}s, in the order of the input. All used together: {pixels(overall)}."
+    label = (
+        f"{name.split(',')[0]} of each of {len(bars)} {what}s, in the order of the input. "
+        f"All used together: {pixels(overall)}."
+    )
     art = plot(label, axes.rows(name), drawn, rule, axes.columns(what, _bar_names(len(bars), slot)))
-    return join(art, _bar_legend(bars, overall))
+    return Drawing(art, _bar_marks(bars, overall))
 
 
-def _bar_legend(bars: list[Bar], overall: float) -> Html:
+def _bar_marks(bars: list[Bar], overall: float) -> tuple[tuple[str, Markup], ...]:
     """The legend of the kinds of bars that occur."""
     box = "M2 2h14v12h-14z"
     marks = [("used", tag("path", class_="bar", d=box))]
@@ -141,7 +148,7 @@ def _bar_legend(bars: list[Bar], overall: float) -> Html:
     if any(b.out for b in bars):
         crossed = tag("path", class_="cross", d="M6 5l6 6m0-6l-6 6")
         marks.append(("left out", join(tag("path", class_="bar out", d=box), crossed)))
-    return legend(*marks)
+    return tuple(marks)
 
 
 def _bar_names(many: int, slot: float) -> Array:
@@ -151,7 +158,7 @@ def _bar_names(many: int, slot: float) -> Array:
     return np.array([k for k in range(1, many + 1) if k == 1 or (k % every == 0 and k - 1 >= room)], float)
 
 
-def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Html:
+def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Markup:
     x, base = float(axes.x(k)), HEIGHT - BOTTOM
     y = float(axes.y(min(bar.value, axes.high))) if np.isfinite(bar.value) else base
     kind = "bar out" if bar.out else "bar worse" if bar.value > WORSE * overall else "bar"
@@ -164,16 +171,22 @@ def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Html:
     return tag("a", tag("title", bar.told), *marks, href=bar.leads_to, tabindex="-1")
 
 
-def radius_chart(calibration: Calibration) -> tuple[Html, str]:
-    """The radial component of the residuals against the distance from the principal point; and a sentence on it."""
+def radius_chart(calibration: Calibration) -> Drawing:
+    """The radial component of the residuals against the distance from the principal point."""
     _, outward, radius = _outward(calibration)
     camera = calibration.camera
     width, height = camera.image_size
     ends = np.array([[0, 0], [width, 0], [0, height], [width, height]]) - camera.K[:2, 2]
-    return _against(radius, outward, float(np.hypot(*ends.T).max()), "radius", "distance from the principal point, px")
+    far = float(np.hypot(*ends.T).max())
+    marks = (
+        ("corner", tag("path", class_="dot", stroke_width=5, d="M9 7h0")),
+        ("running mean", tag("path", class_="mean", d="M0 7h18")),
+        ("± one standard deviation", tag("path", class_="band", d="M0 1h18v12h-18z")),
+    )
+    return replace(_against(radius, outward, far, "radius", "distance from the principal point, px"), marks=marks)
 
 
-def angle_chart(calibration: Calibration) -> tuple[Html, str]:
+def angle_chart(calibration: Calibration) -> Drawing:
     """As `radius_chart`, against the angle between the corner's ray and the optical axis, the variable of the lens
     models; up to the largest angle of a corner."""
     xy, outward, _ = _outward(calibration)
@@ -192,7 +205,7 @@ def _outward(calibration: Calibration) -> tuple[Array, Array, Array]:
     return xy, (residuals * away).sum(axis=1) / np.maximum(radius, 1e-9), radius
 
 
-def _against(position: Array, outward: Array, far: float, what: str, name: str) -> tuple[Html, str]:
+def _against(position: Array, outward: Array, far: float, what: str, name: str) -> Drawing:
     """A scatter plot of `outward` (N,) over `position` (N,) up to `far`, with the running mean; `what` the position is,
     `name` of its axis."""
     reach = float(np.quantile(np.abs(outward), 0.995)) * 1.15 if len(outward) else 1.0
@@ -205,8 +218,8 @@ def _against(position: Array, outward: Array, far: float, what: str, name: str) 
         worst = int(np.argmax(np.abs(mean)))
         scatter = number(float(np.std(outward)), 2)
         sentence = (
-            f"The running mean stays within ±{number(abs(mean[worst]), 2)} px; single residuals scatter by {scatter} px "
-            "(one standard deviation)."
+            f"The running mean stays within ±{number(abs(mean[worst]), 2)} px; "
+            f"single residuals scatter by {scatter} px (one standard deviation)."
         )
     art = plot(
         f"Residuals against the {what}, {len(position)} corners. {sentence}",
@@ -215,7 +228,7 @@ def _against(position: Array, outward: Array, far: float, what: str, name: str) 
         _ribbon(axes, middle, mean, spread),
         axes.columns(name, ticks(0, far, 5)),
     )
-    return art, sentence
+    return Drawing(art, said=sentence)
 
 
 def _running(radius: Array, values: Array, far: float) -> tuple[Array, Array, Array]:
@@ -230,16 +243,15 @@ def _running(radius: Array, values: Array, far: float) -> tuple[Array, Array, Ar
     return table[:, 0], table[:, 1], table[:, 2]
 
 
-def _ribbon(axes: Axes, middle: Array, mean: Array, spread: Array) -> Html | None:
+def _ribbon(axes: Axes, middle: Array, mean: Array, spread: Array) -> Markup | None:
     if len(middle) < 2:
         return None
-    x = axes.x(middle)
     top, bottom, line = (
-        [f"{coordinate(a)} {coordinate(b)}" for a, b in zip(x, axes.y(np.clip(v, axes.low, axes.high)), strict=True)]
+        np.column_stack([axes.x(middle), axes.y(np.clip(v, axes.low, axes.high))])
         for v in (mean + spread, mean - spread, mean)
     )
-    area = tag("path", class_="band", d=f"M{'L'.join(top)}L{'L'.join(bottom[::-1])}z")
-    return each([area, tag("path", class_="mean", d=f"M{'L'.join(line)}")])
+    area = tag("path", class_="band", d=outline(np.concatenate([top, bottom[::-1]])))
+    return each([area, tag("path", class_="mean", d=polyline(line))])
 
 
 def thinned(many: int, most: int) -> Array:

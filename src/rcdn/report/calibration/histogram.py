@@ -1,13 +1,12 @@
-"""Residuals compared with their model: a histogram with the normal density, and their dependence on the angle."""
+"""Residuals compared with their model: a histogram with the normal density."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rcdn.report.calibration import charts
-from rcdn.report.calibration.charts import BOTTOM, HEIGHT, Axes, legend, plot, ticks
-from rcdn.report.calibration.markup import Html, coordinate, counted, join, number, percent, tag
-from rcdn.report.calibration.sections import figure
+from rcdn.report.calibration.charts import BOTTOM, HEIGHT, Axes, plot, ticks
+from rcdn.report.calibration.formats import coordinate, counted, number, percent
+from rcdn.report.calibration.svg import Drawing, polyline, tag
 from rcdn.types import Array, Calibration
 
 REACH, BINS = 5.0, 50
@@ -21,19 +20,6 @@ QUARTILE = 0.6745
 """number of standard deviations that contains half of a normal distribution"""
 
 
-def model_figures(calibration: Calibration, whose: str = "") -> tuple[Html, Html]:
-    """The histogram, and the residuals against the angle; `whose` is appended to the titles."""
-    art, sentence = histogram(calibration)
-    marks = legend(
-        ("residuals", tag("path", class_="bar", d="M2 2h14v12h-14z")),
-        ("what the model states", tag("path", class_="mean", d="M0 7h18")),
-    )
-    shape = figure(f"Residuals against their model{whose}", join(art, marks), sentence)
-    art, sentence = charts.angle_chart(calibration)
-    text = f"{sentence} A wave here is what the lens model’s powers of the angle can’t follow."
-    return shape, figure(f"Residuals against the angle{whose}", art, text)
-
-
 def whitened(calibration: Calibration) -> Array:
     """Whitened residuals (2N,) of the used corners, both axes: divided by √(σ² + s²), with σ of the corner's detection
     and s the additional noise of the calibration."""
@@ -45,8 +31,8 @@ def whitened(calibration: Calibration) -> Array:
     return np.concatenate(parts)
 
 
-def histogram(calibration: Calibration) -> tuple[Html, str]:
-    """A histogram of the whitened residuals with the standard normal density; and a sentence on the difference."""
+def histogram(calibration: Calibration) -> Drawing:
+    """A histogram of the whitened residuals with the standard normal density, which says how they differ."""
     values = whitened(calibration)
     width = 2 * REACH / BINS
     count = np.histogram(np.clip(values, -REACH, REACH), bins=BINS, range=(-REACH, REACH))[0]
@@ -56,17 +42,18 @@ def histogram(calibration: Calibration) -> tuple[Html, str]:
     axes = Axes(-REACH, REACH, 0.0, 1.08 * float(max(density.max(initial=0.0), curve.max())))
     sentence = _sentence(values)
     art = plot(
-        f"Histogram of {counted(len(values), 'whitened residual')}, both axes, beside a normal distribution. {sentence}",
+        f"Histogram of {counted(len(values), 'whitened residual')}, both axes, "
+        f"beside a normal distribution. {sentence}",
         axes.rows("share of the residuals per standard deviation"),
         tag("path", class_="bar", d=_bars(axes, density, width)),
-        tag(
-            "path",
-            class_="mean",
-            d="M" + "L".join(f"{coordinate(x)} {coordinate(y)}" for x, y in zip(axes.x(t), axes.y(curve), strict=True)),
-        ),
+        tag("path", class_="mean", d=polyline(np.column_stack([axes.x(t), axes.y(curve)]))),
         axes.columns("residual ÷ its stated deviation", ticks(-REACH, REACH, 10)),
     )
-    return art, sentence
+    marks = (
+        ("residuals", tag("path", class_="bar", d="M2 2h14v12h-14z")),
+        ("what the model states", tag("path", class_="mean", d="M0 7h18")),
+    )
+    return Drawing(art, marks, sentence)
 
 
 def _bars(axes: Axes, density: Array, width: float) -> str:
@@ -91,8 +78,8 @@ def _sentence(values: Array) -> str:
     text += f", half are within {number(half, 2)} ({number(QUARTILE, 2)} expected)."
     if beyond > HEAVY * expected and beyond > expected + 3 * np.sqrt(expected):
         return (
-            f"{text} The tails are heavy: some corners or views err more than the rest and pull harder than they should; look at the worst "
-            "views below, and at the averages over cells."
+            f"{text} The tails are heavy: some corners or views err more than the rest and pull harder than they "
+            "should; look at the worst views below, and at the averages over cells."
         )
     if half < CORE * QUARTILE:
         return (

@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from markupsafe import Markup
 
 from rcdn.calibration.facts import Facts, cell_majority
 from rcdn.calibration.residual_facts import Cells, used_residuals
-from rcdn.report.calibration.charts import MOST, WIDTH, legend, nice, plot, thinned
-from rcdn.report.calibration.markup import Html, coordinate, counted, dots, each, number, percent, pixels, segments, tag
+from rcdn.report.calibration.charts import MOST, WIDTH, nice, plot, thinned
+from rcdn.report.calibration.formats import coordinate, counted, number, percent, pixels
+from rcdn.report.calibration.svg import Drawing, dots, each, outline, segments, tag
 from rcdn.types import Array, Calibration
 
 TYPICAL = 20.0
@@ -35,19 +37,19 @@ class Sensor:
         """Pixel coordinates (…, 2) in drawing units; the outer edge of the first pixel is at 0."""
         return (np.asarray(xy, float) + 0.5) * self.scale
 
-    def clipped(self, *children: object) -> Html:
+    def clipped(self, *children: object) -> Markup:
         """`children`, clipped to the frame."""
         return tag("svg", *children, width=self.width, height=self.height)
 
-    def draw(self, label: str, *children: object) -> Html:
+    def draw(self, label: str, *children: object) -> Markup:
         """The frame with `children` drawn on it."""
         frame = tag("rect", class_="sensor", x=0.5, y=0.5, width=self.width - 1, height=self.height - 1)
         most = f"{coordinate(self.width * 1.3, 0)}px" if self.width < WIDTH else None
         return plot(label, frame, *children, width=self.width, height=self.height + self.below, most=most)
 
 
-def coverage_map(calibration: Calibration, facts: Facts) -> Html:
-    """All used corners over the sensor, with a legend; cells without a corner are hatched, cells outside the lens's
+def coverage_map(calibration: Calibration, facts: Facts) -> Drawing:
+    """All used corners over the sensor; cells without a corner are hatched, cells outside the lens's
     field of view are grey."""
     sensor = Sensor(calibration.camera.image_size)
     rows, cols = facts.coverage.shape
@@ -60,7 +62,7 @@ def coverage_map(calibration: Calibration, facts: Facts) -> Html:
     across = "".join(f"M{coordinate(x * size[0])} 0V{coordinate(sensor.height)}" for x in range(1, cols))
     down = "".join(f"M0 {coordinate(y * size[1])}H{coordinate(sensor.width)}" for y in range(1, rows))
     art = sensor.draw(
-        f"{len(xy)} used corners over the sensor of {calibration.camera.image_size[0]} × {calibration.camera.image_size[1]} px; "
+        f"{len(xy)} used corners over the sensor of {' × '.join(map(str, calibration.camera.image_size))} px; "
         f"{int(empty.sum())} of {int(facts.in_view.sum())} cells are empty.",
         tag("path", class_="blind", d=_boxes(corner[blind], size)),
         tag("path", class_="broken", d=_boxes(corner[broken], size)),
@@ -76,7 +78,7 @@ def coverage_map(calibration: Calibration, facts: Facts) -> Html:
         marks.append((BROKEN, tag("path", class_="broken", d="M1 0h16v14h-16z")))
     if blind.any():
         marks.append(("out of the lens’s sight", tag("path", class_="blind", d="M1 0h16v14h-16z")))
-    return each([art, legend(*marks), _thinning(len(xy), len(some)) or Html("")])
+    return Drawing(art, tuple(marks), note=_thinning(len(xy), len(some)))
 
 
 def _boxes(corner: Array, size: Array) -> str:
@@ -97,7 +99,7 @@ def _hatching(corner: Array, size: Array, gap: float = 7.0) -> str:
     return segments(lines[:, 0], lines[:, 1])
 
 
-def residual_map(calibration: Calibration) -> Html:
+def residual_map(calibration: Calibration) -> Drawing:
     """One line per corner, from the corner along its residual, strongly enlarged."""
     sensor = Sensor(calibration.camera.image_size, below=30)
     xy, residuals = used_residuals(calibration)
@@ -113,28 +115,18 @@ def residual_map(calibration: Calibration) -> Html:
         tag("path", class_="dot", stroke_width=2.2, d=dots(start)),
         scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
-    return each([art, _thinning(len(xy), len(some)) or Html("")])
+    return Drawing(art, note=_thinning(len(xy), len(some)))
 
 
-def mean_map(calibration: Calibration, cells: Cells) -> tuple[Html, str]:
-    """Mean residuals in `cells` of the sensor as arrows, with statistically significant ones highlighted; and a
-    sentence on them."""
+def mean_map(calibration: Calibration, cells: Cells) -> Drawing:
+    """Mean residuals in `cells` of the sensor as arrows, with statistically significant ones highlighted."""
     sensor = Sensor(calibration.camera.image_size, below=30)
     where, mean, systematic = cells.where, cells.mean, cells.systematic
     size = np.hypot(*mean.T)
     stretch = 1.6 * TYPICAL / max(float(size.max(initial=0.0)), 1e-9)
     start = sensor.to(where) - mean * stretch / 2
     end = start + mean * stretch
-    if not len(size):
-        sentence = "No cell was seen in enough views for a mean."
-    elif systematic.any():
-        odd = int(systematic.sum())
-        sentence = (
-            f"{odd} of {counted(len(size), 'cell')} stand{'s' if odd == 1 else ''} out from chance, the largest by "
-            f"{number(cells.largest, 2)} px: there the lens model, or the board’s flatness, may not be quite right."
-        )
-    else:
-        sentence = f"Nothing stands out from chance in {counted(len(size), 'cell')}; the largest mean is {number(float(size.max()), 2)} px."
+    sentence = _means(cells, size)
     drawn = [
         tag(
             "path",
@@ -150,11 +142,24 @@ def mean_map(calibration: Calibration, cells: Cells) -> tuple[Html, str]:
         sensor.clipped(*drawn),
         scale_bar(sensor, stretch, f"enlarged {number(stretch / sensor.scale, 2)} ×"),
     )
-    marks = legend(
+    marks = (
         ("as chance would have it", tag("path", class_="line", stroke_width=1.3, d="M1 7h15m-4-4l4 4l-4 4")),
         ("systematic", tag("path", class_="line systematic", stroke_width=2.2, d="M1 7h15m-4-4l4 4l-4 4")),
     )
-    return each([art, marks]), sentence
+    return Drawing(art, marks, sentence)
+
+
+def _means(cells: Cells, size: Array) -> str:
+    """A sentence on the mean residuals in `cells`, which are `size` (N,) px long."""
+    if not len(size):
+        return "No cell was seen in enough views for a mean."
+    many, odd = counted(len(size), "cell"), int(cells.systematic.sum())
+    if not odd:
+        return f"Nothing stands out from chance in {many}; the largest mean is {number(float(size.max()), 2)} px."
+    return (
+        f"{odd} of {many} stand{'s' if odd == 1 else ''} out from chance, the largest by "
+        f"{number(cells.largest, 2)} px: there the lens model, or the board’s flatness, may not be quite right."
+    )
 
 
 def arrows(start: Array, end: Array) -> str:
@@ -167,7 +172,7 @@ def arrows(start: Array, end: Array) -> str:
     return segments(start, end) + segments(end - back + side, end) + segments(end - back - side, end)
 
 
-def scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
+def scale_bar(sensor: Sensor, stretch: float, words: str) -> Markup:
     """A scale bar below the frame for a residual of a round number of px, and `words`."""
     value = nice(45 / stretch)
     value = value if value * stretch < sensor.width / 3 else nice(18 / stretch)
@@ -177,7 +182,7 @@ def scale_bar(sensor: Sensor, stretch: float, words: str) -> Html:
     return each([bar, text, tag("text", words, x=sensor.width, y=y + 4, text_anchor="end")])
 
 
-def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
+def uncertainty_map(calibration: Calibration, facts: Facts) -> Drawing:
     """Bands of the projection uncertainty over the sensor, with values at the centre and in the corners, and the convex
     hull of the used corners."""
     sensor = Sensor(calibration.camera.image_size)
@@ -196,14 +201,15 @@ def uncertainty_map(calibration: Calibration, facts: Facts) -> Html:
     ]
     xy, _ = used_residuals(calibration)
     hull = cv2.convexHull(xy.astype(np.float32))[:, 0] if len(xy) > 2 else np.zeros((0, 2))
-    outline = "L".join(f"{coordinate(x)} {coordinate(y)}" for x, y in sensor.to(hull))
+    rim = outline(sensor.to(hull))
     art = sensor.draw(
-        f"Projection uncertainty over the sensor: median {pixels(facts.typical)}, worst of the corners {pixels(facts.at_corners)}.",
+        f"Projection uncertainty over the sensor: median {pixels(facts.typical)}, "
+        f"worst of the corners {pixels(facts.at_corners)}.",
         tag("g", each(bands), shape_rendering="crispEdges"),
-        tag("path", class_="rule", fill="none", d=f"M{outline}z") if outline else None,
+        tag("path", class_="rule", fill="none", d=rim) if rim else None,
         _values(sensor, facts),
     )
-    return each([art, _band_legend(levels, int(band.min()))])
+    return Drawing(art, _marks(levels, int(band.min())))
 
 
 def band_levels(field: Array) -> Array:
@@ -237,7 +243,7 @@ def runs(mask: Array, step: Array) -> str:
     return "".join(out)
 
 
-def _values(sensor: Sensor, facts: Facts) -> Html:
+def _values(sensor: Sensor, facts: Facts) -> Markup:
     """The values at the centre and in each corner."""
     w, h = sensor.width, sensor.height
     (a, b), (c, d) = facts.corners
@@ -252,7 +258,7 @@ def _values(sensor: Sensor, facts: Facts) -> Html:
     ])  # fmt: skip
 
 
-def band_marks(levels: Array, unit: str = " px") -> list[tuple[str, Html]]:
+def band_marks(levels: Array, unit: str = " px") -> list[tuple[str, Markup]]:
     """Legend entries, one for each band between `levels`."""
     edges = [coordinate(v, 9) for v in levels]
     words = [
@@ -264,17 +270,18 @@ def band_marks(levels: Array, unit: str = " px") -> list[tuple[str, Html]]:
     return [(w, tag("path", class_="heat", fill_opacity=shade(k, len(levels)), d=box)) for k, w in enumerate(words)]
 
 
-def _band_legend(levels: Array, least: int) -> Html:
+def _marks(levels: Array, least: int) -> tuple[tuple[str, Markup], ...]:
     box = "M1 0h16v14h-16z"
     marks = band_marks(levels)
     marks.append(("hull of the used corners", tag("path", class_="rule", fill="none", d="M0 7h18")))
     if least < 0:
         word, kind = (BROKEN, "broken") if least == -2 else ("out of the lens’s sight", "blind")
         marks.append((word, tag("path", class_=kind, d=box)))
-    return legend(*marks)
+    return tuple(marks)
 
 
-def _thinning(many: int, shown: int) -> Html | None:
+def _thinning(many: int, shown: int) -> str:
+    """A note if not all corners are drawn."""
     if shown == many:
-        return None
-    return tag("p", f"{shown:,} of {many:,} corners are drawn ({percent(shown / many)}), spread evenly.", class_="soft")
+        return ""
+    return f"{shown:,} of {many:,} corners are drawn ({percent(shown / many)}), spread evenly."

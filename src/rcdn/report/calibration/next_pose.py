@@ -9,10 +9,9 @@ from rcdn.calibration.next_view import NextView, sentence
 from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import cell_centres, off_axis
 from rcdn.geometry import project, transform
-from rcdn.report.calibration.charts import MOST, legend, thinned
+from rcdn.report.calibration.charts import MOST, thinned
 from rcdn.report.calibration.maps import Sensor
-from rcdn.report.calibration.markup import Html, coordinate, dots, each, tag
-from rcdn.report.calibration.sections import figure
+from rcdn.report.calibration.svg import Drawing, dots, outline, tag
 from rcdn.types import Array, Calibration, Plane
 
 STEPS = 3
@@ -20,7 +19,7 @@ STEPS = 3
 CELLS = (32, 24)
 
 
-def next_figure(calibration: Calibration, found: NextView) -> Html:
+def suggested_pose(calibration: Calibration, found: NextView) -> Drawing:
     """The suggested board as the camera would see it, with the corners seen so far; and an instruction in words."""
     sensor = Sensor(calibration.camera.image_size)
     xy, _ = used_residuals(calibration)
@@ -35,14 +34,13 @@ def next_figure(calibration: Calibration, found: NextView) -> Html:
             tag("path", class_="suggested dark", d=_path(sensor, dark)),
         ),
     )
-    marks = legend(
+    marks = (
         ("the board, next", tag("path", class_="suggested dark", d="M1 1h8v6h-8zM9 7h8v6h-8z")),
         ("corners so far", tag("path", class_="dot", stroke_width=5, stroke_opacity=0.5, d="M9 7h0")),
     )
     if not found.worth_saying:
         words = f"Little is left to gain. The best picture would be this: {words[0].lower()}{words[1:]}"
-    text = f"{words} Near that pose is good enough; a sharp picture of a flat board matters more."
-    return figure("Hold the board here next", each([art, marks]), text)
+    return Drawing(art, marks, words)
 
 
 def _squares(calibration: Calibration, found: NextView) -> tuple[list[Array], list[Array]]:
@@ -74,7 +72,4 @@ def _seen(calibration: Calibration, found: NextView, ij: Array, plane: Plane) ->
 
 
 def _path(sensor: Sensor, outlines: list[Array]) -> str:
-    parts = []
-    for outline in outlines:
-        parts.append("M" + "L".join(f"{coordinate(x)} {coordinate(y)}" for x, y in sensor.to(outline)) + "z")
-    return "".join(parts)
+    return "".join(outline(sensor.to(square)) for square in outlines)

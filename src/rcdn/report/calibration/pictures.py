@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from markupsafe import Markup
 
 from rcdn.errors import present
 from rcdn.geometry import project, unproject
 from rcdn.geometry.undistort import resized, undistorted_camera, undistortion_maps
 from rcdn.io import as_grey
 from rcdn.report.calibration.charts import thinned
-from rcdn.report.calibration.markup import Html, crosses, data_uri, dots, each, rings, segments, tag
+from rcdn.report.calibration.svg import crosses, dots, each, rings, segments, tag
 from rcdn.types import Array, BoardView, Calibration, Camera
 
 Pictures = Callable[[str], Array | None]
@@ -45,6 +46,17 @@ class Shot:
     def out(self) -> bool:
         """Whether no board of this picture was used."""
         return all(v.reason for _, v in self.views)
+
+
+@dataclass(frozen=True, eq=False)
+class Framed:
+    """A photograph, or a grey rectangle of its shape, with an SVG over it in its pixel coordinates (pixel centres at
+    integers): `size` (width, height) px, its `jpeg`, the `overlay`, and what it shows in words (`alt`)."""
+
+    size: tuple[int, int]
+    jpeg: bytes | None
+    overlay: Markup
+    alt: str
 
 
 def shots(calibration: Calibration) -> list[Shot]:
@@ -120,26 +132,7 @@ def _in_page(shot: Shot) -> int:
     return 0 if shot.jpeg is None else 4 * len(shot.jpeg) // 3 + 4
 
 
-def framed(shot: Shot, overlay: Html, alt: str, lazy: bool = True) -> Html:
-    """A picture, or a grey rectangle of its shape, overlaid with an SVG in the picture's pixel coordinates (pixel
-    centres at integers)."""
-    wide, high = shot.size
-    picture = None
-    if shot.jpeg is not None:
-        later = {"loading": "lazy", "decoding": "async"} if lazy else {}
-        picture = tag("img", src=Html(data_uri(shot.jpeg)), alt=alt, width=wide, height=high, **later)
-    drawn = tag(
-        "svg", overlay, viewBox=f"-0.5 -0.5 {wide} {high}", preserveAspectRatio="none", **_seen_as(alt, picture)
-    )
-    style = f"aspect-ratio:{wide}/{high}" if picture is None else None
-    return tag("div", picture, drawn, class_="frame", style=style)
-
-
-def _seen_as(alt: str, picture: Html | None) -> dict[str, str]:
-    return {"aria_hidden": "true"} if picture is not None else {"role": "img", "aria_label": alt}
-
-
-def corners_overlay(shot: Shot, most: int) -> Html:
+def corners_overlay(shot: Shot, most: int) -> Markup:
     """Marks of the corners, at most `most`, with a dark edge: dots (used), crosses (outliers), rings (views left
     out)."""
     views = [v for _, v in shot.views]
@@ -272,7 +265,7 @@ def _bow(xy: Array, lines: list[list[int]]) -> float:
     return worst
 
 
-def chord_overlay(chords: Array, corners: Array) -> Html:
+def chord_overlay(chords: Array, corners: Array) -> Markup:
     """Chords of the board's outer lines, and the corners on those lines."""
     line, points = segments(chords[:, 0], chords[:, 1]), dots(corners[np.isfinite(corners).all(axis=1)])
     return each([

@@ -1,121 +1,172 @@
-"""The relative pose of two cameras: in numbers, and as a view from above."""
+"""The report of a rig of many cameras."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.board_points import flat_points
-from rcdn.calibration.stereo_verdict import baseline_std
-from rcdn.errors import many, present
-from rcdn.geometry import transform, unproject
-from rcdn.report.calibration import charts, page, sections
-from rcdn.report.calibration.markup import Html, coordinate, each, number, segments, tag, value_and_std
-from rcdn.types import Array, BoardView, Calibration, StereoCalibration
+from rcdn.calibration.facts import measure
+from rcdn.calibration.limits import LIMITS, RIG_LIMITS, growth
+from rcdn.calibration.rig_facts import judged_rig, least_known
+from rcdn.io import write_text
+from rcdn.report.calibration import numbers, page, sections, verdict
+from rcdn.report.calibration.environment import render
+from rcdn.report.calibration.formats import DASH, bare_pixels, number, value_and_std
+from rcdn.report.calibration.gallery import Gallery, gallery
+from rcdn.report.calibration.pictures import Pictures
+from rcdn.report.calibration.rig_space import rig_in_space
+from rcdn.types import Array, RigCalibration, RigPair
+
+OVERLAYS = 2_000_000
+"""maximum size of the drawings of all views, bytes; above it they are left out with a note"""
+HIGH = 1.5
+"""multiple of the overall RMS above which a pair's RMS is highlighted"""
 
 
-def turn_angle(stereo: StereoCalibration) -> float:
-    """Rotation angle between the left and the right camera, degrees."""
-    return float(np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1))))
+@dataclass(frozen=True)
+class RigNumbers:
+    """The figures at the head of the page: each kind of lens in words; numbers of cameras, boards
+    and views; the epipolar distances of the pairs, px; the camera that is known least, and how far, mm."""
+
+    lenses: list[str]
+    cameras: int
+    connected: int
+    boards: int
+    views: int
+    given: int
+    rms: float
+    worst_gap: float
+    median_gap: float
+    weakest: str
+    weakest_std: str
 
 
-def section(stereo: StereoCalibration) -> Html:
-    """Baseline, translation and rotation with their standard deviations, and a view of the cameras from above."""
-    std = baseline_std(stereo)
-    T = stereo.T_right_left
-    spread = np.sqrt(np.diag(stereo.cov))
-    rows = [("baseline", *value_and_std(1000 * stereo.baseline, 1000 * std), "mm")]
-    rows += [(f"t{n}", *value_and_std(1000 * T[k, 3], 1000 * spread[3 + k]), "mm") for k, n in enumerate("xyz")]
-    turns = np.degrees(_rotation_vector(T[:3, :3]))
-    rows += [(f"rotation {n}", *value_and_std(turns[k], np.degrees(spread[k])), "°") for k, n in enumerate("xyz")]
-    body = each(
-        [
-            tag("tr", tag("th", n, scope="row"), tag("td", v, class_="n"), tag("td", s, class_="n"), tag("td", u))
-            for n, v, s, u in rows
-        ]
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: a name, perhaps with a `mark`, and numbers."""
+
+    name: str
+    cells: tuple[str, ...]
+    mark: str = ""
+
+
+def write_rig_report(
+    path: str | Path,
+    found: RigCalibration,
+    shown: Mapping[str, Pictures] | None = None,
+    title: str = "Calibration of a rig",
+) -> None:
+    """Write the report of a rig to `path`: as `write_report`; `shown`: the pictures of each camera, by its name."""
+    write_text(path, report(found, shown, title))
+
+
+def report(
+    found: RigCalibration, shown: Mapping[str, Pictures] | None = None, title: str = "Calibration of a rig"
+) -> str:
+    """The text of the page that `write_rig_report` writes."""
+    judged = (found if found.verdict.judged else judged_rig(found)).verdict
+    weakest, partner = least_known(found) or ("", "")
+    largest = max((c.image_size for c in found.rig.cameras), key=growth)
+    cameras = [(name, found.cameras[name], f"{k}-") for k, name in enumerate(found.rig.names)]
+    payload = {
+        "title": title,
+        "rig": _numbers(found, weakest),
+        "verdict": verdict.shown(judged, [*RIG_LIMITS.values(), *LIMITS.values()], largest),
+        "places": _places(found, weakest, partner),
+        "pairs": _pairs(found),
+        "boards": _boards(found),
+        "lenses": [numbers.lens(c, f"-{k}", name, name in found.given) for k, (name, c, _) in enumerate(cameras)],
+        "cameras": [sections.drawings(c, measure(c), key, f", {name}", with_charts=False) for name, c, key in cameras],
+    }
+
+    def galleries(budget: int | None) -> list[Gallery]:
+        share = None if budget is None else budget // len(cameras)
+        return [gallery(c, (shown or {}).get(name), share, key, name) for name, c, key in cameras]
+
+    drawn = len(render("views", galleries=galleries(None)).encode()) <= OVERLAYS
+    return page.filled("rig", payload, lambda budget: galleries(budget) if drawn and (budget or 0) >= 0 else [])
+
+
+def _numbers(found: RigCalibration, weakest: str) -> RigNumbers:
+    gaps = [p.epipolar for p in found.pairs if np.isfinite(p.epipolar)] or [float("nan")]
+    return RigNumbers(
+        lenses=list(dict.fromkeys(sections.lens_in_words(c) for c in found.rig.cameras)),
+        cameras=len(found.cameras),
+        connected=len(found.rig),
+        boards=len(found.boards),
+        views=sum(len(found.cameras[name].views) for name in found.rig.names),
+        given=len(found.given),
+        rms=found.rms,
+        worst_gap=max(gaps),
+        median_gap=float(np.median(gaps)),
+        weakest=weakest,
+        weakest_std=_millimetres(found, weakest) if weakest else "",
     )
-    head = tag(
-        "tr",
-        *(
-            tag("th", w, scope="col", class_="n" if w in ("value", "± std") else None)
-            for w in ("", "value", "± std", "unit")
-        ),
-    )
-    table = tag(
-        "table",
-        tag("caption", "From the left camera to the right one, with standard deviations"),
-        tag("thead", head),
-        tag("tbody", body),
-    )
-    text = (
-        "T_right_left = [\n" + "".join(f"    [{a:.9g}, {b:.9g},\n     {c:.9g}, {d:.9g}],\n" for a, b, c, d in T) + "]"
-    )
-    copied = sections.copyable("To copy", text, "copy-rig")
-    numbers = tag("div", tag("div", table, class_="card wide"), tag("div", copied, class_="card"), class_="column")
-    words = "Boards (lines) and the two cameras with their horizontal fields of view, in the left camera’s coordinates."
-    return page.pair(numbers, sections.figure("From above", _from_above(stereo), words))
 
 
-def _rotation_vector(R: Array) -> Array:
-    """Rotation vector (3,) of R (3, 3), rad."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine, cosine = float(np.linalg.norm(axis)), (np.trace(R) - 1) / 2
-    return axis * (np.arctan2(sine, cosine) / sine if sine > 1e-9 else 1.0)
+def _millimetres(found: RigCalibration, name: str) -> str:
+    """How far the centre of a camera is known."""
+    cov = found.rig.centre_covariance(name)
+    return DASH if cov is None else number(1000 * float(np.sqrt(np.trace(cov))), 2)
 
 
-def _from_above(stereo: StereoCalibration) -> Html:
-    """The cameras and boards seen from above: x to the right, z upwards, with the same scale."""
-    T = np.linalg.inv(stereo.T_right_left)
-    boards = [_board_line(stereo.left, v) for v in stereo.left.views if not v.reason and v.pose is not None]
-    lines = np.array(boards).reshape(-1, 2, 2)
-    spots = np.concatenate([lines.reshape(-1, 2), [[0, 0], T[[0, 2], 3]]])
-    low, high = spots.min(axis=0), spots.max(axis=0)
-    size, height = 400.0, 300.0
-    scale = min(size / max(high[0] - low[0], 1e-9), height / max(high[1] - low[1], 1e-9))
-    middle = (low + high) / 2
-    to = lambda p: (np.asarray(p, float) - middle) * [scale, -scale] + [charts.WIDTH / 2, 170.0]  # noqa: E731
-    reach = max(0.35 * (high[1] - low[1]), 0.5 * stereo.baseline)
-    cameras = [_wedge(to, np.eye(4), stereo.left, reach, "left"), _wedge(to, T, stereo.right, reach, "right")]
-    at = to(lines.reshape(-1, 2)).reshape(-1, 2, 2)
-    bar = charts.nice(60 / scale)
-    ruler = tag("path", class_="mean", d=f"M1 352v8m0-4H{coordinate(1 + bar * scale)}m0-4v8")
-    words = tag("text", f"{coordinate(bar, 6)} m", class_="strong", x=8 + bar * scale, y=360)
-    label = f"{many(len(boards), 'board')} and two cameras {number(stereo.baseline)} m apart, from above."
-    drawn = tag("path", class_="line", stroke_width=1.6, stroke_opacity=0.75, d=segments(at[:, 0], at[:, 1]))
-    return charts.plot(label, drawn, *cameras, ruler, words, height=364)
+def _places(found: RigCalibration, weakest: str, partner: str) -> dict[str, Any]:
+    """The drawing, a row for each camera, the cameras that stand `apart`, and the `partner` of the weakest one."""
+    rig = found.rig
+    rows = [Row(rig.names[0], ("0", "0", "0", DASH, DASH), "least" if rig.names[0] == weakest else "")]
+    for k, name in enumerate(rig.names[1:], start=1):
+        place = rig.centre_covariance(name)
+        spread = np.full(3, np.nan) if place is None else 1000 * np.sqrt(np.diag(place))
+        xyz = (value_and_std(v, s)[0] for v, s in zip(1000 * rig.centre(name), spread, strict=True))
+        turn = DASH if rig.covariance is None else _degrees(rig.covariance[6 * k : 6 * k + 3, 6 * k : 6 * k + 3])
+        rows.append(Row(name, (*xyz, _millimetres(found, name), turn), "least" if name == weakest else ""))
+    apart = [name for name in found.cameras if name not in rig.names]
+    return {
+        "drawing": rig_in_space(found, weakest), "rows": rows, "first": rig.names[0], "apart": apart, "partner": partner
+    }  # fmt: skip
 
 
-def _board_line(calibration: Calibration, view: BoardView) -> Array:
-    """The longer centre line of the board seen from above, (2, 2): (x, z) of its ends, m."""
-    low, high = view.ij.min(axis=0), view.ij.max(axis=0)
-    middle = (low + high) / 2
-    across = high - low
-    ends = (
-        [[low[0], middle[1]], [high[0], middle[1]]]
-        if across[0] >= across[1]
-        else [[middle[0], low[1]], [middle[0], high[1]]]
-    )
-    flat = np.column_stack([flat_points(calibration, view, np.array(ends)), np.zeros(2)])
-    return np.asarray(transform(present(view.pose, "the pose of a view"), flat)[:, [0, 2]])
+def _degrees(cov: Array) -> str:
+    """How far a rotation with covariance `cov` (3, 3), rad², is known."""
+    return number(float(np.degrees(np.sqrt(np.trace(cov)))), 2)
 
 
-def _wedge(to: Callable[[Array], Array], T: Array, calibration: Calibration, reach: float, name: str) -> Html:
-    """A camera as a dot with the two edges of its horizontal field of view."""
-    camera = calibration.camera
-    cy = camera.K[1, 2]
-    rays = unproject(camera, np.array([[-0.5, cy], [camera.image_size[0] - 0.5, cy]]))
-    rays = np.where(np.isfinite(rays), rays, [[-1.0, 0, 0], [1.0, 0, 0]]) @ T[:3, :3].T
-    ends = rays[:, [0, 2]] / np.maximum(np.hypot(rays[:, 0], rays[:, 2]), 1e-9)[:, None] * reach
-    centre = T[[0, 2], 3]
-    a, c, b = (to(p) for p in (centre + ends[0], centre, centre + ends[1]))
-    d = f"M{coordinate(a[0])} {coordinate(a[1])}L{coordinate(c[0])} {coordinate(c[1])}L{coordinate(b[0])} {coordinate(b[1])}"
-    dot = tag(
-        "path",
-        class_="mean",
-        style="stroke-width:7;stroke-linecap:round",
-        d=f"M{coordinate(c[0])} {coordinate(c[1])}h0",
-    )
-    anchor, step = ("end", -9) if name == "left" else ("start", 9)
-    word = tag("text", name, class_="strong halo", x=float(c[0] + step), y=float(c[1] + 4), text_anchor=anchor)
-    return each([tag("path", class_="heatline", stroke_width=1.4, d=d), dot, word])
+def _pairs(found: RigCalibration) -> dict[str, Any]:
+    """A row for each pair of cameras that share boards, the worst first, and the number of all pairs."""
+    order = sorted(found.pairs, key=lambda p: -p.epipolar if np.isfinite(p.epipolar) else 0)
+    rows = [
+        Row(f"{p.first} – {p.second}", _pair_cells(found, p), "high" if p.rms > HIGH * found.rms else "") for p in order
+    ]
+    return {"rows": rows, "every": len(found.rig) * (len(found.rig) - 1) // 2}
+
+
+def _pair_cells(found: RigCalibration, p: RigPair) -> tuple[str, ...]:
+    known = str(p.shared), str(p.used), bare_pixels(p.rms), bare_pixels(p.epipolar)
+    if not {p.first, p.second} <= set(found.rig.names):
+        return (*known, DASH, DASH)
+    T, cov = found.rig.relative(p.first, p.second)
+    far = float(np.linalg.norm(T[:3, 3]))
+    along = T[:3, 3] / max(far, 1e-12)
+    # a small rotation of the second camera changes t by ω × t, which doesn't change its length
+    spread = float("nan") if cov is None else float(np.sqrt(max(float(along @ cov[3:, 3:] @ along), 0.0)))
+    return (*known, *value_and_std(1000 * far, 1000 * spread))
+
+
+def _boards(found: RigCalibration) -> list[Row]:
+    """The places of boards that are fixed to each other."""
+    rows, names = [], {b.target: b.name for b in found.fixed_boards}
+    for board in found.fixed_boards:
+        if board.target == board.first:
+            rows.append(Row(board.name, (DASH,) * 6, "first"))
+            continue
+        spread = 1000 * np.sqrt(np.diag(board.cov)[3:])
+        place = (value_and_std(v, s)[0] for v, s in zip(1000 * board.T_first_board[:3, 3], spread, strict=True))
+        turn = np.degrees(np.arccos(np.clip((np.trace(board.T_first_board[:3, :3]) - 1) / 2, -1, 1)))
+        sure = float(np.degrees(np.sqrt(np.trace(board.cov[:3, :3]))))
+        cells = (*place, number(float(np.sqrt((spread**2).sum())), 2), *value_and_std(float(turn), sure))
+        rows.append(Row(f"{board.name}, to {names[board.first]}", cells))
+    return rows

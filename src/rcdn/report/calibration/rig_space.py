@@ -4,25 +4,25 @@ camera."""
 from __future__ import annotations
 
 import numpy as np
+from markupsafe import Markup
 
 from rcdn.errors import present
 from rcdn.geometry import transform
-from rcdn.report.calibration.charts import legend, nice, plot, thinned
-from rcdn.report.calibration.markup import Html, counted, each, number, tag
-from rcdn.report.calibration.sections import figure
+from rcdn.report.calibration.charts import nice, plot, thinned
+from rcdn.report.calibration.formats import counted, number
 from rcdn.report.calibration.space import (
     BELOW,
     HEIGHT,
+    PYRAMID,
     Look,
+    board_rim,
     frustum,
     look_at,
-    outline,
     polygon,
     pyramid,
     scale_bar,
-    turn_hint,
-    turning,
 )
+from rcdn.report.calibration.svg import Drawing, each, tag
 from rcdn.types import Array, Pose, Rig, RigCalibration
 
 SIGMAS = 3.0
@@ -38,8 +38,8 @@ AROUND = 24
 """points of an ellipse"""
 
 
-def rig_figure(found: RigCalibration, weakest: str = "") -> Html:
-    """The drawing with its legend and a caption; the frustum of the `weakest` camera is highlighted."""
+def rig_in_space(found: RigCalibration, weakest: str = "") -> Drawing:
+    """The drawing; the frustum of the `weakest` camera is highlighted."""
     rig = found.rig
     boards, every = _boards(found)
     length = _length(rig, boards)
@@ -60,10 +60,9 @@ def rig_figure(found: RigCalibration, weakest: str = "") -> Html:
         each(drawn),
         scale_bar(look),
         height=HEIGHT + BELOW,
+        look=look.numbers,
     )
-    return figure(
-        "Who looks where", each([turning(art, look), _legend(bool(ellipsoids), weakest), turn_hint()]), sentence
-    )
+    return Drawing(art, _marks(bool(ellipsoids), weakest), sentence, turns=True)
 
 
 def _kind(name: str, weakest: str) -> str:
@@ -82,7 +81,7 @@ def _boards(found: RigCalibration) -> tuple[list[Array], int]:
             where = back @ view.pose.T_cam_board
             key = np.round(where, 6).tobytes()
             if key not in largest or len(view) > largest[key][0]:
-                largest[key] = len(view), transform(Pose(back), outline(found.cameras[name], view))
+                largest[key] = len(view), transform(Pose(back), board_rim(found.cameras[name], view))
     every = [corners for _, corners in largest.values()]
     return [every[k] for k in thinned(len(every), BOARDS)], len(every)
 
@@ -133,7 +132,7 @@ def _told(rig: Rig, name: str) -> str:
     return f"{name}: at ({place}) m{spread}"
 
 
-def _name(look: Look, name: str, centre: Array) -> Html:
+def _name(look: Look, name: str, centre: Array) -> Markup:
     x, y = look.to(centre)[0]
     numbers = " ".join(f"{v:.4g}" for v in centre)
     return tag("text", name, class_="strong halo", x=float(x), y=float(y), dx=6, dy=-6, data_p=numbers)
@@ -146,15 +145,11 @@ def _sentence(factor: float, shown: int, every: int) -> str:
     return f"Ellipsoids: {size}{larger}.{some}"
 
 
-def _legend(unsure: bool, weakest: str) -> Html:
-    marks = [
-        ("a camera and the rim of its frame", tag("path", class_="ray", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"))
-    ]
+def _marks(unsure: bool, weakest: str) -> tuple[tuple[str, Markup], ...]:
+    marks = [("a camera and the rim of its frame", tag("path", class_="ray", d=PYRAMID))]
     if weakest:
-        marks.append(
-            (f"{weakest}, known least", tag("path", class_="ray weak", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"))
-        )
+        marks.append((f"{weakest}, known least", tag("path", class_="ray weak", d=PYRAMID)))
     if unsure:
         marks.append(("where it may stand", tag("path", class_="unsure", d="M2 7a7 4 0 1 0 14 0a7 4 0 1 0-14 0")))
     marks.append(("a board", tag("path", class_="board faint", d="M2 3l12-1 2 9-13 1z")))
-    return legend(*marks)
+    return tuple(marks)

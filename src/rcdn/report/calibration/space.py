@@ -6,14 +6,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 
 from rcdn.calibration.board_points import plane_of, side_of
 from rcdn.calibration.view_facts import tilts
 from rcdn.errors import present
 from rcdn.geometry import transform, unproject
-from rcdn.report.calibration.charts import WIDTH, legend, nice, plot
-from rcdn.report.calibration.markup import Html, coordinate, counted, each, number, pixels, tag
-from rcdn.report.calibration.sections import figure, short
+from rcdn.report.calibration.charts import WIDTH, nice, plot
+from rcdn.report.calibration.formats import coordinate, counted, number, pixels, short
+from rcdn.report.calibration.svg import Drawing, each, tag
 from rcdn.types import Array, BoardView, Calibration, Camera, Plane, Pose
 
 HEIGHT, MARGIN, BELOW = 330.0, 14.0, 26.0
@@ -24,6 +25,8 @@ FRUSTUM = 0.45
 """length of the frustum's edges, relative to the median distance of the boards"""
 RIM = 8
 """points along each side of the frustum's base"""
+PYRAMID = "M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"
+"""a camera, in a legend"""
 FAR_OUT = 1.5
 """multiple of the distance of the farthest used board beyond which boards left out aren't drawn"""
 
@@ -47,13 +50,16 @@ class Look:
         down = np.cos(b) * y - np.sin(b) * ahead
         return np.stack([across, down], axis=-1) * self.scale + [WIDTH / 2, HEIGHT / 2]
 
+    @property
+    def numbers(self) -> str:
+        """What the page's script needs to rotate the drawing."""
+        return " ".join(digits(v) for v in (*self.centre, self.scale, self.yaw, self.pitch))
 
-def space_figure(
-    calibration: Calibration, suggested: Array | None = None, key: str = "", whose: str = ""
-) -> Html | None:
-    """The drawing with its legend and a caption; None if no used board has a pose. Boards link to their pictures, whose
-    anchors contain `key`; `suggested` (4, 3), m, camera coordinates, is the outline of a further board."""
-    placed = [(k, v, outline(calibration, v)) for k, v in enumerate(calibration.views, start=1) if v.pose]
+
+def boards_in_space(calibration: Calibration, suggested: Array | None = None) -> Drawing | None:
+    """The drawing; None if no used board has a pose. Boards link to their pictures; `suggested` (4, 3), m, camera
+    coordinates, is the outline of a further board."""
+    placed = [(k, v, board_rim(calibration, v)) for k, v in enumerate(calibration.views, start=1) if v.pose]
     used = [corners for _, v, corners in placed if not v.reason]
     if not used:
         return None
@@ -65,39 +71,25 @@ def space_figure(
         np.concatenate([*(c for _, _, c in shown), *([] if suggested is None else [suggested]), rim, np.zeros((1, 3))])
     )
     angle = tilts(calibration)
-    sentence = f"The used boards’ middles stood {_between(distance)} m away, tilted by {angle.min():.0f}° to {angle.max():.0f}° against the sensor."
+    sentence = (
+        f"The used boards’ middles stood {_between(distance)} m away, "
+        f"tilted by {angle.min():.0f}° to {angle.max():.0f}° against the sensor."
+    )
     art = plot(
         f"Poses of {counted(len(shown), 'board')} before the camera, from the side. {sentence}",
-        each([*(_board(look, *p, key) for p in shown), pyramid(look, rim)]),
+        each([*(_board(look, *p) for p in shown), pyramid(look, rim)]),
         None if suggested is None else polygon(look, suggested, "board next"),
         scale_bar(look),
         height=HEIGHT + BELOW,
+        look=look.numbers,
     )
-    left = len(placed) - len(shown)
-    more = (
-        f" {counted(left, 'board')} left out would stand far beyond, and {'is' if left == 1 else 'are'} not drawn."
-        if left
-        else ""
-    )
-    return figure(
-        f"Where the boards were{whose}",
-        each([turning(art, look), _legend(shown, suggested is not None), turn_hint()]),
-        sentence + more,
-    )
+    if left := len(placed) - len(shown):
+        are = "is" if left == 1 else "are"
+        sentence += f" {counted(left, 'board')} left out would stand far beyond, and {are} not drawn."
+    return Drawing(art, _marks(shown, suggested is not None), sentence, turns=True)
 
 
-def turning(art: Html, look: Look) -> Html:
-    """`art` with the data that the page's script needs to rotate it."""
-    numbers = " ".join(digits(v) for v in (*look.centre, look.scale, look.yaw, look.pitch))
-    return Html(art.replace('class="plot"', f'class="plot space" data-look="{numbers}"', 1))
-
-
-def turn_hint() -> Html:
-    """A hint on rotating, shown by the script."""
-    return tag("p", "Drag to turn it, or use the arrow keys.", class_="soft turn", hidden=True)
-
-
-def outline(calibration: Calibration, view: BoardView) -> Array:
+def board_rim(calibration: Calibration, view: BoardView) -> Array:
     """The outer corners (4, 3) of a view's board, m, camera coordinates: one square beyond its outermost visible
     corners."""
     plane, side = plane_of(calibration, view), side_of(calibration, view)
@@ -137,25 +129,25 @@ def look_at(points: Array) -> Look:
     return Look(centre, float(min(room / np.maximum([across, down], 1e-9))))
 
 
-def _board(look: Look, index: int, view: BoardView, corners: Array, key: str) -> Html:
+def _board(look: Look, index: int, view: BoardView, corners: Array) -> Markup:
     state = f"left out: {view.reason}" if view.reason else pixels(view.rms)
     told = f"view {index}: {short(view.name)}, {_distance(corners)} m away, {state}"
     kind = "board out" if view.reason else "board"
-    return tag("a", tag("title", told), polygon(look, corners, kind), href=f"#view-{key}{index}", tabindex="-1")
+    return tag("a", tag("title", told), polygon(look, corners, kind), href=f"#view-{index}", tabindex="-1")
 
 
 def _distance(corners: Array) -> str:
     return number(float(np.linalg.norm(corners.mean(axis=0))), 2)
 
 
-def pyramid(look: Look, rim: Array, apex: Array | None = None, kind: str = "ray") -> Html:
+def pyramid(look: Look, rim: Array, apex: Array | None = None, kind: str = "ray") -> Markup:
     """A camera at `apex` (3,) m (None: the origin) with the `rim` of its frustum, and edges to the frame's corners."""
     top = np.zeros(3) if apex is None else apex
     edges = [polygon(look, np.stack([top, rim[k]]), kind, "polyline") for k in range(0, len(rim), RIM)]
     return each([polygon(look, rim, kind), *edges])
 
 
-def polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Html:
+def polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Markup:
     """A shape through `points` (N, 3), with their coordinates for the script."""
     drawn = " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in look.to(points))
     return tag(shape, class_=kind, points=drawn, data_p=" ".join(digits(v) for v in points.ravel()))
@@ -165,7 +157,7 @@ def digits(value: float) -> str:
     return f"{value:.4g}"
 
 
-def scale_bar(look: Look) -> Html:
+def scale_bar(look: Look) -> Markup:
     """A scale bar of a round length; in an orthographic projection it is valid for any rotation of the boards."""
     length = nice(60 / look.scale)
     length = length if length * look.scale < WIDTH / 3 else nice(25 / look.scale)
@@ -174,20 +166,15 @@ def scale_bar(look: Look) -> Html:
     return each([bar, tag("text", f"{coordinate(length, 4)} m", class_="strong", x=right + 7, y=y + 4)])
 
 
-def _legend(shown: list[tuple[int, BoardView, Array]], suggested: bool) -> Html:
+def _marks(shown: list[tuple[int, BoardView, Array]], suggested: bool) -> tuple[tuple[str, Markup], ...]:
     box = "M2 3l12-1 2 9-13 1z"
     marks = [("used board", tag("path", class_="board", d=box))]
     if any(v.reason for _, v, _ in shown):
         marks.append(("left out", tag("path", class_="board out", d=box)))
     if suggested:
         marks.append(("suggested next", tag("path", class_="board next", d=box)))
-    marks.append(
-        (
-            "the camera and the rim of its frame",
-            tag("path", class_="ray", d="M1 7L13 1L16 10L10 13zM1 7L16 10M1 7L10 13"),
-        )
-    )
-    return legend(*marks)
+    marks.append(("the camera and the rim of its frame", tag("path", class_="ray", d=PYRAMID)))
+    return tuple(marks)
 
 
 def _between(values: Array) -> str:
