@@ -39,7 +39,7 @@ def calibrate(run, lens, *options):
 def test_a_format_that_can_not_hold_the_model_is_told_before_the_work(run, monkeypatch):
     told = []
     monkeypatch.setattr(
-        "rcdn.batch.calibration_outputs.say_unwritten", lambda path, reason: told.append(f"{path}: {reason}")
+        "rcdn.batch.calibration_outputs.print_unwritten", lambda path, reason: told.append(f"{path}: {reason}")
     )
     gather = calibration_runs.Run.gather
     monkeypatch.setattr(calibration_runs.Run, "gather", lambda *a, **k: told.append("work") or gather(*a, **k))

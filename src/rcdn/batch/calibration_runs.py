@@ -116,7 +116,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     done = _solved(run, problem, *flat(got.images))
     done = advised(done)
     views = camera_text.cut_lines(done) + camera_text.left_out_lines(done)
-    _say(done, camera_text.camera_lines(done), views)
+    _print_results(done, camera_text.camera_lines(done), views)
     run.failed |= not outputs.write(
         outputs.kept(done),
         lambda path: camera_files.write_one(path, done.camera, outputs.format),
@@ -162,7 +162,7 @@ def two_cameras(
         boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
     )
     out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
-    _say(done, camera_text.stereo_lines(done), out)
+    _print_results(done, camera_text.stereo_lines(done), out)
     run.failed |= not outputs.write(
         outputs.kept(done.left, done.right),
         lambda path: camera_files.write_pair(path, done, outputs.format),
@@ -233,8 +233,8 @@ def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pi
     return pictures
 
 
-def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
+def _print_results(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
     from rcdn.terminal.camera_text import advice_lines, verdict_line
 
     for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
-        talk.say(line)
+        talk.print_line(line)

@@ -27,7 +27,7 @@ from rcdn.batch.work import (
     pictures_of,
 )
 from rcdn.errors import ConfigError, many
-from rcdn.terminal.group import say_error
+from rcdn.terminal.group import print_error
 from rcdn.terminal.progress import Bar, progress
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class _Run:
             try:
                 self._images[index] = self._saved(path, size)
             except Exception as error:
-                self._fail(Failure(str(path), explain(error, str(path))), say_error)
+                self._fail(Failure(str(path), explain(error, str(path))), print_error)
 
     def _saved(self, path: Path, size: tuple[int, int] | None) -> list[ImageResult]:
         from rcdn.io import read_detections, read_vnl_boards
@@ -148,7 +148,7 @@ class _Run:
                 bar.advance(done.index, done.name)
                 for outcome in done.outcomes:
                     if isinstance(outcome, Failure):
-                        self._fail(outcome, bar.say)
+                        self._fail(outcome, bar.print_error)
                         continue
                     self._images[done.index].append(outcome)
                     if outcome.warnings:
@@ -156,9 +156,9 @@ class _Run:
         if work.cache is not None:
             work.cache.prune()
 
-    def _fail(self, failure: Failure, say: Callable[[str], None]) -> None:
+    def _fail(self, failure: Failure, report: Callable[[str], None]) -> None:
         self.failures.append(failure)
-        say(failure.message)
+        report(failure.message)
 
     def _counted(self, pictures: Iterator[Picture]) -> Iterator[Picture]:
         for picture in pictures:
@@ -182,7 +182,7 @@ class _Run:
         if self._given is not None:
             video.looked = sorted(self._given.get(index, ()))
         else:
-            bar.tell(f"{video.path.name}: looking for sharp frames")
+            bar.describe(f"{video.path.name}: looking for sharp frames")
             video.count, video.looked = _candidates(video.path, content, cache)
         blank = (Picture(index, frame_name(video.path, number), None, number=number) for number in video.looked)
         yield from _with_pixels(video.path, [looked_up(p, content, cache) for p in blank])

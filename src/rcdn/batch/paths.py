@@ -16,11 +16,11 @@ def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
     from rcdn.errors import many
     from rcdn.io import find
     from rcdn.terminal import talk
-    from rcdn.terminal.group import one_line, say_error
+    from rcdn.terminal.group import one_line, print_error
 
     found = find(arguments)
     for _, message in found.errors:
-        say_error(message)
+        print_error(message)
     if found.own:
         number, first = len(found.own), one_line(str(found.own[0]))
         rest = "is passed over: " + first if number == 1 else f"are passed over: {first}, …"

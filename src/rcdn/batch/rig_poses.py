@@ -17,7 +17,7 @@ from rcdn.batch.moments import cameras_in, moments_of
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, one_line, say_error
+from rcdn.terminal.group import FAILED, one_line, print_error
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, side, sizes_of
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks
         try:
             done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
         except RcdnError as error:
-            say_error(f"{moment}: {error}")
+            print_error(f"{moment}: {error}")
             failed = True
             continue
-        talk.say(_line(moment, done))
+        talk.print_line(_line(moment, done))
         records.append(_record(moment, done))
     if not records:
-        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(

@@ -54,7 +54,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         fixed_boards=problem.fixed_boards,
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
-        talk.say(line)
+        talk.print_line(line)
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     run.failed |= not outputs.write(
         kept,

@@ -81,7 +81,7 @@ def compare(
     a, b = _read(first, names[0] if names else None), _read(second, names[-1] if names else None)
     found = comparison.compare(a, b, None if where is None else where.value)
     for line in lines(found, str(first), str(second)):
-        talk.say(line)
+        talk.print_line(line)
 
     def text() -> str:
         return json_module.dumps(_record(found, first, second), allow_nan=False) + "\n"
@@ -93,7 +93,7 @@ def compare(
         ]
     )
     if written:
-        talk.say_written(written)
+        talk.note_written(written)
     if len(written) < sum(path is not None for path in (json, report)):
         raise typer.Exit(FAILED)
 

@@ -108,7 +108,7 @@ def convert(
         raise FormatError(f"{inputs[0]}: holds no detections, which corners.vnl is for; give a file of `rcdn detect`")
     else:
         _convert_cameras(inputs, out, None if to is None else to.value, camera_name, lossy)
-    talk.say_written([out])
+    talk.note_written([out])
 
 
 # ---- detections

@@ -10,7 +10,7 @@ import typer
 
 from rcdn.errors import ConfigError, DependencyError
 from rcdn.terminal import talk
-from rcdn.terminal.group import INTERRUPTED, say_stopped
+from rcdn.terminal.group import INTERRUPTED, print_stopped
 from rcdn.terminal.solve_options import BoardSize, LensModel, Model
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
 from rcdn.terminal.talk import Quiet
@@ -119,7 +119,7 @@ def live(
     with contextlib.suppress(KeyboardInterrupt):
         serve(kept, session, source, place, lambda address: _opened(address, place, open_page))
     again = f"rcdn live {folder}{' --stereo' if stereo else ''}"
-    say_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
+    print_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
     raise typer.Exit(INTERRUPTED)
 
 
@@ -189,9 +189,9 @@ def _opened(address: str, place: Place, open_page: bool) -> None:
 
     from rcdn.live.certificate import fingerprint
 
-    talk.say(f"Open {address}")
+    talk.print_line(f"Open {address}")
     if place.certificate is not None:
-        talk.say(f"certificate, SHA-256: {fingerprint(place.certificate)}")
+        talk.print_line(f"certificate, SHA-256: {fingerprint(place.certificate)}")
     talk.note("Ctrl-C ends it")
     if open_page:
         webbrowser.open(address)

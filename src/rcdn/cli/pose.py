@@ -13,7 +13,7 @@ from rcdn.batch.paths import check_file
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, present
 from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, say_error
+from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
 from rcdn.terminal.talk import Quiet
@@ -114,13 +114,13 @@ def pose(
                     raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
                 done = estimate_pose(found, lens, side(length, kind_of(found)))
             except RcdnError as error:
-                say_error(f"{image.path}: {error}")
+                print_error(f"{image.path}: {error}")
                 failed = True
                 continue
-            talk.say(camera_text.pose_line(image.path, done))
+            talk.print_line(camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
-        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "poses": [\n{lines}\n]}}\n')

@@ -41,7 +41,7 @@ def is_quiet() -> bool:
     return _voice.quiet
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line of the results."""
     if not _voice.quiet:
         typer.echo(text, err=_voice.piped)
@@ -58,7 +58,7 @@ def named(paths: Iterable[Path]) -> list[str]:
     return [str(path) for path in paths if path != STDOUT]
 
 
-def say_written(paths: Iterable[Path]) -> None:
+def note_written(paths: Iterable[Path]) -> None:
     """Print the names of the written files."""
     if names := named(paths):
         note(f"written: {', '.join(names)}")

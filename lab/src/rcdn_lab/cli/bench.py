@@ -267,7 +267,7 @@ def _telling() -> Any:
     @contextmanager
     def open_bar() -> Any:
         with progress(0) as bar:
-            yield bar.tell
+            yield bar.describe
 
     return open_bar()
 
@@ -315,11 +315,13 @@ def _show(results: _Results) -> None:
     from rcdn.provenance import provenance
 
     for name, rows in results.tables.items():
-        talk.say(name)
+        talk.print_line(name)
         for line in columns(rows):
-            talk.say(line)
-        talk.say("")
+            talk.print_line(line)
+        talk.print_line("")
     for name, reason in results.skipped.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
+        talk.print_line(f"skipped {name}: {one_line(reason)}")
     facts = provenance()
-    talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    talk.print_line(
+        f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
+    )

@@ -90,13 +90,15 @@ def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: di
     ]
     widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
     for line in cells:
-        talk.say(
+        talk.print_line(
             "  ".join(
                 text.ljust(width) if k == 0 else text.rjust(width)
                 for k, (text, width) in enumerate(zip(line, widths, strict=True))
             )
         )
     facts = provenance()
-    talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    talk.print_line(
+        f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
+    )
     if json is not None:
         save(json, suite, settings, rows)

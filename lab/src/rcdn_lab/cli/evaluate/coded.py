@@ -82,6 +82,6 @@ def coded(
             goals = [suite.record(goal) for goal in suite.goals(rows)]
             save(json, "coded", suite.settings_of(plan, done) | {"skipped": lacking, "goals": goals}, rows)
     for goal in suite.goals(rows):
-        talk.say(str(goal))
+        talk.print_line(str(goal))
     for peer, reason in lacking.items():
-        talk.say(f"skipped {peer}: {one_line(reason)}")
+        talk.print_line(f"skipped {peer}: {one_line(reason)}")

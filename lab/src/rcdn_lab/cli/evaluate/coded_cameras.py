@@ -41,4 +41,4 @@ def coded_cameras(
         rows.append({"set": folder.name, **suite.compared(shots, float(spacing), seeds)})
     show(rows, json, "coded-cameras", {"spacing": float(spacing), "seeds": seeds})
     reached = sum(row["ratio"] <= LIMIT for row in rows)
-    talk.say(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")
+    talk.print_line(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")

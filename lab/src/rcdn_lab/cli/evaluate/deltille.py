@@ -54,6 +54,6 @@ def deltille(
     }
     show([{key: row.get(key) for key in columns} for row in rows], json, "deltille", settings)
     if not pictures:
-        talk.say(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
+        talk.print_line(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
     for text in lines(suite.claims(rendered, alarms, pictures, camera)):
-        talk.say(text)
+        talk.print_line(text)

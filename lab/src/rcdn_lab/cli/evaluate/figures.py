@@ -103,7 +103,7 @@ def fig6(
         "low levels": vars(refinements.BASE), "weights": _weights({"RCDN": rcdn}),
     }  # fmt: skip
     show(refinement_claims.summary(rows), None, "fig6", settings)
-    talk.say("\n".join(lines(claims)))
+    talk.print_line("\n".join(lines(claims)))
     _write("fig6", rows, settings | {"claims": [vars(c) for c in claims]}, files, refinement_claims.markdown)
 
 
@@ -132,8 +132,8 @@ def _pixel_error(
     }  # fmt: skip
     show(pixel_error.summary(rows), None, figure, settings)
     for name, reason in lacking.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
-    talk.say("\n".join(lines(claims)))
+        talk.print_line(f"skipped {name}: {one_line(reason)}")
+    talk.print_line("\n".join(lines(claims)))
     told = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
     _write(figure, rows, settings | told, files, pixel_claims.markdown)
 

@@ -54,7 +54,7 @@ def sweep(
         write_csv(rows, csv)
     show(rows, json, "sweep", suite.settings_of(count, preset, names) | {"skipped": lacking})
     for name, reason in lacking.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
+        talk.print_line(f"skipped {name}: {one_line(reason)}")
 
 
 def _plot(rows: Sequence[dict[str, Any]], folder: Path) -> None:

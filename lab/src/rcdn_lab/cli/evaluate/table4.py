@@ -125,11 +125,11 @@ def _tell(
     if json is not None:
         save(json, "table4", settings | {"claims": [asdict(c) for c in stated]}, rows)
     for table in published.tables(rows):
-        talk.say(table.text() + "\n")
+        talk.print_line(table.text() + "\n")
     for line in lines(stated):
-        talk.say(line)
+        talk.print_line(line)
     facts = provenance()
-    talk.say(
+    talk.print_line(
         f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, "
         f"{facts['cpus']} CPUs"
     )

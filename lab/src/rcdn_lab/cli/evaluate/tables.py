@@ -93,9 +93,9 @@ def _run(
     show(text.printed(rows), None, name, settings)
     for row in rows:
         if row["note"]:
-            talk.say(f"{text.name_of(row)} {one_line(row['note'])}")
+            talk.print_line(f"{text.name_of(row)} {one_line(row['note'])}")
     for line in text.told(name, rows):
-        talk.say(line)
+        talk.print_line(line)
     if json is not None:
         save(json, name, settings, rows)
     if csv is not None:
