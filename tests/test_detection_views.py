@@ -16,14 +16,14 @@ from test_pyramid import front
 
 def looked_at(grey, monkeypatch, config=None):
     """The detection in a picture, and (scale, boards known before) of each view that was looked at."""
-    seen, look = [], views.Views._look
+    seen, detect = [], views.Views._detect
 
     def noted(self, view, part, known=None, coarser=None):
         seen.append((view.scale, len(known or [])))
-        return look(self, view, part, known, coarser)
+        return detect(self, view, part, known, coarser)
 
     with monkeypatch.context() as patch:
-        patch.setattr(views.Views, "_look", noted)
+        patch.setattr(views.Views, "_detect", noted)
         return rcdn.Detector(config).detect(grey), seen
 
 
@@ -94,6 +94,6 @@ def test_half_a_picture_does_not_count_as_its_detail():
     grey = render(front(7, 5, 40.0, (640, 480)))
     at = views.Views(grey, rcdn.Detector()._model, DetectorConfig(), rcdn.types.Warnings())
     half = View((0, 0, 640, 480), 0.5)
-    seen = at._look(half, half.of(grey))
+    seen = at._detect(half, half.of(grey))
     assert not seen.detailed
     assert at._in_detail(seen).detailed
