@@ -104,7 +104,7 @@ def calibrate(
     --fail-on, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.batch.camera_files import refusal
-    from rcdn.calibration.frames import LOOKS
+    from rcdn.calibration.frames import CANDIDATES
     from rcdn.calibration.verdict import fails
 
     talk.begin(quiet, [json, *(output or ())])
@@ -151,7 +151,7 @@ def calibrate(
         outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
-    kept = frames if select is None else max(frames, LOOKS)
+    kept = frames if select is None else max(frames, CANDIDATES)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
     left_out, known = tuple(leave_out or ()), tuple(camera or ())
     problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards)
