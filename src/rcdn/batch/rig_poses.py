@@ -29,7 +29,7 @@ EVERY = 10**9
 
 
 @dataclass(frozen=True)
-class Looks:
+class DetectionSettings:
     """Settings for detection; `size`: (columns, rows) of the boards to use, or None for any."""
 
     config: DetectorConfig
@@ -52,7 +52,9 @@ class Looks:
         )
 
 
-def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks: Looks, json: Path | None) -> None:
+def rig_poses(
+    path: Path, inputs: Sequence[str], length: Length | Lengths, settings: DetectionSettings, json: Path | None
+) -> None:
     """Print the board's pose at each moment in the frame of the rig that is read from `path`, and write the poses as
     JSON."""
     from rcdn.calibration import estimate_rig_pose
@@ -61,10 +63,10 @@ def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks
 
     rig = read_rig(path)
     cameras = _named(rig, cameras_in(inputs), path)
-    found = {name: looks.gather(each) for name, each in cameras.items()}
-    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], looks.size))
+    found = {name: settings.gather(each) for name, each in cameras.items()}
+    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
     failed, records = any(got.failures for got in found.values()), []
-    for moment, boards in _moments(found, looks.size).items():
+    for moment, boards in _moments(found, settings.size).items():
         try:
             done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
         except RcdnError as error:

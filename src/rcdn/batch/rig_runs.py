@@ -147,8 +147,8 @@ def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
         groups.setdefault(found.action, {}).setdefault(sentence, []).append(name)
     lines = []
     for action, sentences in groups.items():
-        said = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
-        lines.append(" ".join(["-", *said, action]).rstrip())
+        causes = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
+        lines.append(" ".join(["-", *causes, action]).rstrip())
     return lines
 
 

@@ -105,8 +105,8 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
     if len(members) == 1:
         return next(iter(members.values()))
     if name not in members:
-        asked = f", not {name}" if name else ""
-        raise ConfigError(f"{path} holds several cameras; choose one: --camera-name {' | '.join(members)}{asked}")
+        rejected = f", not {name}" if name else ""
+        raise ConfigError(f"{path} holds several cameras; choose one: --camera-name {' | '.join(members)}{rejected}")
     return members[name]
 
 

@@ -14,7 +14,7 @@ from rcdn.terminal.group import INTERRUPTED, print_stopped
 from rcdn.terminal.solve_options import BoardSize, LensModel, Model
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
 from rcdn.terminal.talk import Quiet
-from rcdn.terminal.target import DEFAULT, Target, Told
+from rcdn.terminal.target import DEFAULT, Target, TargetOption
 
 if TYPE_CHECKING:
     from rcdn.live.folder import Settings
@@ -123,7 +123,7 @@ def live(
     raise typer.Exit(INTERRUPTED)
 
 
-def _length(spacing: Length | Lengths | None, target: Told) -> float | None:
+def _length(spacing: Length | Lengths | None, target: TargetOption) -> float | None:
     """The side of a square, m; None if the page should ask for it."""
     if spacing is None and target.spacing is None:
         return None
@@ -154,7 +154,7 @@ def _source(cameras: list[str], stereo: bool) -> Source | PairSource | None:
     return open_pair(cameras) if stereo else open_source(cameras[0])
 
 
-def _tools(settings: Settings, target: Told, enough: float, stereo: bool = False) -> Tools:
+def _tools(settings: Settings, target: TargetOption, enough: float, stereo: bool = False) -> Tools:
     """The functions for detection, guidance, and writing the camera."""
     from rcdn.batch.live_files import write_camera_files, write_pair_files
     from rcdn.calibration.guidance import Guide, PairGuide

@@ -96,9 +96,11 @@ def pose(
     if rig is not None:
         if camera_name is not None:
             raise ConfigError("--camera-name is for --camera; leave it out with --rig")
-        from rcdn.batch.rig_poses import Looks, rig_poses
+        from rcdn.batch.rig_poses import DetectionSettings, rig_poses
 
-        rig_poses(rig, inputs, length, Looks(config, open_cache(config, cache, off=no_cache), jobs, size), json)
+        rig_poses(
+            rig, inputs, length, DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size), json
+        )
         return
     lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
