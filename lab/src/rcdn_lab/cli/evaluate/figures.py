@@ -134,8 +134,8 @@ def _pixel_error(
     for name, reason in lacking.items():
         talk.print_line(f"skipped {name}: {one_line(reason)}")
     talk.print_line("\n".join(lines(claims)))
-    told = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
-    _write(figure, rows, settings | told, files, pixel_claims.markdown)
+    outcome = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
+    _write(figure, rows, settings | outcome, files, pixel_claims.markdown)
 
 
 def _weights(names: dict[str, str]) -> dict[str, dict[str, str]]:

@@ -94,7 +94,7 @@ def _run(
     for row in rows:
         if row["note"]:
             talk.print_line(f"{text.name_of(row)} {one_line(row['note'])}")
-    for line in text.told(name, rows):
+    for line in text.claim_lines(name, rows):
         talk.print_line(line)
     if json is not None:
         save(json, name, settings, rows)
