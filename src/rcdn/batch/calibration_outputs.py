@@ -16,7 +16,7 @@ from rcdn.batch.camera_files import check_format
 from rcdn.batch.paths import check_file
 from rcdn.batch.writing import print_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
@@ -153,7 +153,7 @@ class Outputs:
                 f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
             )
         if written:
-            talk.note_written(written)
+            console.note_written(written)
         elif not self.files:
-            talk.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
+            console.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
         return len(written) == len(self.files) and not self.refused

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat, LensFit, StereoCameras
@@ -107,10 +107,10 @@ def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
 
     for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
         if fit is not None:
-            talk.note(f"{path}: camera {name}: {fit.text}")
+            console.note(f"{path}: camera {name}: {fit.text}")
     files = rig_paths(path, rig.names, format)
     if len(files) > 1:
-        talk.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
+        console.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:
@@ -126,10 +126,10 @@ def _note_format(path: Path, format: CameraFormat | None) -> None:
     words = re.split(r"[^a-z]+", path.stem.lower())
     for format_name, part in (("ROS", "camera_info"), ("Kalibr", "camchain")):
         if format_name.lower() in words:
-            talk.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
+            console.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
 
 
 def _note_fits(path: Path, fits: list[LensFit | None]) -> None:
     for fit in fits:
         if fit is not None:
-            talk.note(f"{path}: {fit.text}")
+            console.note(f"{path}: {fit.text}")

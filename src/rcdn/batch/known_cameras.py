@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.types import Camera
@@ -41,7 +41,7 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
                 raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
             found[name] = camera
     if len(files) == 1 and len(found) == len(names) and not set(found) & set(names):
-        talk.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
+        console.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
         return dict(zip(names, found.values(), strict=True))
     if unknown := [name for name in found if name not in names]:
         raise ConfigError(

@@ -16,7 +16,7 @@ from rcdn.batch.cache import Cache
 from rcdn.batch.moments import cameras_in, moments_of
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import FAILED, one_line, print_error
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, side, sizes_of
 
@@ -73,7 +73,7 @@ def rig_poses(
             print_error(f"{moment}: {error}")
             failed = True
             continue
-        talk.print_line(_line(moment, done))
+        console.print_line(_line(moment, done))
         records.append(_record(moment, done))
     if not records:
         print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
@@ -91,7 +91,7 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
     if set(cameras) <= set(rig.names):
         return dict(cameras)
     if len(cameras) == len(rig):
-        talk.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
+        console.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
         return dict(zip(rig.names, cameras.values(), strict=True))
     raise ConfigError(
         f"--rig {path}: has cameras {', '.join(rig.names)}, but the inputs are {', '.join(cameras)}; name folders or "
@@ -104,7 +104,7 @@ def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dic
     left out."""
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
-        talk.note(f"note: pictures belong together by {way}")
+        console.note(f"note: pictures belong together by {way}")
     out: dict[str, dict[str, Board]] = {}
     for (name, got), each in zip(found.items(), keys, strict=True):
         for moment, image in zip(each, got.images, strict=True):

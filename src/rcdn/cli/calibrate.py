@@ -22,7 +22,8 @@ from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED
 from rcdn.terminal.options import CacheFolder, Frames, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, PicturePlaces
 from rcdn.terminal.solve_options import (
@@ -38,7 +39,6 @@ from rcdn.terminal.solve_options import (
     Select,
 )
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -107,7 +107,7 @@ def calibrate(
     from rcdn.calibration.frames import CANDIDATES
     from rcdn.calibration.verdict import fails
 
-    talk.begin(quiet, [json, *(output or ())])
+    console.begin(quiet, [json, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length, {"checker": board})  # before the computation
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}

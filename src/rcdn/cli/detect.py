@@ -21,11 +21,11 @@ from rcdn.batch.paths import check_file, expanded, outside
 from rcdn.batch.work import Done, Failure, Picture, Work, make_detector, read_ahead
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, many
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
 from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
 from rcdn.terminal.progress import progress
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -142,7 +142,7 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    talk.begin(quiet, (json, vnl))
+    console.begin(quiet, (json, vnl))
     paths, unread = expanded(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
@@ -164,7 +164,7 @@ def detect(
         _detect_all(run, paths, _work(config, team, cache, outputs.wanted), team, overlay)
         failures = outputs.write(run.tally.failures)
     for text in run.tally.lines(time.perf_counter() - start):
-        talk.print_line(text)
+        console.print_line(text)
     _finish(run, failures, len(paths))
 
 
@@ -201,7 +201,7 @@ def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) 
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
     kept = outside(folder, arguments, paths)
     if len(kept) < len(paths):
-        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
+        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
     return kept
 
 
@@ -274,7 +274,7 @@ def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
         print_error(str(failure))
     if run.undrawn > 1:
         print_error(f"{run.undrawn} overlays could not be written")
-    files = talk.named(run.outputs.written)
+    files = console.named(run.outputs.written)
     written = " and ".join(files)
     verb = "holds" if len(files) == 1 else "hold"
     held = f"; {written} {verb} what was found in them" if written else ""

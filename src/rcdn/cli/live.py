@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.errors import ConfigError, DependencyError
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import INTERRUPTED, print_stopped
 from rcdn.terminal.solve_options import BoardSize, LensModel, Model
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target, TargetOption
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def live(
 
     Exit code: 1 if the page can't be served, 2 for wrong use, 130 after Ctrl-C, which ends it.
     """
-    talk.begin(quiet)
+    console.begin(quiet)
     length = _length(spacing, target)
     size = target.board(board)
     try:
@@ -189,9 +189,9 @@ def _opened(address: str, place: Place, open_page: bool) -> None:
 
     from rcdn.live.certificate import fingerprint
 
-    talk.print_line(f"Open {address}")
+    console.print_line(f"Open {address}")
     if place.certificate is not None:
-        talk.print_line(f"certificate, SHA-256: {fingerprint(place.certificate)}")
-    talk.note("Ctrl-C ends it")
+        console.print_line(f"certificate, SHA-256: {fingerprint(place.certificate)}")
+    console.note("Ctrl-C ends it")
     if open_page:
         webbrowser.open(address)

@@ -12,11 +12,11 @@ from rcdn.batch.cache import open_cache
 from rcdn.batch.paths import check_file
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, present
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -83,7 +83,7 @@ def pose(
     from rcdn.io import write_text
     from rcdn.terminal import camera_text
 
-    talk.begin(quiet, [json])
+    console.begin(quiet, [json])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length)
     if pattern is PatternName.deltille and board is not None:
@@ -119,7 +119,7 @@ def pose(
                 print_error(f"{image.path}: {error}")
                 failed = True
                 continue
-            talk.print_line(camera_text.pose_line(image.path, done))
+            console.print_line(camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
         print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")

@@ -15,11 +15,11 @@ from rcdn.batch.flat_files import Places, Source, sources
 from rcdn.batch.paths import expanded, outside
 from rcdn.batch.work import explain, in_thread
 from rcdn.errors import ConfigError, OutputError, RcdnError, many
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
 from rcdn.terminal.options import MaxMegapixels
 from rcdn.terminal.progress import Bar, progress
-from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from rcdn.geometry.resample import Undistortion
@@ -97,7 +97,7 @@ def undistort(
     from rcdn.batch.camera_files import chosen_camera
     from rcdn.io import write_camera
 
-    talk.begin(quiet)
+    console.begin(quiet)
     lens = chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
     make = _undistortion(lens, balance, scale, crop)
@@ -115,7 +115,7 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
     paths, errors = expanded(images)
     kept = outside(out, images, paths, "--out")
     if len(kept) < len(paths):
-        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
+        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
     if not kept:
         print_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
@@ -184,6 +184,6 @@ def _finish(run: _Run, make: Undistortion, out: Path) -> None:
     if run.stopped:
         print_stopped(f"; {line}")
         raise typer.Exit(INTERRUPTED)
-    talk.print_line(line)
+    console.print_line(line)
     if run.failed or run.unwritten:
         raise typer.Exit(FAILED)

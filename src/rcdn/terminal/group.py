@@ -10,7 +10,7 @@ from typer.main import get_command
 
 from rcdn import interrupts
 from rcdn.errors import ConfigError, RcdnError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
 
@@ -84,7 +84,7 @@ class Group(TyperGroup):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
-        talk.begin()
+        console.begin()
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:

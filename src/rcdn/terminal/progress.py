@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rcdn.terminal.console import is_quiet
 from rcdn.terminal.group import one_line, print_error, print_warning
-from rcdn.terminal.talk import is_quiet
 
 
 @dataclass(frozen=True)

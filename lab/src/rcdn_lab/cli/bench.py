@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.errors import ConfigError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn.terminal.options import GridSize, parse_size
 from rcdn_lab.cli.bench_words import PARTS, counts_of, parts_of, sizes_of, words_of
@@ -108,7 +108,7 @@ def bench(
     """
     from rcdn_lab.bench import record
 
-    talk.begin(outputs=(json, csv, markdown))
+    console.begin(outputs=(json, csv, markdown))
     wanted = parts_of(parts or (",".join(PARTS) if photographs is None else "none"))
     frames, counts = sizes_of(sizes), counts_of(threads)
     drawn = _prepared(plot, sweep) if plot is not None else None
@@ -315,13 +315,13 @@ def _show(results: _Results) -> None:
     from rcdn.provenance import provenance
 
     for name, rows in results.tables.items():
-        talk.print_line(name)
+        console.print_line(name)
         for line in columns(rows):
-            talk.print_line(line)
-        talk.print_line("")
+            console.print_line(line)
+        console.print_line("")
     for name, reason in results.skipped.items():
-        talk.print_line(f"skipped {name}: {one_line(reason)}")
+        console.print_line(f"skipped {name}: {one_line(reason)}")
     facts = provenance()
-    talk.print_line(
+    console.print_line(
         f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
     )

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.errors import present
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, write_csv
 
 
@@ -125,11 +125,11 @@ def _write_results(
     if json is not None:
         save(json, "table4", settings | {"claims": [asdict(c) for c in stated]}, rows)
     for table in published.tables(rows):
-        talk.print_line(table.text() + "\n")
+        console.print_line(table.text() + "\n")
     for line in lines(stated):
-        talk.print_line(line)
+        console.print_line(line)
     facts = provenance()
-    talk.print_line(
+    console.print_line(
         f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, "
         f"{facts['cpus']} CPUs"
     )
