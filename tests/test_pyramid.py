@@ -284,22 +284,22 @@ def small_picture(pitch, size=(7, 5), frame=(320, 240)):
 @pytest.mark.parametrize("pitch", [12.0, 18.0, 25.0])
 def test_an_enlarged_view_of_a_board_that_is_plainly_seen_would_show_nothing_new(pitch, monkeypatch):
     grey = small_picture(pitch)
-    asked = []
-    monkeypatch.setattr(View, "to_picture", watched(View.to_picture, asked))
+    calls = []
+    monkeypatch.setattr(View, "to_picture", watched(View.to_picture, calls))
     quick = rcdn.Detector().boards(grey)
-    assert not any(view.scale > 1 for view in asked)
+    assert not any(view.scale > 1 for view in calls)
     monkeypatch.setattr("rcdn.views.plainly_seen", lambda *_: False)
     slow = rcdn.Detector().boards(grey)
-    assert any(view.scale > 1 for view in asked)
+    assert any(view.scale > 1 for view in calls)
     assert [b.xy.tobytes() for b in quick] == [b.xy.tobytes() for b in slow]
     assert [len(b) for b in quick] == [35]
 
 
-def watched(method, asked):
+def watched(method, calls):
     """The method of a view, the views that it is called of noted."""
 
     def call(view, *arguments):
-        asked.append(view)
+        calls.append(view)
         return method(view, *arguments)
 
     return call

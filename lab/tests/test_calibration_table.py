@@ -320,7 +320,7 @@ def test_too_few_pictures_have_no_figures(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("left:left*:7:brown", "COLUMNSxROWS"),
         ("left:left*:7x2", "at least 3×3"),
@@ -328,8 +328,8 @@ def test_too_few_pictures_have_no_figures(folder):
         (":left*:7x5", "write NAME"),
     ],
 )
-def test_a_wrong_set_says_what_is_wrong(text, says):
-    with pytest.raises(ConfigError, match=says):
+def test_a_wrong_set_says_what_is_wrong(text, message):
+    with pytest.raises(ConfigError, match=message):
         parse(text)
 
 

@@ -24,18 +24,18 @@ def test_residuals_are_divided_by_what_is_stated_of_them():
 
 
 @pytest.mark.parametrize(
-    ("draw", "said"),
+    ("draw", "caption"),
     [
         (lambda r, s: r.normal(0, 0.1414, s), "err as the model says"),
         (lambda r, s: 0.1 * r.standard_t(2, s), "The tails are heavy"),
         (lambda r, s: 0.14 * r.uniform(-0.9, 0.9, s), "The middle is narrow"),
     ],
 )
-def test_how_residuals_differ_from_their_model_is_said(draw, said):
+def test_how_residuals_differ_from_their_model_is_said(draw, caption):
     rng = np.random.default_rng(3)
     calibration = with_residuals(simulated(), lambda shape: draw(rng, shape))
     drawing = histogram.histogram(calibration)
-    assert said in drawing.caption
+    assert caption in drawing.caption
     assert "deviations (0.27 % expected)" in drawing.caption
     assert "<svg" in drawing.art
 

@@ -79,15 +79,15 @@ CAMERAS = (
 )
 def test_a_circle_grid_is_no_board_but_told(asymmetric, radius, inverted):
     drawing = circles(*((4, 11) if asymmetric else (9, 7)), radius, asymmetric, inverted)
-    told = 0
+    count = 0
     for k, scene in enumerate(
         ({}, {"noise": 20}, {"blur": 2.0}, {"size": 0.6}, {"tilt": 0.8, "turn": 1.0}, {"light": 0.3})
     ):
         image, _ = seen(drawing, seed=k, **scene)
         found = DETECTOR.detect(Camera(cover=k == 0)(image))
         assert found.boards == []
-        told += any(text.startswith("not supported: a circle grid") for text in found.warnings)
-    assert told >= 4  # in the others no lattice of gaps was found to begin with
+        count += any(text.startswith("not supported: a circle grid") for text in found.warnings)
+    assert count >= 4  # in the others no lattice of gaps was found to begin with
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=str)

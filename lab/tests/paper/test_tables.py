@@ -248,14 +248,14 @@ def test_what_the_papers_own_tables_say_about_its_claims():
 def test_a_claim_is_judged_by_the_figures_it_is_given():
     good, bad = {"x": (0.99, 0.99), "y": (1.0, 0.98)}, {"x": (0.99, 0.97), "y": (1.0, 0.98)}
 
-    def say(one, two):
+    def verdict(one, two):
         return find(verdicts("table3", {("D-1", "adaptive"): one, ("D-3", "adaptive"): two}), "D-1, D-3")
 
-    assert say(good, bad) == "holds"
-    assert say(bad, good) == "doesn't hold"
-    assert say(good, good) == "equal"
-    assert say(good, {"x": (1, 1), "y": (0.5, 0.5)}) == "holds on 1 of 2"
-    assert say(good, {}) == "not checked"
+    assert verdict(good, bad) == "holds"
+    assert verdict(bad, good) == "doesn't hold"
+    assert verdict(good, good) == "equal"
+    assert verdict(good, {"x": (1, 1), "y": (0.5, 0.5)}) == "holds on 1 of 2"
+    assert verdict(good, {}) == "not checked"
     (claim,) = (
         c
         for c in table_claims.claims("table3", {("F", "adaptive"): good, ("ChESS", "max"): bad})
