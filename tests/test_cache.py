@@ -70,8 +70,8 @@ def test_no_corners_and_no_sigma_come_back_as_that(cache):
 
 
 def test_warnings_come_back(cache):
-    told = ImageResult("a", 5, 4, Corners(np.zeros((0, 2)), [], []), (), ("one", "two"))
-    cache.keep("00", told)
+    kept = ImageResult("a", 5, 4, Corners(np.zeros((0, 2)), [], []), (), ("one", "two"))
+    cache.keep("00", kept)
     assert cache.result("00", "a").warnings == ("one", "two")
 
 
@@ -191,11 +191,11 @@ def test_weights_change_the_fingerprint(tmp_path):
 def test_the_weights_that_run_are_in_the_fingerprint(monkeypatch):
     from rcdn.corners import response
 
-    asked, load = [], response.load_model
-    monkeypatch.setattr(response, "load_model", lambda name: asked.append(name) or load(name))
+    loaded, load = [], response.load_model
+    monkeypatch.setattr(response, "load_model", lambda name: loaded.append(name) or load(name))
     for pattern in ("checker", "deltille"):
         fingerprint(DetectorConfig(pattern=pattern))
-    assert asked == ["auto", "rcdn_deltille"]
+    assert loaded == ["auto", "rcdn_deltille"]
 
 
 def test_another_library_of_kernels_changes_the_fingerprint(package):

@@ -115,17 +115,17 @@ def test_outputs_are_the_same_bytes_for_any_number_of_processes(run):
     picture(Path("in/more/0.png"))
     Path("in/zero.png").write_bytes(b"")
     video(Path("in/clip.avi"), [(5, 5)] * 4)
-    said, written = set(), []
+    printed, written = set(), []
     for jobs in (1, 2, 3):
         result = run(
             "in", "missing.png", "-j", jobs, "--json", "out.json", "--vnl", "out.vnl", "--overlay", f"see{jobs}"
         )
         assert result.exit_code == 1
-        said.add(result.stderr)
+        printed.add(result.stderr)
         overlays = {p.name: p.read_bytes() for p in Path(f"see{jobs}").iterdir()}
         written.append((Path("out.json").read_bytes(), Path("out.vnl").read_bytes(), overlays))
     assert written[0] == written[1] == written[2]
-    assert len(said) == 1
+    assert len(printed) == 1
     images, errors = read_detections("out.json")
     assert [i.path for i in images] == [
         *(f"in/{k}.png" for k in range(7)), *(f"in/clip.avi#{k:06d}" for k in range(4)), "in/more/0.png",
@@ -167,9 +167,9 @@ def test_a_killed_process_loses_nothing(home, marks):
     paths = [picture(Path(f"{k}.png"), cols=KILL_ONCE if k in (0, 4) else 3 + k, missing=k) for k in range(8)]
     results = outcomes(paths, 2)
     assert [r.path for (r,) in results] == [str(p) for p in paths]
-    looks = [what.split()[0] for what, _ in marks()]
-    assert looks.count(str(KILL_ONCE)) == 4  # two pictures, each of which killed the first process that saw it
-    assert all(looks.count(str(3 + k)) == 1 for k in (1, 2, 3, 5, 6, 7))
+    seen = [what.split()[0] for what, _ in marks()]
+    assert seen.count(str(KILL_ONCE)) == 4  # two pictures, each of which killed the first process that saw it
+    assert all(seen.count(str(3 + k)) == 1 for k in (1, 2, 3, 5, 6, 7))
 
 
 def test_a_picture_that_kills_twice_is_reported_by_name_and_the_others_go_on(run, marks):

@@ -37,16 +37,16 @@ def calibrate(run, lens, *options):
 
 
 def test_a_format_that_can_not_hold_the_model_is_told_before_the_work(run, monkeypatch):
-    told = []
+    events = []
     monkeypatch.setattr(
-        "rcdn.batch.calibration_outputs.say_unwritten", lambda path, reason: told.append(f"{path}: {reason}")
+        "rcdn.batch.calibration_outputs.print_unwritten", lambda path, reason: events.append(f"{path}: {reason}")
     )
     gather = calibration_runs.Run.gather
-    monkeypatch.setattr(calibration_runs.Run, "gather", lambda *a, **k: told.append("work") or gather(*a, **k))
+    monkeypatch.setattr(calibration_runs.Run, "gather", lambda *a, **k: events.append("work") or gather(*a, **k))
     result = calibrate(run, "brown", "--model", "brown", "-o", "camchain.yaml", *OTHERS)
     assert result.exit_code == 1
-    assert "Kalibr" in told[0]
-    assert told[1:] == ["work"]
+    assert "Kalibr" in events[0]
+    assert events[1:] == ["work"]
     assert "written: camera.yaml, c.json, r.html" in result.stderr
     assert all_are_there()
 

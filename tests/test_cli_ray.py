@@ -53,12 +53,12 @@ def test_a_killed_worker_loses_nothing_and_the_bytes_are_the_local_engine_s(tmp_
     found = {}
     for engine in ("local", "ray"):
         options = ["--jobs", "2", "--engine", engine, "--json", f"{engine}.json", "--vnl", f"{engine}.vnl"]
-        done, looks = detect(home, "StandIn", "in", "missing.png", *options)
+        done, marks = detect(home, "StandIn", "in", "missing.png", *options)
         assert done.returncode == 1, done.stderr
-        frames = [what for what in looks if not what.startswith(("5 6", f"{BROKEN} ", f"{KILL_ONCE} ", f"{KILL} "))]
-        assert sum(looks[what] for what in frames) == 3
+        frames = [what for what in marks if not what.startswith(("5 6", f"{BROKEN} ", f"{KILL_ONCE} ", f"{KILL} "))]
+        assert sum(marks[what] for what in frames) == 3
         once = {f"5 6 {k}": 1 for k in range(20) if k not in (4, 9, 15)}
-        assert {what: n for what, n in looks.items() if what not in frames} == once | {
+        assert {what: n for what, n in marks.items() if what not in frames} == once | {
             f"{BROKEN} 6 4": 1, f"{KILL_ONCE} 6 9": 2, f"{KILL} 6 15": 2,
         }  # fmt: skip
         found[engine] = [

@@ -65,10 +65,10 @@ def test_no_lengths(text):
         parse_length(text)
 
 
-@pytest.mark.parametrize(("text", "ask"), [("25", "25mm"), ("2.5", "2.5cm"), ("1", "1cm")])
-def test_a_board_of_metres_is_asked_back(text, ask):
+@pytest.mark.parametrize(("text", "question"), [("25", "25mm"), ("2.5", "2.5cm"), ("1", "1cm")])
+def test_a_board_of_metres_is_asked_back(text, question):
     for size in (None, (9, 6)):
-        with pytest.raises(ConfigError, match=f"did you mean {ask}"):
+        with pytest.raises(ConfigError, match=f"did you mean {question}"):
             check_length(parse_length(text), size)
     check_length(parse_length(f"{text}m"), (9, 6))
 

@@ -61,7 +61,7 @@ def found(path="found.json"):
 
 
 @pytest.mark.parametrize(
-    ("target", "told"),
+    ("target", "given"),
     [
         (BOARD, "charuco:7x5:DICT_4X4_50:0.75"),
         (AprilGrid(4, 3, "tag36h11", 0.3), "aprilgrid:4x3:tag36h11:0.3"),
@@ -70,11 +70,11 @@ def found(path="found.json"):
     ],
     ids=str,
 )
-def test_a_told_target_is_read_in_a_word_and_from_its_file(run, target, told):
+def test_a_told_target_is_read_in_a_word_and_from_its_file(run, target, given):
     printed = Printed(target, 0.03)
     cv2.imwrite("a.png", cv2.GaussianBlur(cv2.rotate(flat(printed), cv2.ROTATE_180), (0, 0), 0.8))
     write_target("board.yaml", printed)
-    for which in (["--target", told], ["--target", "board.yaml"], ["--target", "auto"], []):
+    for which in (["--target", given], ["--target", "board.yaml"], ["--target", "auto"], []):
         done = run("detect", "a.png", *which, "--json", "found.json", "--quiet")
         assert done.exit_code == 0, done.output
         (board,) = found()
@@ -118,9 +118,9 @@ def test_another_target_than_the_told_one_has_no_numbers(run):
 
 def test_a_plain_target_says_the_board_s_size(run):
     cv2.imwrite("a.png", cv2.GaussianBlur(flat(Printed(Checkerboard(7, 4), 0.03), 40), (0, 0), 0.8))
-    told = run("detect", "a.png", "--target", "checkerboard:7x4", "--json", "told.json")
+    given = run("detect", "a.png", "--target", "checkerboard:7x4", "--json", "told.json")
     size = run("detect", "a.png", "--board", "7x4", "--json", "size.json")
-    assert told.exit_code == size.exit_code == 0
+    assert given.exit_code == size.exit_code == 0
     assert found("told.json") == found("size.json") != []
     assert found("told.json")[0]["complete"]
     done = run("detect", "a.png", "--target", "checkerboard:7x4", "--board", "7x5")

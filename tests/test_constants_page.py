@@ -100,7 +100,7 @@ def of_settings():
     auto, paper = (dict(settings(getattr(config.DetectorConfig, name)(), name)) for name in ("auto", "paper"))
     own = {name.split(".", 1)[1]: value for name, value in auto.items() if name.count(".") == 1}
     kinds = {"threshold": "Adaptive", "nms": "Nms", "cluster": "Cluster"}
-    usual = own | {
+    standard = own | {
         f"{part}.{name.split('.')[1]}": value
         for part, kind in kinds.items()
         for name, value in defaults
@@ -108,7 +108,7 @@ def of_settings():
     }
     defaults += [(f"DetectorConfig.{name}", value) for name, value in own.items()]
     return defaults + [
-        (name, value) for name, value in (auto | paper).items() if usual.get(name.split(".", 1)[1]) != value
+        (name, value) for name, value in (auto | paper).items() if standard.get(name.split(".", 1)[1]) != value
     ]
 
 
@@ -160,8 +160,8 @@ def test_the_counts_that_the_page_tells_are_those_of_its_rows():
     counts = Counter()
     for where, _, _, source in rows():
         counts[next(kind for kind in SOURCES if source.startswith(kind))] += len(re.findall(r"`[^`]+`", where))
-    told = {kind: int(count) for kind, count in re.findall(r"^\| (\*[^*|]+\*) \| (\d+) \|", PAGE, flags=re.M)}
-    assert told == counts
+    stated = {kind: int(count) for kind, count in re.findall(r"^\| (\*[^*|]+\*) \| (\d+) \|", PAGE, flags=re.M)}
+    assert stated == counts
 
 
 def test_constants_are_found(tmp_path):

@@ -14,16 +14,16 @@ from rcdn.synthetic import ORDINARY, random_scene, render, truth
 from test_pyramid import front
 
 
-def looked_at(grey, monkeypatch, config=None):
+def views_of(grey, monkeypatch, config=None):
     """The detection in a picture, and (scale, boards known before) of each view that was looked at."""
-    seen, look = [], views.Views._look
+    seen, detect = [], views.Views._detect
 
     def noted(self, view, part, known=None, coarser=None):
         seen.append((view.scale, len(known or [])))
-        return look(self, view, part, known, coarser)
+        return detect(self, view, part, known, coarser)
 
     with monkeypatch.context() as patch:
-        patch.setattr(views.Views, "_look", noted)
+        patch.setattr(views.Views, "_detect", noted)
         return rcdn.Detector(config).detect(grey), seen
 
 
@@ -37,7 +37,7 @@ def whole_first(grey, monkeypatch):
 @pytest.mark.parametrize("pitch", [14.0, 25.0, 60.0])
 def test_a_board_that_half_a_picture_shows_is_as_exact_as_from_the_whole(pitch, monkeypatch):
     scene = front(7, 5, pitch, (640, 480), noise=6.0)
-    found, seen = looked_at(render(scene), monkeypatch)
+    found, seen = views_of(render(scene), monkeypatch)
     assert seen[:2] == [(0.5, 0), (1.0, 1)]
     (board,), (whole,) = found.boards, whole_first(render(scene), monkeypatch).boards
     assert np.array_equal(board.ij, whole.ij)
@@ -79,7 +79,7 @@ def test_a_corner_that_the_picture_shows_elsewhere_asks_for_the_whole(monkeypatc
     fit = views.saddle_position
     with monkeypatch.context() as patch:
         patch.setattr(views, "saddle_position", lambda *a: fit(*a) + np.array([1.5, 0]))
-        found, seen = looked_at(grey, monkeypatch)
+        found, seen = views_of(grey, monkeypatch)
     assert seen[:2] == [(0.5, 0), (1.0, 0)]
     assert [b.xy.tobytes() for b in found.boards] == [b.xy.tobytes() for b in whole_first(grey, monkeypatch).boards]
 
@@ -87,13 +87,13 @@ def test_a_corner_that_the_picture_shows_elsewhere_asks_for_the_whole(monkeypatc
 @pytest.mark.parametrize("changes", [{"recovery": "growth"}, {"refine": rcdn.DetectorConfig.paper().refine}])
 def test_settings_whose_corners_need_the_response_look_at_the_whole_first(changes, monkeypatch):
     config = DetectorConfig.auto(**changes)
-    assert looked_at(render(front(7, 5, 40.0, (640, 480))), monkeypatch, config)[1][0] == (1.0, 0)
+    assert views_of(render(front(7, 5, 40.0, (640, 480))), monkeypatch, config)[1][0] == (1.0, 0)
 
 
 def test_half_a_picture_does_not_count_as_its_detail():
     grey = render(front(7, 5, 40.0, (640, 480)))
     at = views.Views(grey, rcdn.Detector()._model, DetectorConfig(), rcdn.types.Warnings())
     half = View((0, 0, 640, 480), 0.5)
-    seen = at._look(half, half.of(grey))
+    seen = at._detect(half, half.of(grey))
     assert not seen.detailed
     assert at._in_detail(seen).detailed

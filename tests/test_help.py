@@ -45,9 +45,9 @@ def test_every_verb_has_one_whole_line_of_80_columns():
 def test_verbs_of_a_package_that_is_not_installed_say_which_it_is(monkeypatch):
     monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: EntryPoints(()))
     for verb in ("evaluate", "bench"):
-        told = CliRunner().invoke(app, [verb, "--help"])
-        assert told.exit_code == 2
-        assert told.stderr == f"error: rcdn {verb} is in another package: pip install rcdn-lab\n"
+        done = CliRunner().invoke(app, [verb, "--help"])
+        assert done.exit_code == 2
+        assert done.stderr == f"error: rcdn {verb} is in another package: pip install rcdn-lab\n"
     assert not {"evaluate", "bench"} & {
         v for verbs in groups(CliRunner().invoke(app, ["--help"]).stdout).values() for v in verbs
     }

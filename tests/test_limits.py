@@ -91,21 +91,21 @@ def test_a_grid_asks_only_near_what_was_added_and_grows_as_if_it_asked_everywher
 
 def test_peaks_beyond_the_limit_are_told():
     response = np.tile(np.array([[1, 0], [0, 0]], np.float32), (20, 20))
-    told = Warnings()
-    xy, _ = nms(response, 0.5, Nms(1, peaks=True), limit=150, warnings=told)
+    warnings = Warnings()
+    xy, _ = nms(response, 0.5, Nms(1, peaks=True), limit=150, warnings=warnings)
     assert len(xy) == 150
-    assert told.texts == ("of 400 places that may be corners only the 150 strongest were looked at",)
-    told = Warnings()
-    assert len(nms(response, 0.5, Nms(1, peaks=True), warnings=told)[0]) == 400
-    assert told.texts == ()
+    assert warnings.texts == ("of 400 places that may be corners only the 150 strongest were looked at",)
+    warnings = Warnings()
+    assert len(nms(response, 0.5, Nms(1, peaks=True), warnings=warnings)[0]) == 400
+    assert warnings.texts == ()
 
 
 def test_each_kind_of_warning_is_told_once():
-    told = Warnings()
-    told.add("a", "one")
-    told.add("b", "two")
-    told.add("a", "three")
-    assert told.texts == ("one", "two")
+    warnings = Warnings()
+    warnings.add("a", "one")
+    warnings.add("b", "two")
+    warnings.add("a", "three")
+    assert warnings.texts == ("one", "two")
 
 
 def test_limits_grow_with_the_picture():
@@ -117,8 +117,8 @@ def test_warnings_are_in_the_file_where_there_are_any(detector):
     found = detector.detect(checkers.board((320, 250), 30))
     plain = ImageResult("a.png", 320, 250, found.corners, tuple(found.boards))
     assert "warnings" not in image_line(plain)
-    told = ImageResult("a.png", 320, 250, found.corners, tuple(found.boards), ("one", "two"))
-    assert image_of_line(image_line(told)).warnings == ("one", "two")
+    warnings = ImageResult("a.png", 320, 250, found.corners, tuple(found.boards), ("one", "two"))
+    assert image_of_line(image_line(warnings)).warnings == ("one", "two")
     assert image_of_line(image_line(plain)).warnings == ()
 
 

@@ -118,16 +118,16 @@ def test_every_bad_line_is_named(tmp_path):
     text = "dawn blue\ndusk blue\n'noon' green\nred.jpg dawn\nv.avi#000003 r/red\nl/dawn s/red\n"
     with pytest.raises(ConfigError) as error:
         match(tmp_path, text, right=[*RIGHT, "other/r/red.bmp"])
-    said = str(error.value)
+    message = str(error.value)
     assert (
         "line 2: no picture of the left camera is called dusk (it has 3, such as /data/l/dawn.png) "
-        "and blue is in line 1, too" in said
+        "and blue is in line 1, too" in message
     )
-    assert "line 3: no picture of the left camera is called 'noon'" in said
-    assert "line 4: red.jpg is a picture of the right camera: the left one comes first" in said
-    assert "line 5: r/red may be r/red.png and other/r/red.bmp: write more of the folder" in said
-    assert "line 6: l/dawn is in line 1, too" in said
-    assert "line 1:" not in said
+    assert "line 3: no picture of the left camera is called 'noon'" in message
+    assert "line 4: red.jpg is a picture of the right camera: the left one comes first" in message
+    assert "line 5: r/red may be r/red.png and other/r/red.bmp: write more of the folder" in message
+    assert "line 6: l/dawn is in line 1, too" in message
+    assert "line 1:" not in message
 
 
 def test_lines_without_two_names(tmp_path):

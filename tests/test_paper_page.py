@@ -75,10 +75,10 @@ def test_what_is_said_of_f(text):
         ("uEye ones", "ueye"),
         ("rendered ones like Mesa's", "mesa-like"),
     ):
-        said = re.search(rf"(\S+) / (\S+) on (?:\d+ )?{words}", text)
+        stated = re.search(rf"(\S+) / (\S+) on (?:\d+ )?{words}", text)
         row = figure("table3", "F", on)
-        assert states(said[1], row["precision"]), on
-        assert states(said[2], row["recall"]), on
+        assert states(stated[1], row["precision"]), on
+        assert states(stated[2], row["recall"]), on
     assert "more precise than MATE on all five sets" in text
     mine, other = ({r["set"]: r for r in rows("table3") if r["row"] == row} for row in ("F", "MATE"))
     assert all(mine[s]["precision"] > other[s]["precision"] for s in mine)
@@ -87,20 +87,20 @@ def test_what_is_said_of_f(text):
 
 @pytest.mark.parametrize("text", [PAGE, RESULTS], ids=["paper-results", "results"])
 def test_what_is_said_of_cells(text):
-    said = re.search(r"in (\d+) of (\d+) cells\s+of Fig. 4\s+and\s+(\d+) of (\d+) of Fig. 5", text)
+    stated = re.search(r"in (\d+) of (\d+) cells\s+of Fig. 4\s+and\s+(\d+) of (\d+) of Fig. 5", text)
     found = []
     for name in ("fig4", "fig5"):
         how = [pixel_claims.standing(cell) for cell in pixel_claims.cells(rows(name))]
         found += [how.count("beats") + how.count("level"), len(how)]
-    assert [int(n) for n in said.groups()] == found
+    assert [int(n) for n in stated.groups()] == found
 
 
 def test_what_is_said_of_cameras():
     table4, four = rows("table4"), rows("calibration_paper")
     mine = [r for r in table4 if (r["detector"], r["on"]) == ("paper", "all")]
-    said = f"finds {sum(r['whole'] for r in mine)} of {sum(r['pictures'] for r in mine)}"
-    assert said in PAGE
-    assert said in RESULTS
+    stated = f"finds {sum(r['whole'] for r in mine)} of {sum(r['pictures'] for r in mine)}"
+    assert stated in PAGE
+    assert stated in RESULTS
     page = (ROOT / "docs/calibration-results.md").read_text()
     every = [r for r in four if (r["detector"], r["on"], r["set"] != "ALL") == ("paper", "all", True)]
     assert f"finds {sum(r['whole'] for r in every)} of {sum(r['pictures'] for r in every)} boards whole" in page

@@ -17,12 +17,12 @@ from rcdn.pyramid import (
     closer_view,
     distinct_boards,
     distinct_corners,
+    faint_cells,
     halved_first,
     may_go_on,
     outside,
     plainly_seen,
     settled,
-    shown_faintly,
     shown_nearby,
     unexplained,
     whole_views,
@@ -251,11 +251,11 @@ def test_a_dense_answer_of_the_half_is_looked_at_in_the_picture_itself():
     response, shape = np.zeros((240, 320), np.float32), (480, 640)
     response[100:118:4, 150:172:4] = 0.5  # 5 × 6 corners of squares of 8 px in the picture
     dense = cv2.dilate(response, np.ones((2, 2)))
-    assert shown_faintly(dense, shape)[54, 79]
-    assert not shown_faintly(0.4 * dense, shape).any()
+    assert faint_cells(dense, shape)[54, 79]
+    assert not faint_cells(0.4 * dense, shape).any()
     response[:] = 0
     response[100, 150] = response[140, 180] = response[100, 170] = 0.9
-    assert not shown_faintly(response, shape).any()
+    assert not faint_cells(response, shape).any()
 
 
 def test_places_at_the_frame_are_where_a_board_may_go_on_unseen():
@@ -284,22 +284,22 @@ def small_picture(pitch, size=(7, 5), frame=(320, 240)):
 @pytest.mark.parametrize("pitch", [12.0, 18.0, 25.0])
 def test_an_enlarged_view_of_a_board_that_is_plainly_seen_would_show_nothing_new(pitch, monkeypatch):
     grey = small_picture(pitch)
-    asked = []
-    monkeypatch.setattr(View, "to_picture", watched(View.to_picture, asked))
+    calls = []
+    monkeypatch.setattr(View, "to_picture", watched(View.to_picture, calls))
     quick = rcdn.Detector().boards(grey)
-    assert not any(view.scale > 1 for view in asked)
+    assert not any(view.scale > 1 for view in calls)
     monkeypatch.setattr("rcdn.views.plainly_seen", lambda *_: False)
     slow = rcdn.Detector().boards(grey)
-    assert any(view.scale > 1 for view in asked)
+    assert any(view.scale > 1 for view in calls)
     assert [b.xy.tobytes() for b in quick] == [b.xy.tobytes() for b in slow]
     assert [len(b) for b in quick] == [35]
 
 
-def watched(method, asked):
+def watched(method, calls):
     """The method of a view, the views that it is called of noted."""
 
     def call(view, *arguments):
-        asked.append(view)
+        calls.append(view)
         return method(view, *arguments)
 
     return call

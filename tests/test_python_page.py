@@ -13,10 +13,10 @@ BREAK = "==== next ===="
 NUMBER = re.compile(r"[-+]?\d*\.\d+(?:e[-+]?\d+)?|[-+]?\d+(?:e[-+]?\d+)?")
 
 
-def same(said, printed):
+def same(stated, printed):
     """Whether two texts have the same words, and numbers that agree to 2 % (or .02)."""
-    words = [NUMBER.sub("#", text).split() for text in (said, printed)]
-    numbers = [np.array(NUMBER.findall(text), float) for text in (said, printed)]
+    words = [NUMBER.sub("#", text).split() for text in (stated, printed)]
+    numbers = [np.array(NUMBER.findall(text), float) for text in (stated, printed)]
     return words[0] == words[1] and np.allclose(*numbers, rtol=0.02, atol=2e-6 + 0.02 * (np.abs(numbers[0]) > 1))
 
 

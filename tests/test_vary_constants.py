@@ -34,8 +34,8 @@ def test_another_value_changes_boards():
     factor, level = "square", "8"
     made = vary.picture(vary.FACTORS[factor][level], vary.seed_of(factor, level, 0))
     pictures = [("one", made.image, vary.Answers(made.boards, vary.bounds(made.scene)))]
-    usual, boards = vary.found(pictures, vary.DetectorConfig.auto(threads=1, target="plain"))
-    assert usual["success"] == 1
+    baseline, boards = vary.found(pictures, vary.DetectorConfig.auto(threads=1, target="plain"))
+    assert baseline["success"] == 1
     assert [len(board) for board in boards["one"]] == [54]
     with vary.set_to(validate, "SMALL", ((100.0, 1.1),)):
         none, boards = vary.found(pictures, vary.DetectorConfig.auto(threads=1, target="plain"))

@@ -16,7 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from try_wheel import run, tell
+from try_wheel import check_wheel, run
 
 ROOT = Path(__file__).parents[1]
 LARGEST = 2_000_000
@@ -65,7 +65,7 @@ def main() -> None:
         raise SystemExit(f"that is more than {LARGEST / 1e6:g} MB")
     lab = laboratory(given.out)
     for python in given.python:
-        tell(wheel, python, lab)
+        check_wheel(wheel, python, lab)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def bare(folder: str) -> dict[str, str]:
     return kept | {"PATH": str(Path(folder, PROGRAMS)), "CC": "no-compiler", "LANG": "C.UTF-8"}
 
 
-def tell(wheel: Path, python: str, lab: Path | None = None) -> None:
+def check_wheel(wheel: Path, python: str, lab: Path | None = None) -> None:
     """Try the wheel with one interpreter, then the laboratory's, and print what there is to say."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
@@ -82,7 +82,7 @@ def main() -> None:
     parser.add_argument("--lab", type=Path)
     given = parser.parse_args()
     for python in given.python or [sys.executable]:
-        tell(given.wheel, python, given.lab)
+        check_wheel(given.wheel, python, given.lab)
 
 
 if __name__ == "__main__":

@@ -101,8 +101,8 @@ def main() -> None:
         made = picture(FACTORS[factor][level], seed_of(factor, level, 0))
         pictures.append((f"{factor} {level}", made.image, Answers(made.boards, bounds(made.scene))))
     pictures += [(str(path), read_image(path), None) for path in given.pictures]
-    usual, boards = found(pictures, DetectorConfig.auto(threads=1))
-    print(json.dumps({**usual, "pictures": len(pictures)}), flush=True)
+    baseline, boards = found(pictures, DetectorConfig.auto(threads=1))
+    print(json.dumps({**baseline, "pictures": len(pictures)}), flush=True)
     for word in given.constants:
         place, name = word.split(":")
         module = importlib.import_module("rcdn." + place.replace("/", ".").removesuffix(".__init__"))

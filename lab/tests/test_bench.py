@@ -29,14 +29,14 @@ class StandIn:
 
     def __init__(self, name, seconds, log, fail=None):
         self.name, self.seconds, self.log, self.fail = name, list(seconds), log, fail
-        self.asked, self.closed = 0, False
+        self.calls, self.closed = 0, False
 
     def time(self, image, size):
         self.log.append((self.name, size, int(image[0, 0])))
-        if self.fail is not None and self.asked == self.fail:
+        if self.fail is not None and self.calls == self.fail:
             raise Broken("boom")
-        taken = self.seconds[self.asked % len(self.seconds)]
-        self.asked += 1
+        taken = self.seconds[self.calls % len(self.seconds)]
+        self.calls += 1
         return Timing(taken, 2 * taken, 54)
 
     def close(self):
@@ -215,8 +215,8 @@ def moody():
             raise ValueError("grey 1")
         if image[0, 0] == 2:
             os._exit(7)
-        told = (len(os.sched_getaffinity(0)), cv2.getNumThreads(), int(os.environ[LIMITS[0]]))
-        return [Grid(np.zeros((n, 2))) for n in (told if image[0, 0] == 3 else (1,))]
+        limits = (len(os.sched_getaffinity(0)), cv2.getNumThreads(), int(os.environ[LIMITS[0]]))
+        return [Grid(np.zeros((n, 2))) for n in (limits if image[0, 0] == 3 else (1,))]
 
     return find
 
@@ -322,7 +322,7 @@ def test_the_command_leaves_table_json_markdown_and_plot(command, tmp_path, monk
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--sizes", "640"), "--sizes: '640'"), (("--sizes", "10x10"), "160 to 10000"),
         (("--sizes", ","), "at least one"), (("--threads", "0"), "--threads"), (("--threads", "x"), "--threads"),
@@ -331,10 +331,10 @@ def test_the_command_leaves_table_json_markdown_and_plot(command, tmp_path, monk
         (("--plot", "a.txt"), "must end in"),
     ],
 )  # fmt: skip
-def test_wrong_words_are_told(command, words, told):
+def test_wrong_words_are_told(command, words, message):
     result = command("--parts", "none", *words)
     assert isinstance(result.exception, ConfigError), result.output
-    assert told in str(result.exception)
+    assert message in str(result.exception)
 
 
 def test_a_file_that_cannot_be_written_is_told_before_the_work(command, tmp_path, monkeypatch):

@@ -33,14 +33,14 @@ class StandIn:
 
     def __init__(self, name, cpu, grids, log, fails_on=None):
         self.name, self.cpu, self.grids, self.log, self.fails_on = name, list(cpu), tuple(grids), log, fails_on
-        self.asked = 0
+        self.calls = 0
 
     def time(self, image, size):
         self.log.append((self.name, size, int(image[0, 0])))
         if image[0, 0] == self.fails_on:
             raise Broken("boom")
-        taken = self.cpu[self.asked % len(self.cpu)]
-        self.asked += 1
+        taken = self.cpu[self.calls % len(self.cpu)]
+        self.calls += 1
         return Timing(2 * taken, taken, 0, self.grids)
 
     def close(self):

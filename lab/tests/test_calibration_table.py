@@ -267,19 +267,19 @@ def test_answers_are_kept_and_not_mixed(folder):
     xy, calls = list(shown(LENSES["brown"], 9, 12)), []
     cameras, store = parse("left:left*:7x5"), Kept("this version")
     for _ in range(2):
-        found = pictures.look(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
+        found = pictures.detect(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
     assert sorted(calls) == list(range(12))
     np.testing.assert_array_equal(found.grids["auto"][5][0].xy, xy[5])
     np.testing.assert_array_equal(found.grids["auto"][5][0].sigma, np.full(35, 0.1))
     store.salt = "another version"
-    pictures.look(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
+    pictures.detect(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
     assert len(calls) == 24
     write_image(folder / "left03.png", np.full((WIDE[1], WIDE[0]), 7, np.uint8))  # a copy of left07.png
-    pictures.look(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
+    pictures.detect(cameras, folder, [detector("auto", xy, 0.1, calls, store=store)])
     assert len(calls) == 24
     sized = detector("auto", xy, 0.1, calls, store=Kept(), sized=True)
     for size in ("7x5", "5x7"):  # a detector that is told the size may find something else
-        pictures.look(parse(f"left:left*:{size}"), folder, [sized])
+        pictures.detect(parse(f"left:left*:{size}"), folder, [sized])
     assert len(calls) == 24 + 2 * 11
 
 
@@ -289,10 +289,10 @@ def test_a_detector_that_breaks_down_is_told_and_asked_again(folder):
 
     store = Kept()
     it = Contestant("opencv", lambda: broken, store, "1")
-    found = pictures.look(parse("left:left*:7x5"), folder, [it])
+    found = pictures.detect(parse("left:left*:7x5"), folder, [it])
     assert found.notes["opencv"] == "broke down on 12 pictures (RuntimeError: no memory)"
     assert not store
-    assert isinstance(it.look(folder / "left00.png", "x", SIZE), Answer)
+    assert isinstance(it.result(folder / "left00.png", "x", SIZE), Answer)
 
 
 def test_pictures_of_another_size_are_left_out_for_everybody(folder):
@@ -302,7 +302,7 @@ def test_pictures_of_another_size_are_left_out_for_everybody(folder):
     def find(image, size):
         return [Grid(xy[int(image[0, 0])], IJ)]
 
-    found = pictures.look(parse("left:left*:7x5"), folder, [Contestant("auto", lambda: find, Kept(), "1")])
+    found = pictures.detect(parse("left:left*:7x5"), folder, [Contestant("auto", lambda: find, Kept(), "1")])
     assert len(found.names) == 12
     assert found.notes[""] == "1 pictures of another size left out"
 
@@ -320,7 +320,7 @@ def test_too_few_pictures_have_no_figures(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         ("left:left*:7:brown", "COLUMNSxROWS"),
         ("left:left*:7x2", "at least 3×3"),
@@ -328,8 +328,8 @@ def test_too_few_pictures_have_no_figures(folder):
         (":left*:7x5", "write NAME"),
     ],
 )
-def test_a_wrong_set_says_what_is_wrong(text, says):
-    with pytest.raises(ConfigError, match=says):
+def test_a_wrong_set_says_what_is_wrong(text, message):
+    with pytest.raises(ConfigError, match=message):
         parse(text)
 
 

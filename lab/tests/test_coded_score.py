@@ -71,9 +71,9 @@ def test_corners_that_are_not_demanded_count_neither_way_unless_they_are_wrong()
 
 
 def test_corners_that_the_picture_cannot_show_are_wrong_when_they_are_claimed():
-    unseen = replace(TRUE, xy=np.where(TRUE.ids[:, None] < 8, TRUE.xy, np.nan), demanded=TRUE.ids < 8)
-    assert score([found(TRUE.ids[:8], TRUE.xy[:8])], [unseen]) == Count(1, 1, 1, 1, 8, 8)
-    assert score([found()], [unseen]).wrong == 4
+    partial = replace(TRUE, xy=np.where(TRUE.ids[:, None] < 8, TRUE.xy, np.nan), demanded=TRUE.ids < 8)
+    assert score([found(TRUE.ids[:8], TRUE.xy[:8])], [partial]) == Count(1, 1, 1, 1, 8, 8)
+    assert score([found()], [partial]).wrong == 4
 
 
 def test_a_corner_found_twice_is_one():

@@ -149,8 +149,8 @@ def test_the_whole_command(folder, tmp_path):
     assert (total["named"], total["recall"]) == (2, 1.0)
     (film,) = (r for r in ours if r["part"] == "videos" and r["set"] == "ALL")
     assert (film["frames"], film["labelled"], film["conflicts"]) == (3, 3, 0)
-    (told,) = (r for r in record["rows"] if r.get("reader") == "rcdn told" and r["set"] == "ALL")
-    assert (told["labelled"], told["conflicts"], told["other kind"]) == (3, 0, 0)
+    (row,) = (r for r in record["rows"] if r.get("reader") == "rcdn told" and r["set"] == "ALL")
+    assert (row["labelled"], row["conflicts"], row["other kind"]) == (3, 0, 0)
     assert [g for g in record["settings"]["goals"] if not g["passed"] and g["part"] != "degraded"] == []
     assert "pass  real: recall ≥ 0.98: 1" in done.output
     assert [p.name for p in (tmp_path / "png").iterdir()] == ["charuco_6X6,_plain,_0.png"]
@@ -203,7 +203,7 @@ def test_the_same_rows_whatever_the_workers():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--part", "real"], "needs DATA"),
         (["--part", "nothing"], "nothing is called nothing"),
@@ -212,10 +212,10 @@ def test_the_same_rows_whatever_the_workers():
         (["--peers", "x"], "no reader is called x"),
     ],
 )
-def test_wrong_arguments_are_told(arguments, said):
+def test_wrong_arguments_are_told(arguments, message):
     done = CliRunner().invoke(app, ["evaluate", "coded", *arguments])
     assert done.exit_code == 2
-    assert said in done.output
+    assert message in done.output
 
 
 @pytest.mark.parametrize(

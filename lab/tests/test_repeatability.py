@@ -39,15 +39,15 @@ def test_an_odd_picture_goes_to_the_second_half():
 
 
 def test_boards_of_one_picture_stay_together(boards):
-    asked = []
+    calls = []
 
     def solve(some, names, points):
-        asked.append(set(names))
+        calls.append(set(names))
         return Half(BROWN)
 
     names = [f"{k // 2}.png" for k in range(24)]
     repeat("s", boards, names, "x", solve, 2)
-    for a, b in zip(asked[::2], asked[1::2], strict=True):
+    for a, b in zip(calls[::2], calls[1::2], strict=True):
         assert not a & b
         assert len(a | b) == 12
 

@@ -50,13 +50,13 @@ def test_the_rows_do_not_depend_on_the_workers():
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [(("--factor", "colour"), "known: noise"), (("--peers", "nobody"), "known: auto"), (("--preset", "x"), "auto or")],
 )
-def test_wrong_words_are_told(words, told):
+def test_wrong_words_are_told(words, message):
     result = command(*words)
     assert result.exit_code == 2
-    assert told in result.stderr
+    assert message in result.stderr
 
 
 def test_which_peers_run():
@@ -119,15 +119,15 @@ def test_a_peer_that_is_not_installed_is_skipped_and_says_so(monkeypatch):
 
 @pytest.mark.usefixtures("quick")
 def test_a_peer_may_ask_for_boards_of_its_own(monkeypatch):
-    asked = []
+    calls = []
 
     def note(image, size):
-        asked.append((size, image.shape))
+        calls.append((size, image.shape))
         return []
 
     pretend(monkeypatch, load=lambda: note, board=(7, 7))
     assert {r["size"] for r in shadow_rows()} == {"given 7x7"}
-    assert asked == [((7, 7), (480, 640))] * 3
+    assert calls == [((7, 7), (480, 640))] * 3
 
 
 @pytest.mark.usefixtures("quick")

@@ -17,7 +17,7 @@ from rcdn.precision import sharpen
 from rcdn.precision.surroundings import Surroundings
 from rcdn.pyramid import distinct_boards, distinct_corners
 from rcdn.targets.circles import is_circle_grid
-from rcdn.targets.glance import Glance, glance_at
+from rcdn.targets.quick_test import CornerSamples, sample_corners
 from rcdn.types import Array, Board, Corners, Target, Warnings, allowed
 from rcdn.types.arrays import Bool, Real
 from rcdn.types.limits import READ_IN_A_MIRROR
@@ -72,9 +72,9 @@ class Detector:
         if not isinstance(self.config, DetectorConfig):
             raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
         if not isinstance(self.config.target, str):
-            from rcdn.targets import check_told
+            from rcdn.targets import check_target
 
-            check_told(self.config.target)
+            check_target(self.config.target)
         self._model = load_model(self.config.weights, self.config.device)
 
     def __repr__(self) -> str:
@@ -101,7 +101,7 @@ class Detector:
         boards = self._identified(grey, boards, results, warnings)
         inside = [result.corners.take(_members(result.corners, boards)) for result in results]
         seen = joint([corners.xy for corners in inside], (0, 2))
-        inside += [_unseen(board, seen) for board in boards if board.target is not None]
+        inside += [_predicted(board, seen) for board in boards if board.target is not None]
         whole = [result.corners for result in results if result.detailed]
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
         corners = corners.take(_members(corners, boards) | _in_frame(corners.xy, grey.shape))
@@ -124,11 +124,11 @@ class Detector:
             return boards
         out, plain = [], bool(boards)
         for board in boards:
-            glance = glance_at(grey, board) if board.pattern == "checker" else None
-            coded = self.config.target != "plain" and (glance is None or glance.may_carry_codes)
+            samples = sample_corners(grey, board) if board.pattern == "checker" else None
+            coded = self.config.target != "plain" and (samples is None or samples.may_carry_codes)
             known = self._read(grey, board, warnings) if coded else board
             plain &= not coded
-            if known.target is None and self._is_circle_grid(glance):
+            if known.target is None and self._is_circle_grid(samples):
                 warnings.add("circles", NO_CIRCLES.format(*board.size))
             else:
                 out.append(known)
@@ -137,26 +137,26 @@ class Detector:
             if pieces or any(board.target is not None for board in out):
                 from rcdn.targets.pieces import read_pieces
 
-                out = read_pieces(grey, out, pieces, self._told)
+                out = read_pieces(grey, out, pieces, self._given)
         out = [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
         # parts of one board that its codes have completed are that board, each
         return distinct_boards([out]) if sum(board.target is not None for board in out) > 1 else out
 
-    def _is_circle_grid(self, glance: Glance | None) -> bool:
+    def _is_circle_grid(self, samples: CornerSamples | None) -> bool:
         literal = self.config.recovery == "growth"  # the paper's method does not distinguish kinds of targets
-        return glance is not None and not literal and is_circle_grid(glance)
+        return samples is not None and not literal and is_circle_grid(samples)
 
     def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
         """The board with the target and labels that its codes give, if they are unambiguous."""
         from rcdn.targets.mirror import identified_or_mirrored  # here: few boards carry codes
 
-        known, mirrored = identified_or_mirrored(grey, board, self._told)
+        known, mirrored = identified_or_mirrored(grey, board, self._given)
         if mirrored is not None:
             warnings.add("mirrored", MIRRORED.format(mirrored))
         return known
 
     @property
-    def _told(self) -> Target | None:
+    def _given(self) -> Target | None:
         """The only target that boards may be, if the user gave one."""
         return None if isinstance(self.config.target, str) else self.config.target
 
@@ -186,7 +186,7 @@ def _surroundings(grey: Array, board: Board) -> Surroundings | None:
     return surroundings(grey, board)
 
 
-def _unseen(board: Board, seen: Real[Array, "n 2"]) -> Corners:
+def _predicted(board: Board, seen: Real[Array, "n 2"]) -> Corners:
     """The corners of a board that are none of those `seen` (N, 2) in views: their positions were predicted from
     codes."""
     return Corners(board.xy, board.response, board.status).take(rows_among(board.xy, seen) < 0)

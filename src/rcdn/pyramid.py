@@ -178,13 +178,13 @@ def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple
     return cells
 
 
-def shown_faintly(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
+def faint_cells(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) where the `response` (h, w) of a coarser view is faint but dense, as
     on squares that are nearly too small for it."""
     return _dense(response, FAINT, FAINT_SIDE, FAINT_SHARE, shape)
 
 
-def shown_barely(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
+def trace_cells(response: Real[Array, "h w"], shape: tuple[int, ...]) -> Array:
     """Cells (⌈H/4⌉, ⌈W/4⌉) bool of an image (H, W) where there is at least a trace of `response` (h, w) of a coarser
     view, as on blurred squares that are too small for it, and in textures."""
     return _dense(response, BARE, BARE_SIDE, BARE_SHARE, shape)

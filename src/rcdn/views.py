@@ -28,15 +28,15 @@ from rcdn.pyramid import (
     corners_in_picture,
     distinct_boards,
     distinct_corners,
+    faint_cells,
     halved_first,
     may_go_on,
     outside,
     pictures_of,
     plainly_seen,
     settled,
-    shown_barely,
-    shown_faintly,
     shown_nearby,
+    trace_cells,
     unexplained,
     whole_views,
 )
@@ -85,12 +85,12 @@ class Views:
         strong, complete = joint([result.strong for result in out], (0, 2)), known if settled(known) else []
         for view in [view for view in views if view not in seen]:
             if view.scale < 1:
-                out.append(self._look(view, parts[view], complete))
+                out.append(self._detect(view, parts[view], complete))
             elif not plain:
-                out.append(self._look(view, parts[view]))
+                out.append(self._detect(view, parts[view]))
         enlarged = any(result.view.scale > 1 for result in out)
         if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
-            out.append(self._look(closer, closer.of(self.grey), complete))
+            out.append(self._detect(closer, closer.of(self.grey), complete))
         return out
 
     def _first(self, parts: dict[View, Array]) -> tuple[list[ViewResult], bool]:
@@ -99,11 +99,11 @@ class Views:
         views = list(parts)
         half = halved_first(views) if self._from_coarse else None
         if half is None:
-            seen = self._look(views[0], parts[views[0]])
+            seen = self._detect(views[0], parts[views[0]])
             return [seen], self._plain(seen)
-        seen = self._look(half, parts[half])
+        seen = self._detect(half, parts[half])
         detailed = self._in_detail(seen) if self._plain(seen) else None
-        whole = self._look(views[0], parts[views[0]], [] if detailed is None else seen.boards, seen)
+        whole = self._detect(views[0], parts[views[0]], [] if detailed is None else seen.boards, seen)
         return [whole, detailed or seen], detailed is not None
 
     @property
@@ -116,7 +116,7 @@ class Views:
     def _plain(self, seen: ViewResult) -> bool:
         return plainly_seen(seen.boards, seen.strong, self.grey.shape, seen.view.scale)
 
-    def _look(
+    def _detect(
         self,
         view: View,
         part: Shaped[Array, "h w"],
@@ -216,8 +216,8 @@ def _open_cells(part: Array, coarser: ViewResult, near: Array, floor: float) -> 
     """Cells of the image `part` in which it may show more than its half-size view, `coarser`: those `near` the
     detections there, and those where squares are small for it (`floor`: see `saddles_by_steepness`)."""
     saddles, blunt, steep = saddles_by_steepness(part, floor)
-    cells = (saddles & (near | shown_faintly(coarser.response, part.shape))) | steep
-    return cells if coarser.boards else cells | (blunt & shown_barely(coarser.response, part.shape))
+    cells = (saddles & (near | faint_cells(coarser.response, part.shape))) | steep
+    return cells if coarser.boards else cells | (blunt & trace_cells(coarser.response, part.shape))
 
 
 def _pieces(view: View, part: Array, found: Candidates, boards: list[Board], shape: tuple[int, ...]) -> list[Board]:

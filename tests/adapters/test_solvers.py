@@ -44,7 +44,7 @@ def rig(tmp_path_factory):
     return folder
 
 
-def told(folder, code, answer, python=sys.executable):
+def output_of(folder, code, answer, python=sys.executable):
     """What the expression `answer` is after `code`, in a process of its own."""
     done = subprocess.run(
         [python, "-c", f"{code}\nimport json\nprint(json.dumps({answer}))"],
@@ -58,14 +58,16 @@ def test_lensboy(rig):
     needs("lensboy")
     camera = "result.camera_model"
     answer = f"[{camera}.fx, {camera}.fy, {camera}.cx, {camera}.cy]"
-    assert told(rig, START + code_with("lensboy"), answer) == pytest.approx([FOCAL[0], FOCAL[0], 322, 236], abs=0.1)
+    assert output_of(rig, START + code_with("lensboy"), answer) == pytest.approx(
+        [FOCAL[0], FOCAL[0], 322, 236], abs=0.1
+    )
 
 
 def test_aniposelib(rig):
     """Within 1 %: it holds the principal point in the middle of the picture and has one coefficient of distortion."""
     needs("aniposelib")
     answer = "[[c.get_focal_length(), c.get_extrinsics_mat().tolist()] for c in group.cameras]"
-    (one, first), (two, second) = told(rig, START + code_with("aniposelib"), answer)
+    (one, first), (two, second) = output_of(rig, START + code_with("aniposelib"), answer)
     assert [one, two] == pytest.approx(FOCAL, rel=0.01)
     between = np.array(second) @ np.linalg.inv(first)
     assert np.linalg.norm(between[:3, 3]) == pytest.approx(BASELINE, rel=0.02)
@@ -75,7 +77,7 @@ def test_caliscope(rig):
     needs("caliscope")
     found = "volume.camera_array.cameras.values()"
     answer = f"[[c.matrix[0, 0], c.matrix[1, 1], *c.translation.tolist()] for c in {found}]"
-    first, second = np.array(told(rig, START + code_with("caliscope"), answer))
+    first, second = np.array(output_of(rig, START + code_with("caliscope"), answer))
     assert [*first[:2], *second[:2]] == pytest.approx(np.repeat(FOCAL, 2), abs=0.1)
     assert np.linalg.norm(second[2:]) == pytest.approx(BASELINE, abs=2e-4)
     assert np.linalg.norm(first[2:]) == pytest.approx(0, abs=2e-4)
@@ -89,7 +91,7 @@ def test_multical(rig):
     calibration = "workspace.latest_calibration"
     answer = f"[[c.intrinsic[0, 0] for c in {calibration}.cameras], {calibration}.camera_poses.poses.tolist()]"
     python = Path(MULTICAL).parent / "python"
-    focal, poses = told(rig, code_with("multical"), answer, str(python))
+    focal, poses = output_of(rig, code_with("multical"), answer, str(python))
     assert focal == pytest.approx(FOCAL, abs=0.1)
     between = np.array(poses[1]) @ np.linalg.inv(poses[0])
     assert np.linalg.norm(between[:3, 3]) == pytest.approx(BASELINE, abs=2e-4)

@@ -105,10 +105,10 @@ def test_levels_below_nothing_are_nothing():
     grey = np.full((60, 60), 120, np.float32)
     grey[30:, :30] = grey[:30, 30:] = -40
     spot = np.array([[29.5, 29.5]]), np.array([[16.0, 0]]), np.array([[0, 16.0]]), np.ones(1)
-    (offset, strength), (expected, usual) = crossings(grey, *spot), crossings(np.maximum(grey, 0), *spot)
+    (offset, strength), (expected, typical) = crossings(grey, *spot), crossings(np.maximum(grey, 0), *spot)
     np.testing.assert_allclose(offset, expected, atol=1e-6)
     np.testing.assert_allclose(
-        strength, usual, rtol=0.1
+        strength, typical, rtol=0.1
     )  # between pixels, the undershoot takes a little of the bright side
 
 

@@ -187,8 +187,8 @@ def test_open_spots_lie_beside_the_corners(pitch):
     ways = ((1, 0), (0, 1), (-1, 0), (0, -1))
     expected = sorted({(u + d, v + e) for u, v in spots for d, e in ways} - set(spots)) if pitch > 2 else []
     assert list(map(tuple, beside.tolist())) == expected
-    for mine, asked in zip(guess, grid.predictions(expected), strict=True):
-        np.testing.assert_array_equal(mine, asked)
+    for mine, predicted in zip(guess, grid.predictions(expected), strict=True):
+        np.testing.assert_array_equal(mine, predicted)
 
 
 def test_nothing_is_beside_an_empty_grid():

@@ -154,12 +154,12 @@ def dropped_by_rule(grid, field):
             del at[spots[worst]]
         while at:
             quality = {s: field.response[c] * field.fit[c] for s, c in at.items()}
-            usual, poor = max(np.median(list(quality.values())), 1e-9), []
+            typical, poor = max(np.median(list(quality.values())), 1e-9), []
             for u, v in at:
                 ways = [[(u + d * k, v + e * k) in at for k in (1, 2, 3)] for d, e in CHECKER.steps]
                 near = [field.contrast[at[s]] for d in step for e in step if (d or e) and (s := (u + d, v + e)) in at]
                 share = np.clip(field.contrast[at[u, v]] / max(np.median(near), 1e-9), 0.45, 1) if near else 1
-                if not all(map(any, ways)) and quality[u, v] / usual * share < 0.3:
+                if not all(map(any, ways)) and quality[u, v] / typical * share < 0.3:
                     poor.append((u, v))
             if not poor:
                 break
@@ -266,9 +266,9 @@ def test_boards_of_soft_edges_must_be_larger(cols, rows, blur, answer):
 
 
 @pytest.mark.parametrize(
-    ("cols", "response", "usual", "answer"),
+    ("cols", "response", "typical", "answer"),
     [(7, 0.8, 0.8, True), (7, 0.4, 0.8, False), (7, 0.5, 0.6, True), (3, 0.5, 0.5, False), (3, 0.7, 0.8, True)],
 )
-def test_corners_of_a_board_answer_about_as_usual(cols, response, usual, answer):
+def test_corners_of_a_board_answer_about_as_usual(cols, response, typical, answer):
     _, grid = lattice(cols)
-    assert plain(grid, np.full(35, response), usual) == answer
+    assert plain(grid, np.full(35, response), typical) == answer

@@ -17,7 +17,7 @@ from rcdn.geometry import rotation
 from rcdn.types import Charuco, Corners
 from rcdn.types.limits import READ_IN_A_MIRROR
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, see
-from rcdn_lab.rig_scenes import looking
+from rcdn_lab.rig_scenes import look_at
 
 PRINT = Charuco(SIZE[0] + 1, SIZE[1] + 1, "DICT_4X4_100", 0.75)
 EYES = {"front": (0.0, -0.7, 0.1), "beside": (0.4, -0.6, 0.0), "back": (0.1, 0.7, 0.0)}
@@ -26,7 +26,7 @@ EYES = {"front": (0.0, -0.7, 0.1), "beside": (0.4, -0.6, 0.0), "back": (0.1, 0.7
 def seen(noise=0.1):
     """The boards of three cameras, two before a plate and one behind it, and T_cam_world of each."""
     rng = np.random.default_rng(7)
-    places = {name: looking(np.array(eye), np.zeros(3)) for name, eye in EYES.items()}
+    places = {name: look_at(np.array(eye), np.zeros(3)) for name, eye in EYES.items()}
     views = {name: [] for name in EYES}
     moments = {name: [] for name in EYES}
     upright = np.eye(4)

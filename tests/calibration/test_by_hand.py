@@ -21,13 +21,13 @@ def test_a_view_is_named_by_its_picture_and_its_board():
 
 
 def test_what_to_write_for_a_view_names_it():
-    told = [view_name(NAMES, k) for k in range(len(NAMES))]
-    assert told == ["a/01.png", "02.png:1", "02.png:2", "b/01.png", "clip.mp4#12", "odd:3"]
-    assert [chosen([t], NAMES) for t in told] == [{k} for k in range(len(NAMES))]
+    given = [view_name(NAMES, k) for k in range(len(NAMES))]
+    assert given == ["a/01.png", "02.png:1", "02.png:2", "b/01.png", "clip.mp4#12", "odd:3"]
+    assert [chosen([t], NAMES) for t in given] == [{k} for k in range(len(NAMES))]
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("entry", "message"),
     [
         ("a/03.png", "did you mean a/0"),
         ("nothing like it", "the pictures with boards are a/01.png, "),
@@ -38,10 +38,10 @@ def test_what_to_write_for_a_view_names_it():
         ("", "no view is named ''"),
     ],
 )
-def test_a_name_that_is_none_is_an_error(entry, said):
+def test_a_name_that_is_none_is_an_error(entry, message):
     with pytest.raises(ConfigError, match="leave_out: ") as caught:
         chosen([entry], NAMES)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_the_camera_is_that_of_the_others():

@@ -66,10 +66,10 @@ def test_poses_are_in_the_targets_coordinates(run, mixed):
     )
     assert done.exit_code == 0, done.output
     with open("poses.json") as file:
-        said = json.load(file)
-    assert said["spacing"] == {"charuco": 0.03, "aprilgrid": 0.04}
-    assert [p["target"]["kind"] for p in said["poses"]] == ["charuco"] * 7 + ["aprilgrid"] * 5
-    for record, line in zip(said["poses"], done.output.splitlines(), strict=True):
+        written = json.load(file)
+    assert written["spacing"] == {"charuco": 0.03, "aprilgrid": 0.04}
+    assert [p["target"]["kind"] for p in written["poses"]] == ["charuco"] * 7 + ["aprilgrid"] * 5
+    for record, line in zip(written["poses"], done.output.splitlines(), strict=True):
         x, y, z = np.array(record["T_cam_target"])[:3, 3]
         assert f"x {x:.4f}  y {y:.4f}  z {z:.4f}" in line
 

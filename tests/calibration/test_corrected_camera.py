@@ -90,7 +90,7 @@ def test_people_see_the_coefficients_and_one_line_of_the_correction(tmp_path):
 
 def test_what_a_file_cannot_hold_is_said(tmp_path, capsys):
     camera = rippled()
-    for name, said in (
+    for name, message in (
         ("a.json", ""),
         ("a.npz", ""),
         ("a.yaml", "a.yaml: best fit of brown"),
@@ -98,9 +98,9 @@ def test_what_a_file_cannot_hold_is_said(tmp_path, capsys):
     ):
         camera_files.check_format(tmp_path / name, None)
         camera_files.write_one(tmp_path / name, camera, None)
-        told = capsys.readouterr().err
-        assert said in told
-        assert bool(said) == bool(told)
+        printed = capsys.readouterr().err
+        assert message in printed
+        assert bool(message) == bool(printed)
     with np.load(tmp_path / "a.npz") as found:
         assert found["map_x"].shape == SIZE[::-1]
 

@@ -91,11 +91,11 @@ def test_independent_calibrations_agree_as_often_as_they_state():
     """Of 7 pairs: the mean square of difference ÷ stated is 1, its probability uniform; and a changed lens is told."""
     found = [calibrate(random_boards(PINHOLE, seed, 20)[0], SPACING, model="pinhole") for seed in range(14)]
     pairs = [(a, b, camera_difference(a.camera, b.camera)) for a, b in zip(found[::2], found[1::2], strict=True)]
-    told = [agreement(*pair) for pair in pairs]
-    assert np.mean([t.rms**2 for t in told]) == pytest.approx(1, abs=0.5)
-    assert 0.2 < np.mean([t.probability for t in told]) < 0.8
-    assert sum(t.agree for t in told) >= 6  # each disagrees by chance in 5 % of cases
-    assert all(t.expected > 1.2 for t in told)
+    agreements = [agreement(*pair) for pair in pairs]
+    assert np.mean([t.rms**2 for t in agreements]) == pytest.approx(1, abs=0.5)
+    assert 0.2 < np.mean([t.probability for t in agreements]) < 0.8
+    assert sum(t.agree for t in agreements) >= 6  # each disagrees by chance in 5 % of cases
+    assert all(t.expected > 1.2 for t in agreements)
     other = replace(found[1], camera=moved(found[1].camera, 12, 12))
     changed = agreement(found[0], other, camera_difference(found[0].camera, other.camera))
     assert not changed.agree

@@ -16,7 +16,7 @@ from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation
 from rcdn.types import Charuco
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_pose, see
-from rcdn_lab.rig_scenes import looking
+from rcdn_lab.rig_scenes import look_at
 
 
 def placed(turn, t):
@@ -94,7 +94,7 @@ T_FRONT_BACK = placed([0, np.pi, 0], [8 * SPACING, 0.01, 0.006])
 def plate(eyes, moments=30, seed=5, noise=0.1, away=T_FRONT_BACK, turns=0.35):
     """What cameras at `eyes` see of a plate with a board on each side, moved about the origin; T_cam_world of each."""
     rng = np.random.default_rng(seed)
-    places = {name: looking(np.array(eye, float), np.zeros(3)) for name, eye in eyes.items()}
+    places = {name: look_at(np.array(eye, float), np.zeros(3)) for name, eye in eyes.items()}
     views, when = {name: [] for name in eyes}, {name: [] for name in eyes}
     upright = placed([-np.pi / 2, 0, 0], [0, 0, 0])  # the front towards −y of the world, its y axis downwards
     middle = placed([0, 0, 0], [*-(np.array(SIZE) - 1) * SPACING / 2, 0])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rcdn.calibration.frames import LOOKS, Glance, candidates, choose_views, glance
+from rcdn.calibration.frames import CANDIDATES, FrameSummary, candidates, choose_views, frame_summary
 from rcdn.io import ImageResult, frames
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
 from rcdn.types import Board, Corners
@@ -58,13 +58,13 @@ def clip(tmp_path_factory):
     return path, np.array(poses), np.array(blurred)
 
 
-def looks(path):
-    return [glance(grey) for _, grey in frames(path)]
+def summaries(path):
+    return [frame_summary(grey) for _, grey in frames(path)]
 
 
 def test_candidates_are_sharp_and_every_pose_has_one(clip):
     path, poses, blurred = clip
-    chosen = candidates(looks(path))
+    chosen = candidates(summaries(path))
     assert not blurred[chosen].any()
     assert poses[chosen].tolist() == [0, 1, 2, 3, 4, 5]
 
@@ -72,7 +72,7 @@ def test_candidates_are_sharp_and_every_pose_has_one(clip):
 @pytest.mark.parametrize("most", [1, 2, 3, 4])
 def test_fewer_candidates_are_of_different_poses(clip, most):
     path, poses, blurred = clip
-    chosen = candidates(looks(path), most)
+    chosen = candidates(summaries(path), most)
     assert len(chosen) == most
     assert len(set(poses[chosen])) == most
     assert not blurred[chosen].any()
@@ -80,24 +80,24 @@ def test_fewer_candidates_are_of_different_poses(clip, most):
 
 def test_candidates_are_a_function_of_the_video(clip):
     path, _, _ = clip
-    assert candidates(looks(path)) == candidates(looks(path))
+    assert candidates(summaries(path)) == candidates(summaries(path))
 
 
 def test_a_still_video_has_one_candidate():
-    still = [glance(picture(POSES[0], seed)) for seed in range(8)]  # only the noise differs
+    still = [frame_summary(picture(POSES[0], seed)) for seed in range(8)]  # only the noise differs
     assert len(candidates(still)) == 1
 
 
 def test_motion_lowers_the_energy_and_leaves_the_thumbnail():
     for pose in POSES:
-        sharp, moved = glance(picture(pose, 1)), glance(picture(pose, 1, motion=6))
+        sharp, moved = frame_summary(picture(pose, 1)), frame_summary(picture(pose, 1, motion=6))
         assert moved.energy < 0.6 * sharp.energy
         assert np.abs(moved.small - sharp.small).mean() < 0.1 * sharp.small.mean()
 
 
 def test_thumbnails_differ_the_more_the_further_the_board_moves():
     def moved(x):
-        return glance(picture(((0, 0, 0), (x, 0.0), 12.0), 1)).small
+        return frame_summary(picture(((0, 0, 0), (x, 0.0), 12.0), 1)).small
 
     gaps = [np.abs(moved(x) - moved(0.0)).mean() for x in (0.1, 0.4, 1.6, 3.2)]
     assert (np.diff(gaps) > 0).all()
@@ -106,10 +106,10 @@ def test_thumbnails_differ_the_more_the_further_the_board_moves():
 def test_no_stretch_of_time_is_passed_over():
     """A wild part of a video doesn't take all candidates from the calm one."""
     rng = np.random.default_rng(0)
-    wild = [Glance(100.0, rng.random((12, 16)).astype(np.float32)) for _ in range(600)]
-    calm = [Glance(100.0, np.full((12, 16), 0.5, np.float32) + np.float32(k / 600)) for k in range(600)]
+    wild = [FrameSummary(100.0, rng.random((12, 16)).astype(np.float32)) for _ in range(600)]
+    calm = [FrameSummary(100.0, np.full((12, 16), 0.5, np.float32) + np.float32(k / 600)) for k in range(600)]
     chosen = candidates(wild + calm)
-    assert len(chosen) == LOOKS
+    assert len(chosen) == CANDIDATES
     assert sum(k >= 600 for k in chosen) >= 12
 
 
@@ -117,7 +117,7 @@ def test_no_stretch_of_time_is_passed_over():
     "grey", [np.zeros((120, 160), np.uint8), np.zeros((1, 1), np.uint8), np.ones((3, 900), np.float32)]
 )
 def test_frames_without_anything_are_no_error(grey):
-    assert len(candidates([glance(grey)] * 3)) == 1
+    assert len(candidates([frame_summary(grey)] * 3)) == 1
     assert candidates([]) == []
 
 

@@ -80,9 +80,9 @@ def test_a_lens_that_is_wrong_is_told_with_what_to_do(seen):
     boards, moments = seen
     bent = replace(SCENE.cameras["c0"], distortion=SCENE.cameras["c0"].distortion + np.eye(5)[0] * 0.04)
     done = calibrate_rig(boards, SPACING, moments=moments, cameras={**SCENE.cameras, "c0": bent})
-    told = [r for r in done.verdict.against if r.key.startswith("c0.")]
-    assert told
-    assert any("solved for" in r.action for r in told)
+    reasons = [r for r in done.verdict.against if r.key.startswith("c0.")]
+    assert reasons
+    assert any("solved for" in r.action for r in reasons)
     assert done.verdict.level != "good"
 
 

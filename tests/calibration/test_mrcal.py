@@ -17,7 +17,7 @@ from rcdn.types import Board, Corners
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 MRCAL = shutil.which("mrcal-calibrate-cameras")
-ASK = """
+CODE = """
 import json, sys, mrcal, numpy as np
 model = mrcal.cameramodel(sys.argv[1])
 rays = mrcal.unproject(np.array(json.loads(sys.argv[2])), *model.intrinsics(), normalize=True)
@@ -63,9 +63,11 @@ def test_camera_and_uncertainty_are_those_of_mrcal(tmp_path, model):
     # its own Python, not that of a virtual environment
     env = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
     subprocess.run(words.split(), cwd=tmp_path, check=True, capture_output=True, env=env, timeout=120)
-    asked = ["/usr/bin/python3", "-c", ASK, "camera-0.cameramodel", json.dumps(PIXELS)]
-    said = subprocess.run(asked, cwd=tmp_path, check=True, capture_output=True, text=True, env=env, timeout=60).stdout
-    theirs = json.loads(said)
+    command = ["/usr/bin/python3", "-c", CODE, "camera-0.cameramodel", json.dumps(PIXELS)]
+    output = subprocess.run(
+        command, cwd=tmp_path, check=True, capture_output=True, text=True, env=env, timeout=60
+    ).stdout
+    theirs = json.loads(output)
     gap = (ours.camera.parameters - theirs["intrinsics"]) / ours.std
     assert np.abs(gap).max() < 0.05  # the weights are the same but for the boards' order
     # mrcal takes the residuals' mean square for the noise; ours counts what the unknowns took out of it

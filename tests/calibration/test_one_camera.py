@@ -120,10 +120,10 @@ def test_views_left_out_that_have_a_camera_of_their_own_are_named():
     assert len(calibration.left_out) == 5
     finding = one_camera(calibration)
     assert finding.by == "left out"
-    usual, other = finding.groups
+    majority, other = finding.groups
     assert other.names == tuple(plain(19)[14:])
     assert other.camera.K[0, 0] == pytest.approx(1.8 * 520, rel=0.02)
-    assert usual.views == 14
+    assert majority.views == 14
 
 
 def test_pictures_of_two_sizes_are_named_by_size():

@@ -78,13 +78,13 @@ def test_boards_of_two_noise_levels_are_weighted():
     """Half of the views are five times worse: with their sigma they hardly matter, and are no outliers."""
     quiet, _ = random_boards(BROWN, 4, 8, noise=0.1)
     loud, _ = random_boards(BROWN, 5, 8, noise=0.5)
-    told = calibrate([*quiet, *loud], SPACING, model="brown")
+    found = calibrate([*quiet, *loud], SPACING, model="brown")
     alone = calibrate(quiet, SPACING, model="brown")
-    assert told.std[:4] == pytest.approx(alone.std[:4], rel=0.3)
-    assert (told.std < 1.02 * alone.std).all()  # more corners never tell less
-    assert not told.left_out
-    assert np.abs(z_of(told, BROWN)).max() < 4
-    assert told.outliers <= 2
+    assert found.std[:4] == pytest.approx(alone.std[:4], rel=0.3)
+    assert (found.std < 1.02 * alone.std).all()  # more corners never tell less
+    assert not found.left_out
+    assert np.abs(z_of(found, BROWN)).max() < 4
+    assert found.outliers <= 2
 
 
 @pytest.mark.parametrize(("model", "bad"), [("pinhole", 1), ("brown", 1), ("brown", 2), ("fisheye", 2)])

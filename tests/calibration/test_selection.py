@@ -27,10 +27,10 @@ def mixed():
     """24 pictures of a far board in the middle, hardly tilted, and among them 8 all over the frame."""
     rng = np.random.default_rng(3)
     dull = [seen(random_pose(rng, 0.05, 0.15, (0.9, 1.0)), rng) for _ in range(24)]
-    telling = random_boards(BROWN, 4, 8, noise=0.2, whole=True, spread=0.3)[0]
+    informative = random_boards(BROWN, 4, 8, noise=0.2, whole=True, spread=0.3)[0]
     boards, names = [], []
     for k in range(32):
-        boards.append(telling[k // 4] if k % 4 == 3 else dull[k - k // 4])
+        boards.append(informative[k // 4] if k % 4 == 3 else dull[k - k // 4])
         names.append(f"{'telling' if k % 4 == 3 else 'dull'} {k:02d}")
     return boards, names, calibrate(boards, SPACING, names=names, model="brown", flat=True)
 

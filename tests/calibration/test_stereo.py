@@ -64,7 +64,7 @@ def test_two_lens_models():
 
 
 @pytest.fixture(scope="module")
-def usual():
+def pair():
     left, right = pairs(PINHOLE, PINHOLE, 3, 10)
     return left, right, calibrate_stereo(left, right, SPACING, model="pinhole")
 
@@ -76,8 +76,8 @@ def rectified(camera, R, P, xy):
     return ((rays @ P[:, :3].T) / out[:, 2:3])[:, :2]
 
 
-def test_rectified_rows_are_equal_and_q_gives_the_depth(usual):
-    _, _, found = usual
+def test_rectified_rows_are_equal_and_q_gives_the_depth(pair):
+    _, _, found = pair
     for v, w in zip(found.left.views, found.right.views, strict=True):
         points = np.column_stack([v.ij * SPACING, np.zeros(len(v))]) @ v.pose.R.T + v.pose.t
         a = rectified(found.left.camera, found.R_left, found.P_left, v.xy)
@@ -89,10 +89,10 @@ def test_rectified_rows_are_equal_and_q_gives_the_depth(usual):
         assert back == pytest.approx(points @ found.R_left.T, rel=0.05, abs=0.02)
 
 
-def test_joint_covariances_beat_those_of_each_camera(usual):
+def test_joint_covariances_beat_those_of_each_camera(pair):
     from rcdn.calibration import calibrate
 
-    left, right, found = usual
+    left, right, found = pair
     alone = calibrate(left, SPACING, model="pinhole"), calibrate(right, SPACING, model="pinhole")
     for mono, joint in zip(alone, (found.left, found.right), strict=True):
         assert joint.cov.shape == (10, 10)
@@ -140,8 +140,8 @@ def test_symmetric_boards_that_are_labelled_from_any_side(size):
         assert in_right[:, :2] / in_right[:, 2:] == pytest.approx(rays[:, :2], abs=0.01)
 
 
-def test_wrong_pairs_are_left_out_of_the_place_and_named(usual):
-    left, right, _ = usual
+def test_wrong_pairs_are_left_out_of_the_place_and_named(pair):
+    left, right, _ = pair
     swapped = [right[k] for k in (1, 0, *range(2, 10))]
     names = [f"l{k}.png" for k in range(10)], [f"r{k}.png" for k in range(10)]
     found = calibrate_stereo(left, swapped, SPACING, model="pinhole", names=names)
@@ -151,8 +151,8 @@ def test_wrong_pairs_are_left_out_of_the_place_and_named(usual):
     assert "l2.png" not in found.advice[0]
 
 
-def test_pairs_of_other_moments_are_refused(usual):
-    left, right, _ = usual
+def test_pairs_of_other_moments_are_refused(pair):
+    left, right, _ = pair
     mixed = [right[k] for k in (5, 3, 8, 0, 7, 9, 2, 6, 1, 4)]
     with pytest.raises(
         CalibrationError, match=r"only 1 of 10 pairs agrees on where the cameras stand: are the pictures paired"
@@ -161,8 +161,8 @@ def test_pairs_of_other_moments_are_refused(usual):
 
 
 @pytest.mark.parametrize("by", [1, -1, 2])
-def test_a_constant_offset_of_the_pictures_is_named(usual, by):
-    left, right, _ = usual
+def test_a_constant_offset_of_the_pictures_is_named(pair, by):
+    left, right, _ = pair
     names = [f"l{k}.png" for k in range(10)], [f"r{k}.png" for k in range(10)]
     late = [right[(k - by) % 10] for k in range(10)]
     first = (
@@ -179,19 +179,19 @@ def test_a_constant_offset_of_the_pictures_is_named(usual, by):
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_mirrored_camera_is_named(usual, side):
+def test_a_mirrored_camera_is_named(pair, side):
     def mirror(b):
         """As a detector labels a mirrored picture: right-handed there."""
         return replace(b, xy=b.xy * [-1, 1] + [639, 0], ij=b.ij * [-1, 1] + [8, 0])
 
-    both = list(usual[:2])
+    both = list(pair[:2])
     both[side] = [mirror(b) for b in both[side]]
     with pytest.raises(CalibrationError, match="mirrored: turn its mirror"):
         calibrate_stereo(*both, SPACING, model="pinhole")
 
 
-def test_boards_that_one_camera_saw_help(usual):
-    left, right, _ = usual
+def test_boards_that_one_camera_saw_help(pair):
+    left, right, _ = pair
     half = [(k, k) for k in range(5)]
     few = calibrate_stereo(left[:5], right[:5], SPACING, model="pinhole")
     more = calibrate_stereo(left, right[:5], SPACING, model="pinhole", pairs=half)
@@ -202,8 +202,8 @@ def test_boards_that_one_camera_saw_help(usual):
     assert [v.name for v in more.left.views[:5]] == [v.name for v in more.right.views]
 
 
-def test_wrong_pairs_arguments(usual):
-    left, right, _ = usual
+def test_wrong_pairs_arguments(pair):
+    left, right, _ = pair
     with pytest.raises(ConfigError, match="left has 10 boards, right 5"):
         calibrate_stereo(left, right[:5], SPACING)
     with pytest.raises(ConfigError, match="pairs must hold"):
@@ -213,9 +213,9 @@ def test_wrong_pairs_arguments(usual):
 
 
 @pytest.mark.parametrize("pairs", [[(0, 0), (0, 0), (1, 1)], [(0, 0), (1, 0), (2, 2)]])
-def test_a_board_is_in_one_pair_only(usual, pairs):
+def test_a_board_is_in_one_pair_only(pair, pairs):
     with pytest.raises(ConfigError, match="pairs"):
-        calibrate_stereo(*usual[:2], SPACING, model="pinhole", pairs=pairs)
+        calibrate_stereo(*pair[:2], SPACING, model="pinhole", pairs=pairs)
 
 
 def test_different_boards_are_refused():

@@ -43,7 +43,7 @@ def solved(late, correct):
 
 
 @pytest.fixture(scope="module")
-def told():
+def uncorrected():
     return solved(LATE, correct=False)
 
 
@@ -63,14 +63,14 @@ def errors(done):
     return np.array(off), np.array(std)
 
 
-def test_late_cameras_are_told_against_those_that_are_in_step(told):
+def test_late_cameras_are_told_against_those_that_are_in_step(uncorrected):
     for name, late in LATE.items():
-        assert told.shifts[name].moments == pytest.approx(late, abs=0.1)
-        assert told.shifts[name].clear == (late != 0)
-    (reason,) = [r for r in told.verdict.against if r.key == "time_shift"]
+        assert uncorrected.shifts[name].moments == pytest.approx(late, abs=0.1)
+        assert uncorrected.shifts[name].clear == (late != 0)
+    (reason,) = [r for r in uncorrected.verdict.against if r.key == "time_shift"]
     assert "c1 is +0." in reason.sentence
     assert "--correct-time" in reason.action
-    assert told.corrected == ()
+    assert uncorrected.corrected == ()
 
 
 def test_corrected_shifts_are_exact_to_their_deviations(corrected):
@@ -82,16 +82,16 @@ def test_corrected_shifts_are_exact_to_their_deviations(corrected):
     assert not [r for r in corrected.verdict.against if r.key == "time_shift"]
 
 
-def test_a_corrected_rig_is_as_good_as_one_in_step(told, corrected):
+def test_a_corrected_rig_is_as_good_as_one_in_step(uncorrected, corrected):
     assert corrected.rms == pytest.approx(0.1 * np.sqrt(2), rel=0.15)
-    assert told.rms > 3 * corrected.rms
+    assert uncorrected.rms > 3 * corrected.rms
     off, std = errors(corrected)
     assert np.abs(off[:, 3:]).max() < 0.001
     assert np.abs(off / std).max() < 4
-    worse, _ = errors(told)
+    worse, _ = errors(uncorrected)
     assert np.linalg.norm(worse[:, 3:]) > 3 * np.linalg.norm(off[:, 3:])
     assert max(p.epipolar for p in corrected.pairs) < 0.2
-    assert max(p.epipolar for p in told.pairs) > 0.5
+    assert max(p.epipolar for p in uncorrected.pairs) > 0.5
 
 
 def test_poses_of_a_late_cameras_views_are_those_of_its_pictures(corrected):

@@ -154,9 +154,9 @@ def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
 
 def test_empty_thirds_are_named(good):
     views = tuple(replace(v, used=v.used & (v.xy[:, 0] < 300)) for v in good.views)
-    said = found(replace(good, views=views), "coverage").sentence
-    assert all(row[2] in said for row in THIRDS)
-    assert "lower left" not in said
+    sentence = found(replace(good, views=views), "coverage").sentence
+    assert all(row[2] in sentence for row in THIRDS)
+    assert "lower left" not in sentence
 
 
 def test_a_board_named_by_its_squares_is_noticed():

@@ -32,7 +32,7 @@ def test_sure_seed_and_weak():
     assert found.sure.tolist() == [True, False]
     assert found.seed.tolist() == [True, True]
     assert len(found.corners) == 1
-    fine, status, seen = found.peaks.look(np.arange(len(found.peaks.xy)))  # only where a board asks for it
+    fine, status, seen = found.peaks.evaluate(np.arange(len(found.peaks.xy)))  # only where a board asks for it
     np.testing.assert_allclose(fine, [[79.5, 39.5]], atol=0.1)
     assert status.tolist() == [Status.REFINED]
     assert np.isfinite(seen.axes).all()

@@ -84,7 +84,7 @@ class Tally:
     def clean(self) -> bool:
         return not (self.differences or self.orphans or self.left or self.tracebacks or self.wrong)
 
-    def say(self, text: str) -> None:
+    def report(self, text: str) -> None:
         self.wrong.append(text)
 
 
@@ -131,21 +131,21 @@ def disturb(command: Command, home: Path, known: Reference, kind: signal.Signals
         ):
             tally.differences += command is not TRAINING  # its files grow
             if command is not TRAINING:
-                tally.say(f"{command.name} {kind.name} after {after:.3f} s: {name} is neither old nor new")
+                tally.report(f"{command.name} {kind.name} after {after:.3f} s: {name} is neither old nor new")
 
 
 def _judge_end(what: str, kind: signal.Signals, code: int, err: str, tally: Tally) -> None:
     """A traceback of ours is one too many; before our first line the interpreter itself may still be starting."""
     if "Traceback" in err and "rcdn" in err and kind is signal.SIGINT:
         tally.tracebacks += 1
-        tally.say(f"{what}: {err[-2000:]}")
+        tally.report(f"{what}: {err[-2000:]}")
     allowed = {
         signal.SIGINT: (0, 130, -signal.SIGINT, 1),
         signal.SIGTERM: (0, -signal.SIGTERM),
         signal.SIGKILL: (0, -signal.SIGKILL),
     }
     if code not in allowed[kind] or (code == 1 and "rcdn" in err):
-        tally.say(f"{what}: exit code {code}: {err[-2000:]}")
+        tally.report(f"{what}: exit code {code}: {err[-2000:]}")
 
 
 def again(command: Command, home: Path, known: Reference, tally: Tally) -> None:
@@ -154,7 +154,7 @@ def again(command: Command, home: Path, known: Reference, tally: Tally) -> None:
     code, err = ended(process)
     tally.orphans += len(outlived(process.pid))
     if code != 0:
-        tally.say(f"{command.name} again: exit code {code}: {err[-2000:]}")
+        tally.report(f"{command.name} again: exit code {code}: {err[-2000:]}")
         tally.differences += 1
         return
     compare(command, home, known, tally)
@@ -166,10 +166,10 @@ def compare(command: Command, home: Path, known: Reference, tally: Tally) -> Non
     for name in sorted(found.keys() | known.whole.keys()):
         if name not in known.whole:
             tally.left += 1
-            tally.say(f"{command.name}: {name} is left")
+            tally.report(f"{command.name}: {name} is left")
         elif found.get(name) != known.whole[name]:
             tally.differences += 1
-            tally.say(f"{command.name}: {name} {'differs' if name in found else 'is missing'}")
+            tally.report(f"{command.name}: {name} {'differs' if name in found else 'is missing'}")
 
 
 # ---- other faults
@@ -191,7 +191,7 @@ def kill_a_worker(command: Command, home: Path, known: Reference, after: float, 
                 tally.kills += 1
         code, err = ended(process)
     if code != 0:
-        tally.say(f"{command.name}, a worker killed after {after:.3f} s: exit code {code}: {err[-2000:]}")
+        tally.report(f"{command.name}, a worker killed after {after:.3f} s: exit code {code}: {err[-2000:]}")
     tally.orphans += len(outlived(process.pid))
     compare(command, home, known, tally)
 
@@ -213,7 +213,7 @@ def two_at_once(command: Command, home: Path, known: Reference, tally: Tally) ->
         code, err = ended(process)
         alone = command is TRAINING and "another process trains there" in err
         if code != 0 and not alone:
-            tally.say(f"{command.name}, two at once: exit code {code}: {err[-2000:]}")
+            tally.report(f"{command.name}, two at once: exit code {code}: {err[-2000:]}")
         tally.orphans += len(outlived(process.pid))
     tally.kills += 1
     compare(command, home, known, tally)

@@ -37,7 +37,7 @@ TWICE = (
     """
 from rcdn.terminal import group as _group
 _group.Group.make_context = then(_group.Group.make_context)
-_group.say_error = then(_group.say_error)
+_group.print_error = then(_group.print_error)
 """
     + RUN
 )

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.engine import usual_engine
+from tests.fuzz.engine import default_engine
 from tests.fuzz.pulse import Pulse
 from tests.fuzz.target import Target, scratch_of
 from tests.fuzz.worker import Job
@@ -70,18 +70,20 @@ def run_campaign(
     seconds: float,
     inputs: int,
     workers: int,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[Outcome]:
     """Run every target for its share of `workers` × `seconds`, or for so many `inputs` each, whichever ends first.
 
     `engine`: None for each target's usual one."""
     each = workers * seconds / sum(t.share for t in targets)
-    jobs = [Job(t.name, engine or usual_engine(t.guided), seed, 0, inputs or MOST, each * t.share, "") for t in targets]
+    jobs = [
+        Job(t.name, engine or default_engine(t.guided), seed, 0, inputs or MOST, each * t.share, "") for t in targets
+    ]
     jobs.sort(key=lambda job: -job.seconds)
 
     def one(job: Job) -> Outcome:
         outcome = run_job(job)
-        say(
+        report(
             f"{job.target}: {outcome.inputs} inputs in {outcome.seconds:.0f} s, "
             f"{sum(outcome.failures.values())} failures"
         )

@@ -13,7 +13,7 @@ LONGEST = 512
 ENGINES = ("atheris", "random")
 
 
-def usual_engine(guided: bool) -> str:
+def default_engine(guided: bool) -> str:
     """Atheris, where it is installed and the target's decisions are Python's."""
     return "atheris" if guided and find_spec("atheris") else "random"
 

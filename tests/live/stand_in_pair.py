@@ -23,11 +23,16 @@ class Guide:
         self.image_sizes, self.moments, self.one = image_sizes, {}, stand_in.Guide(image_sizes[0], spacing)
 
     def look(self, boards, time, greys=None):
-        look = self.one.look(boards[0], time)
-        sides = (look, stand_in.answer("", "", arrow=None))
+        assessment = self.one.look(boards[0], time)
+        sides = (assessment, stand_in.answer("", "", arrow=None))
         used = tuple(b is not None for b in boards)
         return SimpleNamespace(
-            sides=sides, used=used, refused=look.refused, hint=look.hint, take=look.take, fit=look.fit
+            sides=sides,
+            used=used,
+            refused=assessment.refused,
+            hint=assessment.hint,
+            take=assessment.take,
+            fit=assessment.fit,
         )
 
     def add(self, boards, name):

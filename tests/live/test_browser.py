@@ -17,7 +17,7 @@ from rcdn.io import read_camera
 from rcdn.live.folder import Folder
 
 pytestmark = pytest.mark.slow
-ASKED = [
+WANTED = [
     [0.005, -0.005, 0.026, -0.1, -0.065, 0.421], [-0.495, 0.349, -0.084, -0.15, -0.039, 0.251],
     [0.439, -0.586, -0.011, -0.081, -0.039, 0.112], [-0.507, -0.585, -0.019, -0.165, -0.025, 0.266],
     [-0.492, 0.437, 0.1, 0.01, -0.053, 0.243], [-0.973, -0.255, -0.108, -0.185, 0.007, 0.317],
@@ -40,7 +40,7 @@ def placed(numbers):
 def moving(tmp_path_factory):
     """A board that is moved through many poses and held still in each."""
     path = tmp_path_factory.mktemp("video") / "moving.mjpeg"
-    return write_video(path, [*map(placed, ASKED), *OTHERS], hold=1.3, move=0.6)
+    return write_video(path, [*map(placed, WANTED), *OTHERS], hold=1.3, move=0.6)
 
 
 @pytest.fixture
@@ -103,10 +103,10 @@ def test_the_browsers_camera_is_quick_enough_to_follow(moving, tmp_path, opened)
     assert stats["rate"] > 4
     assert stats["median"] < 500
     assert complaints(browser) == []
-    code, said = live.end()
+    code, output = live.end()
     assert code == 130
-    assert "goes on" in said
-    assert "Traceback" not in said
+    assert "goes on" in output
+    assert "Traceback" not in output
 
 
 def test_blurred_frames_are_refused_every_one(tmp_path, opened):

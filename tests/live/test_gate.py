@@ -245,8 +245,8 @@ def test_a_frame_is_answered_by_its_number(client):
     with client.socket() as line:
         line.send(HEADER.pack(77, 5.0) + data)
         answers = [json.loads(line.recv(timeout=10)) for _ in range(3)]
-    looks = [a for a in answers if a["type"] == "look"]
-    assert [(a["n"], a["refused"]) for a in looks[:1]] == [(77, "No board is seen.")]
+    assessments = [a for a in answers if a["type"] == "look"]
+    assert [(a["n"], a["refused"]) for a in assessments[:1]] == [(77, "No board is seen.")]
 
 
 def test_a_page_that_comes_later_takes_over(client):

@@ -111,10 +111,10 @@ def test_one_picture_that_holds_both_is_quick_enough_to_follow(moving, tmp_path,
     print("\npairs a second, latency in ms:", json.dumps(stats), "| load:", os.getloadavg()[0])
     assert stats["rate"] > 1
     assert complaints(browser) == []
-    code, said = live.end()
+    code, output = live.end()
     assert code == 130
-    assert "--stereo` goes on" in said
-    assert "Traceback" not in said
+    assert "--stereo` goes on" in output
+    assert "Traceback" not in output
 
 
 def test_two_cameras_of_the_browser_are_asked_for(tmp_path, opened):

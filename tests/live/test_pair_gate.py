@@ -40,7 +40,7 @@ def client(session):
         yield made
 
 
-def asked(client, sent):
+def answer_to(client, sent):
     """The answer about the frames that were `sent`."""
     with client.socket() as line:
         line.send(sent)
@@ -50,14 +50,14 @@ def asked(client, sent):
 
 
 def test_a_pair_of_frames_is_answered_by_its_number(client):
-    look = asked(client, message(77))
-    assert (look["n"], look["refused"]) == (77, "No board is seen.")
-    assert len(look["sides"]) == 2
+    assessment = answer_to(client, message(77))
+    assert (assessment["n"], assessment["refused"]) == (77, "No board is seen.")
+    assert len(assessment["sides"]) == 2
 
 
 def test_the_server_refuses_frames_that_are_too_far_apart(client):
     assert (
-        asked(client, message(5, (5.0, 105.0)))["refused"]
+        answer_to(client, message(5, (5.0, 105.0)))["refused"]
         == "The cameras' pictures are 100 ms apart; at most 40 ms are allowed"
     )
 

@@ -249,15 +249,15 @@ def test_halves_of_one_picture():
 
 
 @pytest.mark.parametrize(
-    ("cameras", "said"),
+    ("cameras", "message"),
     [
         (["browser", "0"], "two cameras of one kind"),
         (["0", "1", "2"], "two cameras of one kind"),
         (["0", "0"], "is given twice"),
     ],
 )
-def test_cameras_that_can_not_be_a_pair(cameras, said):
-    with pytest.raises(ConfigError, match=said):
+def test_cameras_that_can_not_be_a_pair(cameras, message):
+    with pytest.raises(ConfigError, match=message):
         open_pair(cameras)
     assert open_pair(["browser"]) is None
 

@@ -131,8 +131,8 @@ def test_likelihoods_are_those_of_the_data_under_the_sheet(size):
             + (design * prior_of(sheet, spot, SIGMA) ** 2) @ design.T
         )
         expected.append(-0.5 * (off @ np.linalg.solve(both, off) + np.linalg.slogdet(both)[1]))
-    np.testing.assert_allclose(evidence.ask(spots), expected, rtol=1e-6)
-    assert evidence.ask(spots[:2]) == evidence.ask(spots)[:2]
+    np.testing.assert_allclose(evidence.log_likelihoods(spots), expected, rtol=1e-6)
+    assert evidence.log_likelihoods(spots[:2]) == evidence.log_likelihoods(spots)[:2]
 
 
 def test_few_polynomials_are_a_sheet_without_the_others():
@@ -168,4 +168,4 @@ def test_the_likeliest_widths_have_no_likelier_neighbours():
         best = np.array(likeliest(evidence))
         near = [tuple(best + s) for s in np.concatenate([np.eye(3, dtype=int), -np.eye(3, dtype=int)])]
         near = [s for s in near if all(0 <= n < m for n, m in zip(s, (6, 4, 9), strict=True))]
-        assert max(evidence.ask(near)) <= evidence.ask([tuple(best)])[0]
+        assert max(evidence.log_likelihoods(near)) <= evidence.log_likelihoods([tuple(best)])[0]

@@ -49,6 +49,6 @@ def test_every_level_gives_the_same_bits(platform, calls, tmp_path):
     subprocess.run([compiler, *options, *FLAGS, include, source, *SOURCES, "-lm", "-o", program], check=True)
     for level in ("baseline", "avx2", "avx512", "vnni"):  # those that aren't there are the best that is
         environment = os.environ | {"RCDN_LEVEL": level, "WINEDEBUG": "-all"}
-        said = subprocess.run([*runner, program, calls], env=environment, check=False, capture_output=True, text=True)
-        assert said.returncode == 0, said.stdout[-2000:]
-        assert " calls, 0 differ" in said.stdout
+        done = subprocess.run([*runner, program, calls], env=environment, check=False, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout[-2000:]
+        assert " calls, 0 differ" in done.stdout

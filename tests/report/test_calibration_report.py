@@ -363,7 +363,7 @@ def test_a_fisheye_isnt_blamed_for_the_dark_around_its_circle_but_a_folded_lens_
 
 def test_mean_residuals_find_what_is_systematic():
     calibration = simulated(many=60, noise=0.1)
-    assert "Nothing stands out" in maps.mean_map(calibration, mean_residuals(calibration)).said
+    assert "Nothing stands out" in maps.mean_map(calibration, mean_residuals(calibration)).caption
     pushed = []
     for v in calibration.views:
         shift = np.where(v.xy[:, :1] > 427, [[0.3, 0.0]], [[0.0, 0.0]])
@@ -374,7 +374,7 @@ def test_mean_residuals_find_what_is_systematic():
     assert right.sum() >= 6
     assert np.abs(cells.mean[right] - [0.3, 0]).max() < 4 * cells.error[right].max()
     assert cells.systematic[right].all()
-    assert "stand out from chance" in maps.mean_map(off, cells).said
+    assert "stand out from chance" in maps.mean_map(off, cells).caption
 
 
 def test_bands_are_round_and_few():

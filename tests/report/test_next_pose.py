@@ -46,7 +46,7 @@ def test_little_to_gain_is_said():
     firm = replace(calibration, cov=1e-4 * calibration.cov)
     found = next_view(firm)
     assert not found.worth_saying
-    assert "Little is left to gain" in suggested_pose(firm, found).said
+    assert "Little is left to gain" in suggested_pose(firm, found).caption
 
 
 def test_the_page_has_both_drawings(tmp_path):

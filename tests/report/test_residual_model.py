@@ -24,26 +24,26 @@ def test_residuals_are_divided_by_what_is_stated_of_them():
 
 
 @pytest.mark.parametrize(
-    ("draw", "said"),
+    ("draw", "caption"),
     [
         (lambda r, s: r.normal(0, 0.1414, s), "err as the model says"),
         (lambda r, s: 0.1 * r.standard_t(2, s), "The tails are heavy"),
         (lambda r, s: 0.14 * r.uniform(-0.9, 0.9, s), "The middle is narrow"),
     ],
 )
-def test_how_residuals_differ_from_their_model_is_said(draw, said):
+def test_how_residuals_differ_from_their_model_is_said(draw, caption):
     rng = np.random.default_rng(3)
     calibration = with_residuals(simulated(), lambda shape: draw(rng, shape))
     drawing = histogram.histogram(calibration)
-    assert said in drawing.said
-    assert "deviations (0.27 % expected)" in drawing.said
+    assert caption in drawing.caption
+    assert "deviations (0.27 % expected)" in drawing.caption
     assert "<svg" in drawing.art
 
 
 def test_no_residuals_make_a_histogram_still():
     calibration = simulated(many=3)
     views = tuple(replace(v, reason="bent", used=np.zeros(len(v), bool)) for v in calibration.views)
-    assert "no residuals" in histogram.histogram(replace(calibration, views=views)).said
+    assert "no residuals" in histogram.histogram(replace(calibration, views=views)).caption
 
 
 @pytest.mark.parametrize("camera", [BROWN, FISHEYE])
@@ -55,7 +55,7 @@ def test_a_radial_error_shows_against_the_angle(camera):
         away = v.xy - camera.K[:2, 2]
         views.append(replace(v, residuals=0.3 * away / np.linalg.norm(away, axis=1, keepdims=True)))
     drawing = charts.angle_chart(replace(calibration, views=tuple(views)))
-    assert "The running mean stays within ±0.30 px" in drawing.said
+    assert "The running mean stays within ±0.30 px" in drawing.caption
 
 
 def test_every_picture_opens_large_with_and_without_script(tmp_path):

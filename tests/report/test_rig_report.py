@@ -48,7 +48,7 @@ def test_cameras_boards_and_ellipsoids_are_drawn_where_they_are():
 def test_ellipsoids_are_three_deviations_by_the_factor_that_is_told():
     rig = found()
     drawing = rig_space.rig_in_space(rig)
-    (factor,) = re.findall(r"drawn (\d+) times larger", drawing.said)
+    (factor,) = re.findall(r"drawn (\d+) times larger", drawing.caption)
     rings = [p for _, p in polygons(drawing.art, "unsure")]
     assert len(rings) == 6  # three of each camera but the first
     for name, mine in zip(rig.rig.names[1:], (rings[:3], rings[3:]), strict=True):
@@ -59,7 +59,7 @@ def test_ellipsoids_are_three_deviations_by_the_factor_that_is_told():
 
 
 def test_a_rig_known_badly_is_drawn_true_to_scale_and_one_without_covariance_has_no_ellipsoids():
-    assert "true to scale" in rig_space.rig_in_space(found(covariance=1e-2)).said
+    assert "true to scale" in rig_space.rig_in_space(found(covariance=1e-2)).caption
     rig = found()
     bare = replace(rig, rig=replace(rig.rig, covariance=None))
     assert "unsure" not in rig_space.rig_in_space(bare).art

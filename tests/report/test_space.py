@@ -28,16 +28,16 @@ def test_every_board_is_drawn_where_it_was():
     art = drawing.art
     boards = polygons(art, "board")
     assert len(boards) == 6
-    look = space.Look(*_look(art))
+    projection = space.Projection(*_projection(art))
     for (drawn, corners), view in zip(boards, calibration.views, strict=True):
-        assert look.to(corners) == pytest.approx(drawn, abs=0.1)
+        assert projection.to(corners) == pytest.approx(drawn, abs=0.1)
         assert corners == pytest.approx(space.board_rim(calibration, view), abs=1e-3)
         assert (drawn > 0).all()
         assert (drawn < [space.WIDTH, space.HEIGHT]).all()
     assert drawing.turns
 
 
-def _look(art):
+def _projection(art):
     numbers = np.array(re.search(r'data-look="([^"]*)"', art)[1].split(), float)
     return numbers[:3], *numbers[3:]
 
@@ -56,7 +56,7 @@ def test_boards_left_out_are_told_apart_and_wild_ones_left_away():
     assert len(polygons(art, "board out")) == 1
     assert "view 2: view001.png" in art
     assert "left out: bent &amp; torn" in art
-    assert "1 board left out would stand far beyond, and is not drawn" in drawing.said
+    assert "1 board left out would stand far beyond, and is not drawn" in drawing.caption
 
 
 def test_no_pose_no_drawing():

@@ -118,9 +118,9 @@ def test_only_the_script_of_the_page_may_run(tmp_path):
 
 
 def test_photographs_are_read_once_and_once_for_the_sample():
-    asked = []
-    page.report(simulated(many=5), lambda name: asked.append(name) or photograph())
-    assert len(asked) == 6
+    names = []
+    page.report(simulated(many=5), lambda name: names.append(name) or photograph())
+    assert len(names) == 6
 
 
 def test_the_templates_are_in_the_wheel():

@@ -26,12 +26,12 @@ def main() -> int:
         "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)]),
         "PYTHONMALLOC": "malloc",
     }
-    said = BUILD / "said.txt"
-    with said.open("wb") as file:
+    output = BUILD / "said.txt"
+    with output.open("wb") as file:
         code = subprocess.run(
             [sys.executable, "-m", "tests.sanitized.battery", str(built)], env=environment, cwd=ROOT, stderr=file
         ).returncode
-    text = said.read_text(errors="replace")
+    text = output.read_text(errors="replace")
     found = {line for line in text.splitlines() if "runtime error: " in line or "ERROR: AddressSanitizer" in line}
     places = {line.split(" runtime error")[0] for line in found}
     if found or code:

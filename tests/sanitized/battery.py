@@ -86,13 +86,13 @@ def main() -> None:
     kernels.record()
     began = time.monotonic()
 
-    def say(what: str) -> None:
+    def report(what: str) -> None:
         print(f"{time.monotonic() - began:6.1f} s: {what}", flush=True)
 
-    say(f"{detect_all()} pictures")
+    report(f"{detect_all()} pictures")
     for name, inputs in (("kernels", KERNEL_INPUTS), ("arrays", ARRAY_INPUTS), ("sharpening", SHARPENING_INPUTS)):
         fuzz(name, inputs)
-        say(f"{inputs} inputs of {name}")
+        report(f"{inputs} inputs of {name}")
 
 
 if __name__ == "__main__":

@@ -29,12 +29,12 @@ def runtime() -> list[Path] | None:
     found = []
     for name in ("libasan.so", "libubsan.so", "libstdc++.so.6"):
         try:
-            said = subprocess.run(
+            output = subprocess.run(
                 [COMPILER, f"-print-file-name={name}"], capture_output=True, text=True, check=True
             ).stdout
         except (OSError, subprocess.CalledProcessError):
             return None
-        path = Path(said.strip())
+        path = Path(output.strip())
         if not path.is_absolute():  # a compiler that lacks it says only its name
             return None
         found.append(path.resolve())

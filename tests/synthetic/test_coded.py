@@ -68,10 +68,10 @@ def test_opencv_reads_the_tags_of_aprilgrids_upside_down(border, dictionary):
     drawing = aprilgrid_drawing(4, 3, dictionary, border, 0.3)
     scene = view(drawing)
     known, image = drawing_truth(drawing, scene), render_drawing(drawing, scene)
-    told = cv2.aruco.DetectorParameters()
-    told.markerBorderBits, told.cornerRefinementMethod = border, cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits, parameters.cornerRefinementMethod = border, cv2.aruco.CORNER_REFINE_SUBPIX
     name = getattr(cv2.aruco, dictionary)
-    quads, ids, _ = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(name), told).detectMarkers(image)
+    quads, ids, _ = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(name), parameters).detectMarkers(image)
     assert len(ids) >= 11
     tag = ids.ravel()
     corner = 16 * (tag // 4) + 2 * (tag % 4)  # at the tag's bottom left: OpenCV's top right of the turned tag

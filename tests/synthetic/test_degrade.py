@@ -114,9 +114,9 @@ def test_legible_falls_with_noise_blur_and_contrast():
         "motion": (0, 5, 10, 20),
         "gain": (1, 0.5, 0.2, 0.1, 0.03),
     }.items():
-        told = [count(**({"noise": 60, "blur": 1.0} | {setting: value})) for value in values]
-        assert all((b <= a).all() for a, b in pairwise(told)), setting
-        assert told[0].sum() > told[-1].sum(), setting
+        readable = [count(**({"noise": 60, "blur": 1.0} | {setting: value})) for value in values]
+        assert all((b <= a).all() for a, b in pairwise(readable)), setting
+        assert readable[0].sum() > readable[-1].sum(), setting
 
 
 @pytest.mark.parametrize(
@@ -131,8 +131,8 @@ def test_legible_to_the_bound(sensor, blur, pitch, edge):
     limit = 0.6 * 102 / np.sqrt(np.sqrt(np.pi) * blur / edge)
     for noise, expected in ((limit * 0.97, True), (limit * 1.03, False)):
         for kind in ({"noise": noise}, {"shot": noise / 0.7}):
-            told = legible(step, replace(CLEAN, **sensor, **kind), np.array([[30.0, 20.0]]), np.array([pitch]))
-            assert told.tolist() == [expected]
+            readable = legible(step, replace(CLEAN, **sensor, **kind), np.array([[30.0, 20.0]]), np.array([pitch]))
+            assert readable.tolist() == [expected]
 
 
 def test_legible_needs_contrast_at_its_corner():

@@ -10,7 +10,7 @@ from coded_scene import SQUARE, Drawing, aprilgrid, charuco, puzzleboard, seen
 from rcdn import Board, Detector, DetectorConfig
 from rcdn.batch.calibration_runs import _no_board
 from rcdn.targets.circles import is_circle_grid
-from rcdn.targets.glance import glance_at
+from rcdn.targets.quick_test import sample_corners
 
 DETECTOR = Detector(DetectorConfig(threads=1))
 
@@ -79,15 +79,15 @@ CAMERAS = (
 )
 def test_a_circle_grid_is_no_board_but_told(asymmetric, radius, inverted):
     drawing = circles(*((4, 11) if asymmetric else (9, 7)), radius, asymmetric, inverted)
-    told = 0
+    count = 0
     for k, scene in enumerate(
         ({}, {"noise": 20}, {"blur": 2.0}, {"size": 0.6}, {"tilt": 0.8, "turn": 1.0}, {"light": 0.3})
     ):
         image, _ = seen(drawing, seed=k, **scene)
         found = DETECTOR.detect(Camera(cover=k == 0)(image))
         assert found.boards == []
-        told += any(text.startswith("not supported: a circle grid") for text in found.warnings)
-    assert told >= 4  # in the others no lattice of gaps was found to begin with
+        count += any(text.startswith("not supported: a circle grid") for text in found.warnings)
+    assert count >= 4  # in the others no lattice of gaps was found to begin with
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=str)
@@ -101,14 +101,14 @@ def test_no_checkerboard_is_taken_for_circles(camera):
             turn=rng.uniform(-3, 3), size=rng.uniform(0.4, 0.9), light=rng.choice([0.3, 1.0]), seed=k,
         )  # fmt: skip
         image = camera(image)
-        assert not is_circle_grid(glance_at(image, board_at(xy, columns, image))), k
+        assert not is_circle_grid(sample_corners(image, board_at(xy, columns, image))), k
 
 
 @pytest.mark.parametrize("blur", [0.6, 1.5, 3.0])
 def test_boards_of_small_squares_are_no_circles(blur):
     for k in range(8):
         image, xy = seen(checkerboard(20, 14), 320, 240, size=0.5 + 0.05 * k, blur=blur, noise=5, seed=k)
-        assert not is_circle_grid(glance_at(image, board_at(xy, 20, image)))
+        assert not is_circle_grid(sample_corners(image, board_at(xy, 20, image)))
 
 
 @pytest.mark.parametrize(

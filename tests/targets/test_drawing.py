@@ -130,7 +130,7 @@ def test_puzzleboards_look_as_another_program_prints_them():
     assert not differs.any()
 
 
-TOLD_NOTHING = [
+CODED = [
     Charuco(8, 6, "DICT_5X5_100", 0.75, legacy=True),
     Charuco(5, 4, "DICT_4X4_50", 0.75, inverted=True),
     AprilGrid(4, 3, "tag36h11", 0.3),
@@ -138,7 +138,7 @@ TOLD_NOTHING = [
 ]
 
 
-@pytest.mark.parametrize("target", TOLD_NOTHING, ids=str)
+@pytest.mark.parametrize("target", CODED, ids=str)
 def test_our_detector_reads_them_at_the_places_that_we_print(target):
     image, corners = picture(target, 90 if isinstance(target, AprilGrid) else 50, 60)
     turn = cv2.getRotationMatrix2D((image.shape[1] / 2, image.shape[0] / 2), 20, 0.8)

@@ -54,7 +54,7 @@ def freely(turned, gain):
     squares = [np.flatnonzero(turned.row == r) for r in range(height)]
     first = np.arange(-200, count + 200)
 
-    def says(r, marker):
+    def likelihood(r, marker):
         total = np.zeros(len(marker))
         for j, k in enumerate(squares[r]):
             beside, last = turned.column[k] in (0, width - 1), r == height - 1
@@ -66,7 +66,7 @@ def freely(turned, gain):
     for columns in range(max(width - 2, 2), max(MOST_COLUMNS, width) + 1):
         right = int(turned.column[squares[0][0]] == 0)
         for step in range(columns // 2 - (1 - right), (columns + 1) // 2 + right + 1):
-            rows = [says(r, first + r // 2 * columns + r % 2 * step) for r in range(height)]
+            rows = [likelihood(r, first + r // 2 * columns + r % 2 * step) for r in range(height)]
             best = max(best, np.sum(rows, axis=0).max())
     return best
 

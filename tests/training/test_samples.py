@@ -181,16 +181,16 @@ def _step(step):
 
 def test_a_pool_goes_on_with_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr(samples, "CHUNK", 2)
-    told = []
-    whole = make_pool(SMALL, tmp_path, workers=1, progress=lambda done, total: told.append((done, total)))
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    steps = []
+    whole = make_pool(SMALL, tmp_path, workers=1, progress=lambda done, total: steps.append((done, total)))
+    assert steps == [(1, 3), (2, 3), (3, 3)]
     folder = pool_folder(SMALL, tmp_path)
     names = ["00000000.npz", "00000002.npz", "00000004.npz"]
     assert sorted(p.name for p in folder.glob("*.npz")) == names
     before = [(folder / n).read_bytes() for n in names]
     (folder / names[1]).unlink()
-    again = make_pool(SMALL, tmp_path, progress=lambda done, total: told.append((done, total)))
-    assert told[3:] == [(3, 3)]
+    again = make_pool(SMALL, tmp_path, progress=lambda done, total: steps.append((done, total)))
+    assert steps[3:] == [(3, 3)]
     assert [(folder / n).read_bytes() for n in names] == before
     assert np.array_equal(whole.images, again.images)
     assert np.array_equal(whole.labels, again.labels, equal_nan=True)

@@ -81,14 +81,14 @@ def shots_of(paths: Sequence[Path], step: Callable[[int, int], None] | None = No
     if not found:
         raise RcdnError("no ChArUco board was read in these pictures")
     kinds = [identity(b.target) for _, _, b in found if b.target is not None]
-    usual = max(set(kinds), key=kinds.count)
+    majority = max(set(kinds), key=kinds.count)
     whole = max(
-        (b.target for _, _, b in found if b.target is not None and identity(b.target) == usual),
+        (b.target for _, _, b in found if b.target is not None and identity(b.target) == majority),
         key=lambda t: getattr(t, "rows", 0) or 0,
     )
     read, shots = OPENCV.load(), []
     for (name, grey, board), kind in zip(found, kinds, strict=True):
-        theirs = read(grey, whole) if kind == usual else []
+        theirs = read(grey, whole) if kind == majority else []
         if theirs:
             shot = Shot(name, board, theirs[0].ids, theirs[0].xy)
             shots += [shot] if len(shot.common) >= FEWEST_SHARED else []

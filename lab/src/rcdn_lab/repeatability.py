@@ -218,5 +218,5 @@ def _geometric(values: Sequence[float]) -> float:
 
 
 def _of(values: Sequence[float | None], mean: Callable[[Any], Any]) -> float | None:
-    told = [v for v in values if v is not None]
-    return float(mean(told)) if told else None
+    known = [v for v in values if v is not None]
+    return float(mean(known)) if known else None

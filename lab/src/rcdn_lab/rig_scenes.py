@@ -61,13 +61,13 @@ class Scene:
         ray = np.append(rng.uniform([-across, -down], [across, down]), 1.0) * rng.uniform(*self.reach)
         at = cam[:3, :3] @ ray + cam[:3, 3]
         eyes = (cam[:3, 3] + np.linalg.inv(self.places[b])[:3, 3]) / 2
-        T = np.linalg.inv(looking(eyes, at))
+        T = np.linalg.inv(look_at(eyes, at))
         T[:3, :3] = T[:3, :3] @ rotation(rng.normal(0, 0.3, 3))
         T[:3, 3] = at - T[:3, :3] @ np.array([(SIZE[0] - 1) / 2 * SPACING, (SIZE[1] - 1) / 2 * SPACING, 0])
         return T
 
 
-def looking(eye: Array, at: Array) -> Array:
+def look_at(eye: Array, at: Array) -> Array:
     """T_cam_world (4, 4) of a camera at `eye` that looks `at` a point, its y axis downwards (world's z up)."""
     z = (at - eye) / np.linalg.norm(at - eye)
     x = np.cross(z, [0, 0, 1.0])
@@ -86,7 +86,7 @@ def ring(count: int, inwards: float, kinds: tuple[str, ...] = ("brown",)) -> Sce
         out = np.array([np.cos(turn), np.sin(turn), 0.1])
         eye = out * (inwards or 0.15)
         cameras[f"c{k}"] = CAMERAS[kinds[k % len(kinds)]]
-        places[f"c{k}"] = looking(eye, np.zeros(3) if inwards else out * 5)
+        places[f"c{k}"] = look_at(eye, np.zeros(3) if inwards else out * 5)
     return Scene(cameras, places)
 
 
@@ -110,7 +110,7 @@ def row(gaps: list[float], kinds: tuple[str, ...] = ("brown",)) -> Scene:
         x += gap
         eye = np.array([x, 0, 0.02 * (k % 3)])
         cameras[f"c{k}"] = CAMERAS[kinds[k % len(kinds)]]
-        places[f"c{k}"] = looking(eye, eye + np.array([0.05 * (-1) ** k, 1, 0]))
+        places[f"c{k}"] = look_at(eye, eye + np.array([0.05 * (-1) ** k, 1, 0]))
     return Scene(cameras, places)
 
 
@@ -122,7 +122,7 @@ def room(count: int, side: float = 2.2, kinds: tuple[str, ...] = ("brown",)) -> 
         turn = 2 * np.pi * k / count
         eye = side / 2 * np.array([np.cos(turn), np.sin(turn), 0.15 * (-1) ** k])
         cameras[f"c{k:02d}"] = CAMERAS[kinds[k % len(kinds)]]
-        places[f"c{k:02d}"] = looking(eye, np.array([0.2 * np.cos(turn + 2), 0.2 * np.sin(turn + 2), 0]))
+        places[f"c{k:02d}"] = look_at(eye, np.array([0.2 * np.cos(turn + 2), 0.2 * np.sin(turn + 2), 0]))
     return Scene(cameras, places)
 
 

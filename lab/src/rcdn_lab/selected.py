@@ -39,9 +39,9 @@ def row_of(one: CameraSet, boards: Sequence[Board], seed: int = 0) -> dict[str, 
     for many in COUNTS:
         rng = np.random.default_rng([seed, many])
         draws = [np.sort(rng.choice(len(boards), many, replace=False)) for _ in range(DRAWS)]
-        usual = float(np.median([_off(whole, one, boards, d) for d in draws]))
+        median = float(np.median([_off(whole, one, boards, d) for d in draws]))
         mine = _off(whole, one, boards, np.array([int(n) for n in most_informative(whole, many)]))
-        row |= {f"selected_{many}": mine, f"random_{many}": usual, f"ratio_{many}": mine / usual}
+        row |= {f"selected_{many}": mine, f"random_{many}": median, f"ratio_{many}": mine / median}
     return row
 
 

@@ -25,13 +25,13 @@ class Counter:
     """Networks that answer with a plain bump, and how often they were asked; `last`: when they are killed."""
 
     def __init__(self, last=99):
-        self.asked, self.last = [], last
+        self.requested, self.last = [], last
 
     def __call__(self, row):
         def respond(image):
-            if len(self.asked) == self.last:
+            if len(self.requested) == self.last:
                 raise KeyboardInterrupt
-            self.asked.append(row)
+            self.requested.append(row)
             out = np.zeros(image.shape, np.float32)
             out[50:53, 60:63] = 1
             out[51, 61] = 2
@@ -45,8 +45,8 @@ def test_a_second_run_computes_nothing_and_says_the_same(what, tmp_path):
     one = tables.table(what, cache=tmp_path, load=first)
     two = tables.table(what, cache=tmp_path, load=second)
     assert one == two == tables.table(what, load=Counter())
-    assert sorted(first.asked) == ["A", "A", "MATE", "MATE"]
-    assert second.asked == []
+    assert sorted(first.requested) == ["A", "A", "MATE", "MATE"]
+    assert second.requested == []
 
 
 def test_a_run_that_was_killed_goes_on(what, tmp_path):
@@ -54,7 +54,7 @@ def test_a_run_that_was_killed_goes_on(what, tmp_path):
         tables.table(what, cache=tmp_path, load=Counter(last=3))
     rest = Counter()
     assert tables.table(what, cache=tmp_path, load=rest) == tables.table(what, load=Counter())
-    assert rest.asked == ["MATE"]
+    assert rest.requested == ["MATE"]
 
 
 def test_more_pictures_and_other_tables_share_what_is_known(what, tmp_path, monkeypatch):
@@ -63,8 +63,8 @@ def test_more_pictures_and_other_tables_share_what_is_known(what, tmp_path, monk
         monkeypatch.setitem(NETWORKS, row, replace(NETWORKS[row], model="paper"))
     more = Counter()
     tables.table(tables.plan("table3", sets=["mesa-like"], most=3), cache=tmp_path, load=more)
-    assert more.asked.count("A") == more.asked.count("MATE") == 1
-    assert more.asked.count("F") == 3
+    assert more.requested.count("A") == more.requested.count("MATE") == 1
+    assert more.requested.count("F") == 3
 
 
 def test_other_weights_are_refused_by_name(what, tmp_path, monkeypatch):
@@ -73,7 +73,7 @@ def test_other_weights_are_refused_by_name(what, tmp_path, monkeypatch):
     none = Counter()
     with pytest.raises(ConfigError, match=r"weights of MATE \(\w+ there, \w+ now\).*delete"):
         tables.table(what, cache=tmp_path, load=none)
-    assert none.asked == []
+    assert none.requested == []
 
 
 def test_another_configuration_is_refused_and_all_that_differs_is_named(what, tmp_path, monkeypatch):
@@ -137,7 +137,7 @@ def test_damaged_entries_are_computed_again(what, tmp_path):
     entry.write_text(entry.read_text()[:30])
     again = Counter()
     assert tables.table(what, cache=tmp_path, load=again) == tables.table(what, load=Counter())
-    assert again.asked == ["A"]
+    assert again.requested == ["A"]
 
 
 def test_a_picture_that_changed_under_its_name_is_another(tmp_path):

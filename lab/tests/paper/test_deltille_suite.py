@@ -31,9 +31,9 @@ def test_the_truth_scores_full_and_errors_are_counted(seed):
     n = len(found)
     assert suite.score(scene, [found]) == (n, n, 0, 0, 1, n, n, 0.0)
     assert suite.score(scene, []) == (n, 0, 0, 0, 0, n, 0, 0.0)
-    told = np.arange(len(truth(scene)[0].xy)) % 2 == 0
-    some = int(told[truth(scene)[0].visible].sum())
-    assert suite.score(scene, [found], told)[4:7] == (1, some, some)
+    locatable = np.arange(len(truth(scene)[0].xy)) % 2 == 0
+    some = int(locatable[truth(scene)[0].visible].sum())
+    assert suite.score(scene, [found], locatable)[4:7] == (1, some, some)
     assert suite.score(scene, [as_found(scene, slice(5, None))])[:5] == (n, n - 5, 0, 0, 0)
     moved = Board(found.xy + [[50.0, 50.0]] * (np.arange(n) < 1)[:, None], found.ij, found.image_size,
                   found.response, found.status, found.orientation, pattern="deltille")  # fmt: skip

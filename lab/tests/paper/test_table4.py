@@ -231,10 +231,10 @@ def test_rows_of_a_set(pair):
 
 
 def test_the_cameras_of_a_set_count_together_and_again_the_same(pair, monkeypatch):
-    asked = []
+    calls = []
 
     def place(left, right, spacing, true):
-        asked.append((left.index, right.index))
+        calls.append((left.index, right.index))
         return table4_figures.Rig(len(left.index), 5.0, 0.01)
 
     monkeypatch.setattr(table4, "rig_of", place)
@@ -247,7 +247,7 @@ def test_the_cameras_of_a_set_count_together_and_again_the_same(pair, monkeypatc
     assert every["rms"] == pytest.approx(np.sqrt(2 * (0.05**2 + 0.15**2) / 2), rel=0.05)
     assert every["cal"] == pytest.approx(every["rms"], rel=0.1)
     assert (every["pairs"], every["baseline"], every["views"]) == (12, 5.0, 24)
-    assert asked == [(list(range(12)), list(range(12)))] * 4
+    assert calls == [(list(range(12)), list(range(12)))] * 4
 
 
 def test_a_breakdown_and_too_few_boards_are_told(pair):
@@ -312,13 +312,13 @@ def rows_of(**pose):
 
 
 def test_claims_are_a_function_of_the_rows():
-    said = {c.text: c for c in table4_published.claims(rows_of(auto=0.2, opencv=0.3, geiger=0.1, paper=0.05))}
-    assert len(said) == 6
-    wrong = said["`auto` has the lowest pose error on s"]
+    by_text = {c.text: c for c in table4_published.claims(rows_of(auto=0.2, opencv=0.3, geiger=0.1, paper=0.05))}
+    assert len(by_text) == 6
+    wrong = by_text["`auto` has the lowest pose error on s"]
     assert not wrong.holds
     assert wrong.found == "0.2000; opencv 0.3000, geiger 0.1000"
-    assert said["`paper` has the lowest pose error on s"].holds
-    assert said["`auto` has the lowest calibration error on s"].holds  # a tie
+    assert by_text["`paper` has the lowest pose error on s"].holds
+    assert by_text["`auto` has the lowest calibration error on s"].holds  # a tie
     alone = table4_published.claims(rows_of(auto=0.2, paper=0.1))
     assert {c.holds for c in alone} == {None}
 

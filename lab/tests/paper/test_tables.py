@@ -202,11 +202,11 @@ def test_missing_weights_and_photographs_are_rows_that_say_so(monkeypatch, tmp_p
     assert "RCDN_DATA" in rows[-1]["note"]
     assert rows[0]["precision"] is None
     assert tables.settings_of(what)["skipped"].keys() == {"A", "gopro"}
-    assert "not checked" in "\n".join(table_text.told("table2", rows))
+    assert "not checked" in "\n".join(table_text.claim_lines("table2", rows))
 
 
 def test_default_and_full_counts(tmp_path):
-    assert {n: (s.usual, s.total) for n, s in SETS.items()} == {
+    assert {n: (s.default, s.total) for n, s in SETS.items()} == {
         "mesa-like": (206, 206), "ueye-like": (24, 206), "ueye": (5, 5), "gopro-like": (10, 100), "gopro": (30, 30)
     }  # fmt: skip
     assert len(tables.plan("table2", sets=["gopro-like"]).sets["gopro-like"]) == 10
@@ -248,20 +248,20 @@ def test_what_the_papers_own_tables_say_about_its_claims():
 def test_a_claim_is_judged_by_the_figures_it_is_given():
     good, bad = {"x": (0.99, 0.99), "y": (1.0, 0.98)}, {"x": (0.99, 0.97), "y": (1.0, 0.98)}
 
-    def say(one, two):
+    def verdict(one, two):
         return find(verdicts("table3", {("D-1", "adaptive"): one, ("D-3", "adaptive"): two}), "D-1, D-3")
 
-    assert say(good, bad) == "holds"
-    assert say(bad, good) == "doesn't hold"
-    assert say(good, good) == "equal"
-    assert say(good, {"x": (1, 1), "y": (0.5, 0.5)}) == "holds on 1 of 2"
-    assert say(good, {}) == "not checked"
+    assert verdict(good, bad) == "holds"
+    assert verdict(bad, good) == "doesn't hold"
+    assert verdict(good, good) == "equal"
+    assert verdict(good, {"x": (1, 1), "y": (0.5, 0.5)}) == "holds on 1 of 2"
+    assert verdict(good, {}) == "not checked"
     (claim,) = (
         c
         for c in table_claims.claims("table3", {("F", "adaptive"): good, ("ChESS", "max"): bad})
         if "recall than ChESS" in c.text
     )
-    assert claim.told == "x: F 0.9900, ChESS 0.9700; y: F 0.9800, ChESS 0.9800"
+    assert claim.details == "x: F 0.9900, ChESS 0.9700; y: F 0.9800, ChESS 0.9800"
 
 
 def test_rows_become_figures(every_network):

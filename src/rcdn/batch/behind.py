@@ -11,7 +11,7 @@ from rcdn.batch.cache import Cache, file_digest
 from rcdn.batch.work import make_detector
 from rcdn.config import DetectorConfig
 from rcdn.errors import many
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.batch.calibration_runs import Run
@@ -59,7 +59,7 @@ def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) 
     some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)
     if not some:
         return got
-    talk.note(
+    console.note(
         f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's back "
         "(a print that shines through, or a mirrored one); if the pictures themselves are mirrored (selfie "
         "mode), flip them first"

@@ -14,9 +14,9 @@ import typer
 
 from rcdn.batch.camera_files import check_format
 from rcdn.batch.paths import check_file
-from rcdn.batch.writing import say_unwritten, write_each
+from rcdn.batch.writing import print_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
@@ -119,7 +119,7 @@ class Outputs:
         if refused and not left.files:
             raise FormatError("; ".join(f"{path} can't be written: {reason}" for path, reason in refused.items()))
         for path, reason in refused.items():
-            say_unwritten(path, reason)
+            print_unwritten(path, reason)
         return left
 
     @property
@@ -153,7 +153,7 @@ class Outputs:
                 f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
             )
         if written:
-            talk.say_written(written)
+            console.note_written(written)
         elif not self.files:
-            talk.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
+            console.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
         return len(written) == len(self.files) and not self.refused

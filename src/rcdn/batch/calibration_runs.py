@@ -14,7 +14,7 @@ from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.pair_file import PairFile
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, many
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn.terminal.options import GridSize
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_of
@@ -65,7 +65,7 @@ class Run:
         got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size, make=make)
         self.failed = self.failed or bool(got.failures)
         for note in got.notes:
-            talk.note(note)
+            console.note(note)
         if not any(image.boards for image in got.images):
             raise CalibrationError(_no_board([image.warnings for image in got.images]))
         return got
@@ -79,7 +79,7 @@ class Run:
         if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
             if "squares have" in hint:
                 raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
-            talk.note(f"hint: {hint}")
+            console.note(f"hint: {hint}")
         check_spacing(spacing, sizes_of(flat(got.images)[0], self.size))
 
 
@@ -116,7 +116,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     done = _solved(run, problem, *flat(got.images))
     done = advised(done)
     views = camera_text.cut_lines(done) + camera_text.left_out_lines(done)
-    _say(done, camera_text.camera_lines(done), views)
+    _print_results(done, camera_text.camera_lines(done), views)
     run.failed |= not outputs.write(
         outputs.kept(done),
         lambda path: camera_files.write_one(path, done.camera, outputs.format),
@@ -138,7 +138,9 @@ def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence
         return done
     some = set(most_informative(done, problem.select))
     kept = [k for k, name in enumerate(names) if name in some]
-    talk.note(f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera")
+    console.note(
+        f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera"
+    )
     return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept])
 
 
@@ -162,7 +164,7 @@ def two_cameras(
         boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
     )
     out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
-    _say(done, camera_text.stereo_lines(done), out)
+    _print_results(done, camera_text.stereo_lines(done), out)
     run.failed |= not outputs.write(
         outputs.kept(done.left, done.right),
         lambda path: camera_files.write_pair(path, done, outputs.format),
@@ -197,7 +199,7 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
         return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
     found = pair_names(one, two)
     if hint := pairing_hint(one, two, found):
-        talk.note(one_line(hint))
+        console.note(one_line(hint))
     return found.pairs
 
 
@@ -229,12 +231,12 @@ def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pi
 
     pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
     if pictures.left_out:
-        talk.note(f"note: --report: {pictures.left_out}")
+        console.note(f"note: --report: {pictures.left_out}")
     return pictures
 
 
-def _say(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
+def _print_results(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
     from rcdn.terminal.camera_text import advice_lines, verdict_line
 
     for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
-        talk.say(line)
+        console.print_line(line)

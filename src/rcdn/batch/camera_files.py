@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat, LensFit, StereoCameras
@@ -81,24 +81,24 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
     """Write a camera, and print which of its properties the format can't represent."""
     from rcdn.io import write_camera, write_maps
 
-    _say_opencv(path, format)
+    _note_format(path, format)
     if _maps(path, format):
         write_maps(path, camera)
     else:
-        _say(path, [write_camera(path, camera, format)])
+        _note_fits(path, [write_camera(path, camera, format)])
 
 
 def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
     """Write two cameras, and print which of their properties the format can't represent."""
     from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
-    _say_opencv(path, format)
+    _note_format(path, format)
     if _maps(path, format):
         write_stereo_maps(path, found)
         return
     write_stereo(path, found, format)
     pair = StereoCameras.of(found)
-    _say(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
+    _note_fits(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
 
 
 def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
@@ -107,17 +107,17 @@ def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
 
     for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
         if fit is not None:
-            talk.note(f"{path}: camera {name}: {fit.text}")
+            console.note(f"{path}: camera {name}: {fit.text}")
     files = rig_paths(path, rig.names, format)
     if len(files) > 1:
-        talk.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
+        console.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
 
 
 def _maps(path: Path, format: CameraFormat | None) -> bool:
     return format is None and path.suffix.lower() == ".npz"
 
 
-def _say_opencv(path: Path, format: CameraFormat | None) -> None:
+def _note_format(path: Path, format: CameraFormat | None) -> None:
     """Print a note for a name such as `ros.yaml`, which suggests another format than the one that is written."""
     from rcdn.io import camera_format
 
@@ -126,10 +126,10 @@ def _say_opencv(path: Path, format: CameraFormat | None) -> None:
     words = re.split(r"[^a-z]+", path.stem.lower())
     for format_name, part in (("ROS", "camera_info"), ("Kalibr", "camchain")):
         if format_name.lower() in words:
-            talk.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
+            console.note(f"{path}: written as OpenCV's YAML; for {format_name}'s the name holds {part}")
 
 
-def _say(path: Path, fits: list[LensFit | None]) -> None:
+def _note_fits(path: Path, fits: list[LensFit | None]) -> None:
     for fit in fits:
         if fit is not None:
-            talk.note(f"{path}: {fit.text}")
+            console.note(f"{path}: {fit.text}")

@@ -22,12 +22,12 @@ from rcdn.batch.work import (
     explain,
     frame_name,
     in_thread,
-    looked_up,
     make_detector,
     pictures_of,
+    with_cached,
 )
 from rcdn.errors import ConfigError, many
-from rcdn.terminal.group import say_error
+from rcdn.terminal.group import print_error
 from rcdn.terminal.progress import Bar, progress
 
 if TYPE_CHECKING:
@@ -92,11 +92,11 @@ def gather(
 
 @dataclass
 class _Video:
-    """A video's state: `count`, the total number of frames, and `looked`, the numbers of those that are examined."""
+    """A video's state: `count`, the total number of frames, and the numbers of those that are `examined`."""
 
     path: Path
     count: int = 0
-    looked: list[int] = field(default_factory=list)
+    examined: list[int] = field(default_factory=list)
 
 
 class _Run:
@@ -121,7 +121,7 @@ class _Run:
             try:
                 self._images[index] = self._saved(path, size)
             except Exception as error:
-                self._fail(Failure(str(path), explain(error, str(path))), say_error)
+                self._fail(Failure(str(path), explain(error, str(path))), print_error)
 
     def _saved(self, path: Path, size: tuple[int, int] | None) -> list[ImageResult]:
         from rcdn.io import read_detections, read_vnl_boards
@@ -148,7 +148,7 @@ class _Run:
                 bar.advance(done.index, done.name)
                 for outcome in done.outcomes:
                     if isinstance(outcome, Failure):
-                        self._fail(outcome, bar.say)
+                        self._fail(outcome, bar.print_error)
                         continue
                     self._images[done.index].append(outcome)
                     if outcome.warnings:
@@ -156,9 +156,9 @@ class _Run:
         if work.cache is not None:
             work.cache.prune()
 
-    def _fail(self, failure: Failure, say: Callable[[str], None]) -> None:
+    def _fail(self, failure: Failure, report: Callable[[str], None]) -> None:
         self.failures.append(failure)
-        say(failure.message)
+        report(failure.message)
 
     def _counted(self, pictures: Iterator[Picture]) -> Iterator[Picture]:
         for picture in pictures:
@@ -180,12 +180,12 @@ class _Run:
         video = self._videos[index]
         content = content_of(video.path, cache)
         if self._given is not None:
-            video.looked = sorted(self._given.get(index, ()))
+            video.examined = sorted(self._given.get(index, ()))
         else:
-            bar.tell(f"{video.path.name}: looking for sharp frames")
-            video.count, video.looked = _candidates(video.path, content, cache)
-        blank = (Picture(index, frame_name(video.path, number), None, number=number) for number in video.looked)
-        yield from _with_pixels(video.path, [looked_up(p, content, cache) for p in blank])
+            bar.describe(f"{video.path.name}: looking for sharp frames")
+            video.count, video.examined = _candidates(video.path, content, cache)
+        blank = (Picture(index, frame_name(video.path, number), None, number=number) for number in video.examined)
+        yield from _with_pixels(video.path, [with_cached(p, content, cache) for p in blank])
 
     # ---- all together
 
@@ -223,12 +223,12 @@ class _Run:
         if self._given is None:
             with_board = sum(bool(i.boards) for i in images)
             images = self._images[index] = [images[k] for k in choose_views(images, self._most)]
-            if video.looked:
+            if video.examined:
                 self._notes.append(
                     f"{video.path}: {len(images)} frames are used, of {with_board} with a board, "
-                    f"of {len(video.looked)} sharp and different ones, of {video.count}"
+                    f"of {len(video.examined)} sharp and different ones, of {video.count}"
                 )
-        names = {frame_name(video.path, number): number for number in video.looked}
+        names = {frame_name(video.path, number): number for number in video.examined}
         return tuple(names[i.path] for i in images)
 
 
@@ -243,11 +243,11 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
         known = cache.get(key)
         if isinstance(known, dict) and _are_frames(known.get("frames"), known.get("count")):
             return known["count"], known["frames"]
-    glances = [choice.glance(grey) for _, grey in frames(path)]
-    numbers = choice.candidates(glances)
+    summaries = [choice.frame_summary(grey) for _, grey in frames(path)]
+    numbers = choice.candidates(summaries)
     if cache is not None and key:
-        cache.put(key, {"count": len(glances), "frames": numbers})
-    return len(glances), numbers
+        cache.put(key, {"count": len(summaries), "frames": numbers})
+    return len(summaries), numbers
 
 
 def _are_frames(numbers: Any, count: Any) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.types import Camera
@@ -35,13 +35,13 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
     a camera that is given twice; FormatError as `read_cameras`.
     """
     found: dict[str, Camera] = {}
-    for told, file in (_told(f) for f in files):
-        for name, camera in _cameras(told, file).items():
+    for given, file in (_name_and_file(f) for f in files):
+        for name, camera in _cameras(given, file).items():
             if name in found:
                 raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
             found[name] = camera
     if len(files) == 1 and len(found) == len(names) and not set(found) & set(names):
-        talk.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
+        console.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
         return dict(zip(names, found.values(), strict=True))
     if unknown := [name for name in found if name not in names]:
         raise ConfigError(
@@ -51,7 +51,7 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
     return found
 
 
-def _told(file: Path) -> tuple[str, Path]:
+def _name_and_file(file: Path) -> tuple[str, Path]:
     """(NAME, FILE) of `NAME=FILE`; ("", `file`) if there is no equals sign or `file` itself exists."""
     name, sign, rest = str(file).partition("=")
     return ("", file) if not sign or file.exists() else (name, Path(rest))

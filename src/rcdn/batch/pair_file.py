@@ -24,7 +24,7 @@ Pairs = Annotated[
 ]
 SEPARATORS = (",", ";", "\t")
 HEADERS = ({"left", "left_name", "left name"}, {"right", "right_name", "right name"})
-MOST_SAID = 10
+MOST_DETAILED = 10
 """bad lines that an error message describes; for the others it lists the line numbers"""
 
 
@@ -144,6 +144,8 @@ def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
 def _refuse(path: Path, bad: Sequence[tuple[int, str]]) -> None:
     if not bad:
         return
-    said = "; ".join(f"line {number}: {text}" for number, text in bad[:MOST_SAID])
-    rest = [str(number) for number, _ in bad[MOST_SAID:]]
-    raise ConfigError(f"{path}: {said}" + (f"; and the same kind of fault in lines {', '.join(rest)}" if rest else ""))
+    details = "; ".join(f"line {number}: {text}" for number, text in bad[:MOST_DETAILED])
+    rest = [str(number) for number, _ in bad[MOST_DETAILED:]]
+    raise ConfigError(
+        f"{path}: {details}" + (f"; and the same kind of fault in lines {', '.join(rest)}" if rest else "")
+    )

@@ -15,16 +15,16 @@ def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
     note on drawings of rcdn that are skipped."""
     from rcdn.errors import many
     from rcdn.io import find
-    from rcdn.terminal import talk
-    from rcdn.terminal.group import one_line, say_error
+    from rcdn.terminal import console
+    from rcdn.terminal.group import one_line, print_error
 
     found = find(arguments)
     for _, message in found.errors:
-        say_error(message)
+        print_error(message)
     if found.own:
         number, first = len(found.own), one_line(str(found.own[0]))
         rest = "is passed over: " + first if number == 1 else f"are passed over: {first}, …"
-        talk.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
+        console.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
     return found.files, [Failure(name, message) for name, message in found.errors]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rcdn.errors import ConfigError, FormatError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
@@ -56,7 +56,7 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
 
     kind = rig_format(out, format)
     rig = read_rig(*inputs)
-    if out == talk.STDOUT and len(rig_paths(out, rig.names, format)) > 1:
+    if out == console.STDOUT and len(rig_paths(out, rig.names, format)) > 1:
         raise ConfigError(f"a rig is a file a camera in {kind}; name OUT, to which the cameras' names are added")
     for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
         if fit is not None and fit.largest > EXACT and not lossy:
@@ -65,4 +65,4 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
             )
     write_rig_files(out, rig, format)
     if rig.covariance is not None and kind != "json":
-        talk.note(f"{out}: holds no covariance of the cameras' places; json does")
+        console.note(f"{out}: holds no covariance of the cameras' places; json does")

@@ -16,8 +16,8 @@ from rcdn.batch.cache import Cache
 from rcdn.batch.moments import cameras_in, moments_of
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
-from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, one_line, say_error
+from rcdn.terminal import console
+from rcdn.terminal.group import FAILED, one_line, print_error
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, side, sizes_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ EVERY = 10**9
 
 
 @dataclass(frozen=True)
-class Looks:
+class DetectionSettings:
     """Settings for detection; `size`: (columns, rows) of the boards to use, or None for any."""
 
     config: DetectorConfig
@@ -52,7 +52,9 @@ class Looks:
         )
 
 
-def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks: Looks, json: Path | None) -> None:
+def rig_poses(
+    path: Path, inputs: Sequence[str], length: Length | Lengths, settings: DetectionSettings, json: Path | None
+) -> None:
     """Print the board's pose at each moment in the frame of the rig that is read from `path`, and write the poses as
     JSON."""
     from rcdn.calibration import estimate_rig_pose
@@ -61,20 +63,20 @@ def rig_poses(path: Path, inputs: Sequence[str], length: Length | Lengths, looks
 
     rig = read_rig(path)
     cameras = _named(rig, cameras_in(inputs), path)
-    found = {name: looks.gather(each) for name, each in cameras.items()}
-    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], looks.size))
+    found = {name: settings.gather(each) for name, each in cameras.items()}
+    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
     failed, records = any(got.failures for got in found.values()), []
-    for moment, boards in _moments(found, looks.size).items():
+    for moment, boards in _moments(found, settings.size).items():
         try:
             done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
         except RcdnError as error:
-            say_error(f"{moment}: {error}")
+            print_error(f"{moment}: {error}")
             failed = True
             continue
-        talk.say(_line(moment, done))
+        console.print_line(_line(moment, done))
         records.append(_record(moment, done))
     if not records:
-        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(
@@ -89,7 +91,7 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
     if set(cameras) <= set(rig.names):
         return dict(cameras)
     if len(cameras) == len(rig):
-        talk.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
+        console.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
         return dict(zip(rig.names, cameras.values(), strict=True))
     raise ConfigError(
         f"--rig {path}: has cameras {', '.join(rig.names)}, but the inputs are {', '.join(cameras)}; name folders or "
@@ -102,7 +104,7 @@ def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dic
     left out."""
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
-        talk.note(f"note: pictures belong together by {way}")
+        console.note(f"note: pictures belong together by {way}")
     out: dict[str, dict[str, Board]] = {}
     for (name, got), each in zip(found.items(), keys, strict=True):
         for moment, image in zip(each, got.images, strict=True):

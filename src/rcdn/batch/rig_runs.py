@@ -13,7 +13,7 @@ from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, moments_of
 from rcdn.errors import many
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.spacing import metres
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     found = _gathered(run, cameras, problem)
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
-        talk.note(f"note: pictures belong together by {way}")
+        console.note(f"note: pictures belong together by {way}")
     moments = {
         name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
         for (name, got), each in zip(found.items(), keys, strict=True)
@@ -54,7 +54,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         fixed_boards=problem.fixed_boards,
     )
     for line in [*verdict_line(done.verdict), *rig_lines(done)]:
-        talk.say(line)
+        console.print_line(line)
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     run.failed |= not outputs.write(
         kept,
@@ -147,8 +147,8 @@ def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
         groups.setdefault(found.action, {}).setdefault(sentence, []).append(name)
     lines = []
     for action, sentences in groups.items():
-        said = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
-        lines.append(" ".join(["-", *said, action]).rstrip())
+        causes = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
+        lines.append(" ".join(["-", *causes, action]).rstrip())
     return lines
 
 

@@ -193,11 +193,11 @@ def size_hint(wanted: Size | None, sizes: Set[Size], pictures: int, of: int) -> 
     cols, rows = size = _wide(next(iter(sizes)))
     if wanted[0] < wanted[1]:
         cols, rows = size = rows, cols
-    ask = f"did you mean --board {cols}x{rows}?"
+    question = f"did you mean --board {cols}x{rows}?"
     seen = f"found {size_text(size)} in {pictures} of {many(of, 'picture')}"
     if same((cols + 1, rows + 1), wanted):
-        return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {ask}"
-    return f"{seen}, and {size_text(wanted)} in none; {ask}"
+        return f"{seen}: {wanted[0]}x{wanted[1]} squares have {size_text(size)} inner corners; {question}"
+    return f"{seen}, and {size_text(wanted)} in none; {question}"
 
 
 def _wide(size: Size) -> Size:

@@ -96,13 +96,13 @@ def pictures_of(index: int, path: Path, decode: bool, cache: Cache | None) -> It
     try:
         content = content_of(path, cache)
         if not is_video(path):
-            picture = looked_up(Picture(index, str(path), None, path=path), content, cache)
+            picture = with_cached(Picture(index, str(path), None, path=path), content, cache)
             # a pipe is always read here: it can be read only once, and only in this process
             if picture.known is not None or not (decode or is_special(path)):
                 yield picture
                 return
         for number, (name, grey) in enumerate(frames(path)):
-            yield looked_up(Picture(index, name, grey, number=number if is_video(path) else -1), content, cache)
+            yield with_cached(Picture(index, name, grey, number=number if is_video(path) else -1), content, cache)
     except Exception as error:
         yield Picture(index, str(path), None, explain(error, str(path)))
 
@@ -123,7 +123,7 @@ def content_of(path: Path, cache: Cache | None) -> str:
         return ""
 
 
-def looked_up(picture: Picture, content: str, cache: Cache | None) -> Picture:
+def with_cached(picture: Picture, content: str, cache: Cache | None) -> Picture:
     """`picture`, from a file with checksum `content`, with its key and its cached detections, if any."""
     if cache is None or not content:
         return picture

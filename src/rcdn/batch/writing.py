@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rcdn.batch.work import explain
 from rcdn.errors import OutputError, RcdnError
-from rcdn.terminal.group import say_error
+from rcdn.terminal.group import print_error
 
 
 def write_each(tasks: Iterable[tuple[Path | None, Callable[[Path], object]]]) -> list[Path]:
@@ -20,16 +20,16 @@ def write_each(tasks: Iterable[tuple[Path | None, Callable[[Path], object]]]) ->
         try:
             write(path)
         except OutputError as error:  # its message names the file
-            say_error(str(error))
+            print_error(str(error))
         except RcdnError as error:
-            say_unwritten(path, str(error))
+            print_unwritten(path, str(error))
         except Exception as error:
-            say_error(explain(error, f"{path} is not written"))
+            print_error(explain(error, f"{path} is not written"))
         else:
             written.append(path)
     return written
 
 
-def say_unwritten(path: Path, reason: str) -> None:
+def print_unwritten(path: Path, reason: str) -> None:
     """Report that this file is not written, and the reason."""
-    say_error(f"{path} is not written: {reason}")
+    print_error(f"{path} is not written: {reason}")

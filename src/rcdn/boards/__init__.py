@@ -53,30 +53,30 @@ def find_boards(
     trusted less). Returns [] if there is no board. Of many pieces, and of many boards, only the largest are processed,
     which is noted in `warnings`. `tags`: whether lattices of tags, whose steps alternate, count as boards, too.
     """
-    field, told = as_field(grey, candidates), warnings or Warnings()
+    field, warnings = as_field(grey, candidates), warnings or Warnings()
     grids = sorted(label(field, cells(field, links(field))), key=lambda g: (-len(g), min(g.values())))
-    grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", told)
+    grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", warnings)
     free, boards = np.ones(len(field.xy), bool), []
     lattices = alternating(field, grids, free) if tags else []
     parts, settled = _parts(field, grids, free)
-    usual = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
+    typical = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     whole = set(map(id, parts))
     merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
-    merged = [g for g in merged if plain(g, field.response, usual)]
+    merged = [g for g in merged if plain(g, field.response, typical)]
     left = allowed(grey.size, *FILLED)
-    for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", told):
+    for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", warnings):
         # A piece that was not merged has been completed before: a second time changes nothing if it is full, or if
         # its last completion changed nothing and no peak has been evaluated since.
         alone = id(grid) in whole
-        if not (alone and (is_full(grid) or settled.get(grid) == field.unseen)):
+        if not (alone and (is_full(grid) or settled.get(grid) == field.unevaluated)):
             _finish(field, grid, free)
-        if believable(grid, least, scale) and plain(grid, field.response, usual):
+        if believable(grid, least, scale) and plain(grid, field.response, typical):
             sign = board_sign(field, grid)
             if len(grid) <= left:
                 fill(field, grid, sign, free)
                 left -= len(grid)
             else:
-                told.add(
+                warnings.add(
                     "fill", f"in boards of {len(grid):,} corners and more none was looked for that the network missed"
                 )
             if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
@@ -84,8 +84,8 @@ def find_boards(
             if distinct(grid, field.grey):
                 boards.append(as_board(field, candidates, grid))
     boards += [as_board(field, candidates, Grid(at, field.xy), TAGS, 0) for at in lattices]
-    if field.asked[0] >= allowed(grey.size, *GROWN):
-        told.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
+    if field.rounds[0] >= allowed(grey.size, *GROWN):
+        warnings.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 
@@ -120,7 +120,7 @@ def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"])
             rest += more
             parts.append(grid)
             if as_it_was:
-                settled[grid] = field.unseen
+                settled[grid] = field.unevaluated
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
     return parts, settled
 
@@ -158,7 +158,7 @@ def _complete(field: Field, grid: Grid, free: Bool[Array, " n"], pruned: bool = 
     """
     available, before = free.copy(), len(grid)
     available[list(grid.at.values())] = False
-    if field.asked[0] < allowed(field.grey.size, *GROWN):
+    if field.rounds[0] < allowed(field.grey.size, *GROWN):
         grow(field, grid, available)
     as_it_was = pruned and len(grid) == before
     rest = [] if as_it_was else prune(grid, field)

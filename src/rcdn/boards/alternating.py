@@ -84,19 +84,19 @@ def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], flo
     [] if its steps do not alternate along the others.
     """
     shifts: list[tuple[int, ...]] = []
-    sizes, told = [], 0
+    sizes, count = [], 0
     for axis, step in enumerate(TAGS.steps[:2] if len(at) >= LEAST else ()):
         ratio = _ratios(xy, at, step)
-        usual = median(ratio) if len(ratio) > 1 else 0.0
+        typical = median(ratio) if len(ratio) > 1 else 0.0
         if not len(ratio) and len({spot[axis] for spot in at}) == 2:
             shifts.append((0, 1))
             continue
-        if abs(usual) < UNEVEN or (ratio * np.sign(usual) > UNEVEN).mean() < AGREE:
+        if abs(typical) < UNEVEN or (ratio * np.sign(typical) > UNEVEN).mean() < AGREE:
             return []
-        shifts.append((0,) if usual > 0 else (1,))
-        sizes.append(abs(usual))
-        told += len(ratio)
-    if told < TRIPLES:
+        shifts.append((0,) if typical > 0 else (1,))
+        sizes.append(abs(typical))
+        count += len(ratio)
+    if count < TRIPLES:
         return []
     gap = float(exp(-sum(sizes) / len(sizes)))
     return [({(u + a, v + b): corner for (u, v), corner in at.items()}, gap) for a in shifts[0] for b in shifts[1]]

@@ -18,9 +18,9 @@ from rcdn.boards.six_sided import (
     ALIKE_SEARCHED,
     REACH,
     believable,
+    median_contrast,
     shortest,
     six_sided,
-    usual_contrast,
     validate,
 )
 from rcdn.boards.triangles import FIT, as_six_sided, cells, label, links
@@ -141,11 +141,11 @@ def _offers(
     xy, guess, step = np.array([t[2] for t in tries]), spots.guess, spots.step[row]
     du, dv, silent = guess.du[row], guess.dv[row], corner < 0
     gap = np.linalg.norm(xy - guess.xy[row], axis=1) / step
-    looks = six_axes(field.grey, xy, ring(step))
-    fine = (gap < np.where(silent, NEAR_SEARCHED, NEAR)) & (looks.fit >= np.where(silent, FIT_SEARCHED, FIT))
-    fine &= (looks.polarity != 0) & _axes_fit(looks.axes, du, dv)
-    usual = usual_contrast(field, grid, sign, spots.labels, guess.du, guess.dv)
-    fine &= six_sided(field.grey, xy, du, dv, sign) > np.where(silent, ALIKE_SEARCHED, ALIKE) * usual[row]
+    orientation = six_axes(field.grey, xy, ring(step))
+    fine = (gap < np.where(silent, NEAR_SEARCHED, NEAR)) & (orientation.fit >= np.where(silent, FIT_SEARCHED, FIT))
+    fine &= (orientation.polarity != 0) & _axes_fit(orientation.axes, du, dv)
+    typical = median_contrast(field, grid, sign, spots.labels, guess.du, guess.dv)
+    fine &= six_sided(field.grey, xy, du, dv, sign) > np.where(silent, ALIKE_SEARCHED, ALIKE) * typical[row]
     refused.update((spots.labels[r], c) for (r, c, _), f in zip(tries, fine.tolist(), strict=True) if not f)
     return [_Offer(float(gap[k]), *tries[k]) for k in np.flatnonzero(fine)]
 

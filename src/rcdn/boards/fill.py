@@ -25,7 +25,7 @@ from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
-_usual = bind("rcdn_grid_usual")
+_typical = bind("rcdn_grid_usual")
 ROUNDS = 8
 """of filling, at most"""
 LEAST_SUPPORT = 5
@@ -56,7 +56,7 @@ class Spots(NamedTuple):
     at: Array
     guess: Predictions
 
-    def look(self, grey: Array, sign: int) -> tuple[Array, Array]:
+    def crossings(self, grey: Array, sign: int) -> tuple[Array, Array]:
         """Offsets (K, 2), squares, of the crossings at these spots, and their strengths (K, 2)."""
         colour = sign * (1.0 - 2 * (self.at.sum(axis=1) % 2))
         return crossings(grey, self.guess.xy, self.guess.du, self.guess.dv, colour)
@@ -76,10 +76,10 @@ class _Seen:
     def shares(self, at: Int[Array, "k 2"], strength: Real[Array, "k 2"]) -> Array:
         """`strength` (K, 2) at labels `at` (K, 2) ÷ the median of the known ones within two squares; 0 where none is
         known."""
-        usual, at = np.empty((len(at), 2)), as_labels(at)
-        _usual(self.at, np.ascontiguousarray(self.strength), at, usual)
-        fine = (usual > 0).all(axis=1, keepdims=True)
-        return np.where(fine, strength / np.where(fine, usual, 1), 0)
+        typical, at = np.empty((len(at), 2)), as_labels(at)
+        _typical(self.at, np.ascontiguousarray(self.strength), at, typical)
+        fine = (typical > 0).all(axis=1, keepdims=True)
+        return np.where(fine, strength / np.where(fine, typical, 1), 0)
 
 
 def fill(field: Field, grid: Grid, sign: int, free: Bool[Array, " n"]) -> None:
@@ -142,7 +142,7 @@ def _set_right(field: Field, grid: Grid, sign: int) -> _Seen:
     guess = grid.predictions(labels[order])
     some = with_sense(guess)
     spots = Spots(labels[order][some], guess.take(some))
-    offset, strength = spots.look(field.grey, sign)
+    offset, strength = spots.crossings(field.grey, sign)
     known = _Seen(spots.at, strength)
     steps = np.stack([spots.guess.du, spots.guess.dv], axis=2)
     here = grid.xy[grid.corners[order][some]] - spots.guess.xy
@@ -173,7 +173,7 @@ def _accepted(
     Beyond its rim a board gives no evidence of its own: there only candidates with a response of at least `plain` are
     accepted.
     """
-    offset, strength = spots.look(field.grey, sign)
+    offset, strength = spots.crossings(field.grey, sign)
     share = known.shares(spots.at, strength)
     least, most = share.min(axis=1, initial=np.inf), share.max(axis=1, initial=0)
     left, right, above, below = (windows(grid.labels, spots.at, 1)[:, BESIDES] >= 0).T
@@ -201,7 +201,7 @@ def _candidates(
 ) -> list[int | None]:
     """The free candidate on the crossing `xy` at each of `some` (J,) spots, or None."""
     reach = np.maximum(REACH_PX, ANSWERED * spots.guess.pitch[some])
-    field.look(xy[some], reach + SLACK)
+    field.evaluate(xy[some], reach + SLACK)
     if not np.shares_memory(grid.xy, field.xy):
         grid.xy[: len(free)] = field.xy
     if not len(some):

@@ -87,6 +87,6 @@ def _shown(field: Field, quads: Real[Array, "q 4"]) -> Array:
     contrast = edge_contrast(field.grey, field.xy[start], field.xy[end])
     step = field.xy[end] - field.xy[start]
     colour = field.side_colour(start, arctan2(step[:, 1], step[:, 0]))[0]
-    usual = np.minimum(field.contrast[start], field.contrast[end])
-    seen = (contrast * colour[:, None] > SHOWN * usual[:, None]).sum(axis=1) >= 2
+    expected = np.minimum(field.contrast[start], field.contrast[end])
+    seen = (contrast * colour[:, None] > SHOWN * expected[:, None]).sum(axis=1) >= 2
     return quads[seen.reshape(-1, 4).all(axis=1)]

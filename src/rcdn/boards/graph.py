@@ -50,7 +50,7 @@ class Field:
     """Corners as input of the board recovery: N corners; `strong` ones may start boards, the others only complete them.
 
     `xy` (N, 2); `axes` (N, 2) NaN if unknown; `polarity` (N,) ±1, 0; `contrast` (N,); `fit` (N,); `response` (N,);
-    `strong`, `refined` (N,) bool. The last of them are `peaks`, of which only the response is known until `look`
+    `strong`, `refined` (N,) bool. The last of them are `peaks`, of which only the response is known until `evaluate`
     evaluates them: `waiting` (N,) bool.
     """
 
@@ -68,7 +68,7 @@ class Field:
 
     @cached_property
     def _cells(self) -> PointCells:
-        """Spatial index of the initial positions; `look` changes them slightly."""
+        """Spatial index of the initial positions; `evaluate` changes them slightly."""
         return PointCells(self.xy.copy())
 
     @cached_property
@@ -77,7 +77,7 @@ class Field:
         return np.zeros(1)
 
     @cached_property
-    def asked(self) -> Int[Array, " 1"]:
+    def rounds(self) -> Int[Array, " 1"]:
         """(1,) int: number of rounds of growth of all grids so far."""
         return np.zeros(1, np.int64)
 
@@ -92,7 +92,7 @@ class Field:
         at = self.xy[rows]
         return rows[some[rows] & ((at >= low) & (at <= high)).all(axis=1)]
 
-    def look(self, spots: Real[Array, "k 2"], reach: Real[Array, " k"]) -> None:
+    def evaluate(self, spots: Real[Array, "k 2"], reach: Real[Array, " k"]) -> None:
         """Evaluate the waiting peaks within `reach` (K,) px of `spots` (K, 2), in place; duplicates of other corners
         are removed."""
         if self.peaks is None or self.waiting is None or not len(spots) or not len(self.peaks.xy):
@@ -104,7 +104,7 @@ class Field:
             return
         self.waiting[row] = False
         row = row[np.argsort(-self.response[row], kind="stable")]
-        xy, status, seen = self.peaks.look(row - first)
+        xy, status, seen = self.peaks.evaluate(row - first)
         known = ~self.waiting
         known[row] = False
         fresh = _apart(xy, self.xy[self.near(known, xy, SAME)])
@@ -116,7 +116,7 @@ class Field:
         self.contrast[row], self.fit[row] = seen.contrast[fresh], seen.fit[fresh]
 
     @property
-    def unseen(self) -> int:
+    def unevaluated(self) -> int:
         """Number of peaks not evaluated yet."""
         return 0 if self.waiting is None else int(np.count_nonzero(self.waiting))
 
@@ -156,14 +156,14 @@ def links(field: Field) -> Int[Array, "n 4"]:
     if len(usable) < 4:
         return out
     xy, axes = field.xy[usable], field.axes[usable]
-    looks = np.empty((len(usable), 6))
-    looks[:, 0:4:2], looks[:, 1:4:2] = cos_sin(axes)
-    looks[:, 4], looks[:, 5] = field.polarity[usable], field.contrast[usable]
+    features = np.empty((len(usable), 6))
+    features[:, 0:4:2], features[:, 1:4:2] = cos_sin(axes)
+    features[:, 4], features[:, 5] = field.polarity[usable], field.contrast[usable]
     distance, near = nearest(xy, xy, NEIGHBOURS + 1)
     own, room = np.empty((len(usable), 4), np.int64), np.empty((len(usable), 4), np.int64)
     strict, loose = cos_sin([TOLERANCE, TOLERANCE_SMALL])[1].tolist()
     limits = SMALL, strict, loose, LEAST_CONTRAST
-    _links(field.grey, xy, looks, near, distance, *limits, np.empty(own.shape), room, own)
+    _links(field.grey, xy, features, near, distance, *limits, np.empty(own.shape), room, own)
     out[usable] = np.where(own >= 0, usable[own], -1)
     return out
 

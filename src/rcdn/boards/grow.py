@@ -108,7 +108,7 @@ def grow(field: Field, grid: Grid, free: Bool[Array, " n"]) -> None:
         return
     growth = _Growth(field, grid, sign, free)
     for _ in range(ROUNDS):
-        field.asked[0] += 1
+        field.rounds[0] += 1
         offers = growth.offers()
         if not offers:
             return
@@ -149,19 +149,19 @@ class _Growth:
         if not len(spots):
             return []
         if len(labels) >= PLAIN:
-            self.field.look(guess.xy, NEAR * guess.pitch + SLACK)
-        asked, gap, fits, near, start, end, level = self._near(labels, members, spots, guess)
-        if not len(asked):
+            self.field.evaluate(guess.xy, NEAR * guess.pitch + SLACK)
+        offered, gap, fits, near, start, end, level = self._near(labels, members, spots, guess)
+        if not len(offered):
             return []
-        shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(asked), np.uint8)
+        shown, seen = edge_contrast(self.field.grey, start, end), np.empty(len(offered), np.uint8)
         _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
             close = edge_contrast(self.field.grey, start, end, close=True)
             shown = np.where(level[:, None] < 0, np.minimum(shown, close), np.maximum(shown, close))
             _seen(shown, level, near, fits, SHOWN, SHOWN_WEAK, seen)
         if not seen.all():
-            self.refused = np.concatenate([self.refused, asked[seen == 0]])
-        rows = zip(seen.tolist(), gap.tolist(), asked.tolist(), strict=True)
+            self.refused = np.concatenate([self.refused, offered[seen == 0]])
+        rows = zip(seen.tolist(), gap.tolist(), offered.tolist(), strict=True)
         return [(gap, (u, v), corner) for ok, gap, (u, v, corner) in rows if ok]
 
     def _open(self, labels: Array, members: Array) -> tuple[Array, Array, Array, Predictions]:

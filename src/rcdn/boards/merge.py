@@ -99,13 +99,13 @@ class _Lattice:
         self.grid.at |= zip(map(tuple, labels.tolist()), guest.corners.tolist(), strict=True)
         # a prediction uses only labels close by: all other steps remain valid
         changed = _close(self.labels, labels, WIDEST)
-        told = np.concatenate([self.labels, labels])
+        joined = np.concatenate([self.labels, labels])
         xy = np.concatenate([self.xy, guest.xy])
-        anew = np.concatenate([changed, np.arange(len(self.labels), len(told))])
-        near = _close(told, told[anew], WIDEST)
+        anew = np.concatenate([changed, np.arange(len(self.labels), len(joined))])
+        near = _close(joined, joined[anew], WIDEST)
         self.steps = np.concatenate([self.steps, guest.steps])
-        self.steps[anew] = _steps(told[near], xy[near], told[anew])
-        self.labels, self.xy, self.corners = told, xy, np.concatenate([self.corners, guest.corners])
+        self.steps[anew] = _steps(joined[near], xy[near], joined[anew])
+        self.labels, self.xy, self.corners = joined, xy, np.concatenate([self.corners, guest.corners])
         self.low, self.high = np.minimum(self.low, guest.low), np.maximum(self.high, guest.high)
         self.reach = max(self.reach, _reach(self.steps[anew]))
 

@@ -16,16 +16,17 @@ def ordered(ij: Array, xy: Array, colour: int, rule: Rule = CHECKER) -> Int[Arra
     """Labels (M, 2) that obey the contract, from right-handed labels `ij` of corners at `xy`; the smallest are 0.
 
     `colour`: +1 if the cell of `ij`'s lattice at the label (0, 0) is bright, −1 if dark, 0 if unknown. A turn is
-    admitted if the print says so (`_told`); of several, the one that brings the i axis closest to +x is taken. An
-    unambiguous board of squares (cols + rows odd) is labelled by its print alone: columns along its longer side, and
-    the square inside the origin is dark, so that the same printed corner has the same label from every viewpoint.
+    admitted if the print says so (`_admitted_turns`); of several, the one that brings the i axis closest to +x is
+    taken. An unambiguous board of squares (cols + rows odd) is labelled by its print alone: columns along its longer
+    side, and the square inside the origin is dark, so that the same printed corner has the same label from every
+    viewpoint.
     """
-    turns = _told(ij, colour, rule)
+    turns = _admitted_turns(ij, colour, rule)
     turn = turns[0] if len(turns) == 1 else max(turns, key=lambda k: _rightward(rule.turned(ij, k), xy))
     return rule.started(rule.turned(ij, turn))
 
 
-def _told(ij: Array, colour: int, rule: Rule) -> Sequence[int]:
+def _admitted_turns(ij: Array, colour: int, rule: Rule) -> Sequence[int]:
     """The turns after which the labels agree with the print; all of them if it does not tell."""
     every = range(len(rule.steps))
     if rule.sides == 3:  # each turn exchanges the colours; the triangles (0, 0), (1, 0), (0, 1) are dark

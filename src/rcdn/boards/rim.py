@@ -75,18 +75,18 @@ def _ends(field: Field, grid: Grid, sign: int, spots: Int[Array, "k 2"], inward:
     some = some[near.has[some] & behind.has[some] & _clear(field.grey, guess.maps[some])]
     start, end = near.xy[some], guess.xy[some]
     # the sides of an edge exchange their colours at each corner
-    usual = -np.median(edge_contrast(field.grey, behind.xy[some], start), axis=1)
-    whole, far = (_share(edge_contrast(field.grey, at, end), usual) for at in (start, 0.5 * (start + end)))
+    typical = -np.median(edge_contrast(field.grey, behind.xy[some], start), axis=1)
+    whole, far = (_share(edge_contrast(field.grey, at, end), typical) for at in (start, 0.5 * (start + end)))
     shown = np.where(whole >= SHOWN_WEAK, np.where(far >= SHOWN, 1.0, 0.5), 0.0)
-    here = Spots(spots[some], guess.take(some)).look(field.grey, sign)[1]
-    there = Spots(spots[some] + inward, inner.take(some)).look(field.grey, sign)[1]
+    here = Spots(spots[some], guess.take(some)).crossings(field.grey, sign)[1]
+    there = Spots(spots[some] + inward, inner.take(some)).crossings(field.grey, sign)[1]
     crossed = ((here >= SEEN * there) | (there <= 0)).all(axis=1)
     return np.where(crossed, 0.0, shown)
 
 
-def _share(contrast: Real[Array, "k 3"], usual: Real[Array, " k"]) -> Array:
-    """The smallest of the thirds of `contrast` (K, 3), as a share of the `usual` contrast (K,)."""
-    return (contrast / np.where(usual == 0, np.inf, usual)[:, None]).min(axis=1)
+def _share(contrast: Real[Array, "k 3"], typical: Real[Array, " k"]) -> Array:
+    """The smallest of the thirds of `contrast` (K, 3), as a share of the `typical` contrast (K,)."""
+    return (contrast / np.where(typical == 0, np.inf, typical)[:, None]).min(axis=1)
 
 
 class _Known:

@@ -20,12 +20,12 @@ corners"""
 OFF_INSIDE, OFF_RIM, OFF_LOOSE = 0.04, 0.1, 0.18
 """largest distance of a corner from its neighbours' prediction, share of the shortest step: with all six neighbours,
 with fewer, and where the prediction uses few corners (`ENOUGH`)"""
-OFF_PX, OFF_USUAL, OFF_MOST = 0.6, 6.0, 0.06
+OFF_PX, OFF_MEDIAN, OFF_MOST = 0.6, 6.0, 0.06
 """distance that is always allowed: so many px, and so many times the board's median, the latter up to this share of a
 step"""
 ENOUGH = 7
 """corners on which a prediction stands firmly"""
-EVEN, EVEN_USUAL, EVEN_MOST = 0.02, 10.0, 0.4
+EVEN, EVEN_MEDIAN, EVEN_MOST = 0.02, 10.0, 0.4
 """largest share of a ring's variance that is even, i.e. does not change its sign under a half turn; the same as a
 multiple of the board's median (noise has an even part, too); and an upper bound in any case: the edge of a shadow or an
 occluder near a corner, which biases its position, is even"""
@@ -84,7 +84,7 @@ def shortest(guess: Predictions) -> Real[Array, " k"]:
     return np.asarray(np.min([np.linalg.norm(s, axis=1) for s in (guess.du, guess.dv, guess.dv - guess.du)], axis=0))
 
 
-def usual_contrast(
+def median_contrast(
     field: Field, grid: Grid, sign: int, spots: list[Label], du: Array, dv: Array
 ) -> Shaped[Array, " k"]:
     """Median contrast (K,) of the labelled corners within two steps of each spot, evaluated with the spot's steps."""
@@ -127,7 +127,7 @@ def _drop_uneven(field: Field, grid: Grid) -> None:
     guess = grid.predictions(spots)
     step = np.where(guess.support > 0, shortest(guess), 0)
     even = six_axes(field.grey, grid.xy[[grid.at[s] for s in spots]], ring(step)).even
-    limit = min(max(EVEN, EVEN_USUAL * float(np.median(even))), EVEN_MOST) if len(even) else 0.0
+    limit = min(max(EVEN, EVEN_MEDIAN * float(np.median(even))), EVEN_MOST) if len(even) else 0.0
     grid.at = {spot: grid.at[spot] for spot, share in zip(spots, even.tolist(), strict=True) if share <= limit}
 
 
@@ -139,11 +139,11 @@ def _drop_misfits(grid: Grid) -> None:
         guess = grid.predictions(spots)
         off = np.linalg.norm(grid.xy[[grid.at[s] for s in spots]] - guess.xy, axis=1)
         known = guess.support > 0
-        usual = float(np.median(off[known])) if known.any() else 0.0
+        typical = float(np.median(off[known])) if known.any() else 0.0
         around = _neighbours(grid, spots)
         share = np.select([around == 6, guess.support >= ENOUGH], [OFF_INSIDE, OFF_RIM], OFF_LOOSE)
         step = np.nan_to_num(shortest(guess))
-        limit = np.maximum(np.maximum(share * step, OFF_PX), np.minimum(OFF_USUAL * usual, OFF_MOST * step))
+        limit = np.maximum(np.maximum(share * step, OFF_PX), np.minimum(OFF_MEDIAN * typical, OFF_MOST * step))
         excess = np.where(known, off / np.maximum(limit, 1e-9), 2.0)
         worst = int(excess.argmax())
         if excess[worst] <= 1:
@@ -157,14 +157,14 @@ def _drop_poor(field: Field, grid: Grid, sign: int) -> None:
     spots = sorted(grid.at)
     guess = grid.predictions(spots)
     xy = grid.xy[[grid.at[s] for s in spots]]
-    told = guess.support > 0
+    known = guess.support > 0
     contrast = np.zeros(len(spots))
-    contrast[told] = six_sided(field.grey, xy[told], guess.du[told], guess.dv[told], sign)
-    usual = np.zeros(len(spots))
-    if told.any():
-        some = [s for s, t in zip(spots, told, strict=True) if t]
-        usual[told] = usual_contrast(field, grid, sign, some, guess.du[told], guess.dv[told])
-    for spot, poor in zip(spots, contrast <= ALIKE * usual, strict=True):
+    contrast[known] = six_sided(field.grey, xy[known], guess.du[known], guess.dv[known], sign)
+    typical = np.zeros(len(spots))
+    if known.any():
+        some = [s for s, t in zip(spots, known, strict=True) if t]
+        typical[known] = median_contrast(field, grid, sign, some, guess.du[known], guess.dv[known])
+    for spot, poor in zip(spots, contrast <= ALIKE * typical, strict=True):
         if poor:
             del grid.at[spot]
 
@@ -187,12 +187,12 @@ def believable(field: Field, grid: Grid, least: int, scale: float) -> bool:
         return False
     corner, guess = np.array(list(grid.at.values())), grid.predictions(list(grid.at))
     response = np.where(corner < len(field.xy), field.response[np.minimum(corner, len(field.xy) - 1)], 0)
-    told = guess.support > 0
+    known = guess.support > 0
     step = shortest(guess)
-    off = float(np.median((np.linalg.norm(grid.xy[corner] - guess.xy, axis=1) / step)[told]))
-    looks = six_axes(field.grey, grid.xy[corner], ring(np.nan_to_num(step)))
+    off = float(np.median((np.linalg.norm(grid.xy[corner] - guess.xy, axis=1) / step)[known]))
+    orientation = six_axes(field.grey, grid.xy[corner], ring(np.nan_to_num(step)))
     if np.median(response) < RESPONSE or off > IRREGULAR:
         return False
-    if len(grid) < FEW and (off > FEW_IRREGULAR or np.median(looks.fit) < FEW_FIT):
+    if len(grid) < FEW and (off > FEW_IRREGULAR or np.median(orientation.fit) < FEW_FIT):
         return False
-    return bool(len(grid) >= TINY_LEAST or np.median(step[told]) >= TINY * scale)
+    return bool(len(grid) >= TINY_LEAST or np.median(step[known]) >= TINY * scale)

@@ -100,10 +100,10 @@ FEW, FEW_FAINT = 16, 0.6
 """a board of fewer corners needs this median response in any case: staggered tiles have saddles with 0.55"""
 
 
-def plain(grid: Grid, response: Real[Array, " n"], usual: float) -> bool:
-    """Whether the board's corners have clear responses; `response` (N,), `usual`: median of all sure corners."""
+def plain(grid: Grid, response: Real[Array, " n"], typical: float) -> bool:
+    """Whether the board's corners have clear responses; `response` (N,), `typical`: median of all sure corners."""
     own = median(response[grid.corners])
-    return own >= FAINT * usual and (len(grid) >= FEW or own >= FEW_FAINT)
+    return own >= FAINT * typical and (len(grid) >= FEW or own >= FEW_FAINT)
 
 
 SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8

@@ -93,8 +93,8 @@ def weight_of(calibration: Calibration) -> float:
     scatter."""
     sigma = np.concatenate([v.sigma[v.used] for v in calibration.used_views] or [np.zeros(0)])
     known = sigma[np.isfinite(sigma)]
-    usual = float(np.median(known)) if len(known) else 0.0
-    return 1 / max(float(np.hypot(calibration.noise, usual)), 1e-6)
+    median_sigma = float(np.median(known)) if len(known) else 0.0
+    return 1 / max(float(np.hypot(calibration.noise, median_sigma)), 1e-6)
 
 
 def share_known(calibration: Calibration, prior: Prior) -> float:
@@ -104,8 +104,8 @@ def share_known(calibration: Calibration, prior: Prior) -> float:
     if not any(v.used.any() for v in calibration.used_views) or any(v.pose is None for v in calibration.used_views):
         return 1.0
     total = view_information(calibration).information.sum(axis=0)
-    told = float(np.trace(prior.root.T @ total @ prior.root)) / max(prior.root.shape[1], 1)
-    return 1 / told if np.isfinite(told) and told > 0 else 1.0
+    ratio = float(np.trace(prior.root.T @ total @ prior.root)) / max(prior.root.shape[1], 1)
+    return 1 / ratio if np.isfinite(ratio) and ratio > 0 else 1.0
 
 
 def variances(

@@ -11,7 +11,7 @@ from rcdn.types import Array, BoardView, Calibration, Pattern, Plane
 from rcdn.types.arrays import Real
 
 PATTERNS: tuple[Pattern, ...] = ("checker", "deltille")
-ASKED = 3
+MOST_VIEWS = 3
 """views used to distinguish squares from triangles"""
 
 
@@ -25,7 +25,7 @@ def plane_of(calibration: Calibration, view: BoardView | None = None) -> Plane:
         view = next((v for v in calibration.used_views if v.target == calibration.target), None)
     if view is not None and view.plane is not None:
         return view.plane
-    views = [v for v in calibration.used_views if v.pose is not None and v.plane is None][:ASKED]
+    views = [v for v in calibration.used_views if v.pose is not None and v.plane is None][:MOST_VIEWS]
     misfit = {p: _misfit(calibration, views, Plane(p)) for p in PATTERNS}
     return Plane(min(PATTERNS, key=lambda p: misfit[p]))
 

@@ -203,11 +203,11 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     for c in range(len(state.cameras)):
         of = np.flatnonzero(corners.camera == c)
         xy[of], by_frame[of], own = linearise_one(state, corners.take(of), c)
-        shared[of[:, None, None], np.arange(2)[:, None], np.flatnonzero(told_by(state, c))] = own
+        shared[of[:, None, None], np.arange(2)[:, None], np.flatnonzero(parameters_of(state, c))] = own
     return xy, by_frame, shared
 
 
-def told_by(state: State, camera: int) -> Array:
+def parameters_of(state: State, camera: int) -> Array:
     """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place,
     and the boards' places and shape."""
     lenses, others = state.counts[:-2], 6 * (len(state.cameras) - 1)
@@ -222,7 +222,7 @@ def told_by(state: State, camera: int) -> Array:
 
 
 def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, Array, Array]:
-    """As `linearise`, for corners of one camera: with respect to the shared parameters `told_by` it only."""
+    """As `linearise`, for corners of one camera: with respect to its `parameters_of` only."""
     board, first, points = _placed(state, corners)
     xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
     in_first = by_point @ state.rig[camera, :3, :3]

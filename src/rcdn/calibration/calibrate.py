@@ -132,7 +132,7 @@ def with_geometries(
         chosen, scores = _choose(task, fits)
     done = result_of(task, boards, labels, names, fits[chosen], whole, scores)
     if model == "splined" or (model == "auto" and mean_residuals(done).share > SYSTEMATIC):
-        better = _splined(task, fits[chosen], scores[0], whole.spacing, asked=model == "splined")
+        better = _splined(task, fits[chosen], scores[0], whole.spacing, requested=model == "splined")
         if better is not None:
             done = result_of(task, boards, labels, names, better[0], whole, (better[1], *scores))
     _check_plausible(done)
@@ -178,8 +178,8 @@ def _fits(
         state = State.mono(Camera(start.K, np.zeros(LENSES[m][1]), start.image_size, LENSES[m][0]), T)
         state = with_fixed(state, fixed)
         rough[m] = robust.initial_fit(state, task.corners, task.sigma, default_free(state))
-    usual = float(np.median(task.sigma))
-    scatter = {m: float(np.hypot(noise, usual)) for m, (_, noise) in rough.items()}
+    median_sigma = float(np.median(task.sigma))
+    scatter = {m: float(np.hypot(noise, median_sigma)) for m, (_, noise) in rough.items()}
     near = {m: found for m, found in rough.items() if scatter[m] <= HOPELESS_MODEL * min(scatter.values())}
     cluster = alike(task.corners, start.image_size, pictures_of(task))
     fits = {}
@@ -226,10 +226,10 @@ def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) 
 
 
 def _splined(
-    task: Usable, fit: robust.Fit, score: ModelScore, spacing: float, asked: bool
+    task: Usable, fit: robust.Fit, score: ModelScore, spacing: float, requested: bool
 ) -> tuple[robust.Fit, ModelScore] | None:
     """The fit with a smooth correction of its lens, and its score; None if it does not reduce the held-out error
-    (unless `asked`, that is, requested by the user), or if the corrected projection folds."""
+    (unless `requested` by the user), or if the corrected projection folds."""
     state = smooth_lens.fitted(fit.state, task.corners, fit.weight)
     if not smooth_lens.whole(state.cameras[0]):
         return None
@@ -237,7 +237,7 @@ def _splined(
     found = robust.fit(state, fit.noise, task.corners, task.sigma, default_free(state, shape=True), cluster, spacing)
     common = choose.Task(task.corners, fit.weight, task.picture)
     held = choose.rms(choose.held_out(found.state, common, default_free(state, shape=True)), fit.weight)
-    if not asked and not held * choose.SIMPLER <= score.held_out:
+    if not requested and not held * choose.SIMPLER <= score.held_out:
         return None
     own = choose.rms(found.residuals, fit.weight)
     return found, ModelScore(f"{score.model} with spline", own, held)

@@ -69,13 +69,13 @@ class _Seen:
 def placed_boards(cameras: Sequence[Calibration], sights: Sights, edges: Sequence[Edge]) -> FixedBoards:
     """The places of boards that are fixed to each other, as far as views tell them. `edges`: pairs of cameras that saw
     the same boards."""
-    told = _Poses(cameras, [_of_one_turn(c, each) for c, each in zip(cameras, sights, strict=True)])
+    poses = _Poses(cameras, [_of_one_turn(c, each) for c, each in zip(cameras, sights, strict=True)])
     groups = [_group(part, edges) for part in components_of(len(cameras), edges)]
-    seen_of = Counter(key[1] for each in told.sights for key in each)
+    seen_of = Counter(key[1] for each in poses.sights for key in each)
     sets: list[Places] = [{b: np.eye(4)} for b in sorted(seen_of, key=lambda b: (-seen_of[b], b))]
     found: list[Edge] = []
     while True:
-        seen = [[told.of(g, s) for s in sets] for g in groups]
+        seen = [[poses.of(g, s) for s in sets] for g in groups]
         if _join_sets(groups, sets, seen) or _join_groups(groups, sets, seen, found):
             continue
         if not _join_both(groups, sets, seen, found):
@@ -127,20 +127,22 @@ def _relative(pairs: list[tuple[Array, Array, float]]) -> tuple[Array, int] | No
     return (T, votes) if 2 * votes >= len(pairs) else None
 
 
-def _best(count: int, told: Callable[[int, int], tuple[Array, int] | None]) -> tuple[int, int, Array, int] | None:
+def _best(
+    count: int, relative_pose: Callable[[int, int], tuple[Array, int] | None]
+) -> tuple[int, int, Array, int] | None:
     """The two of `count` things, and their relative pose, that most views tell."""
-    found = [(a, b, *t) for a, b in combinations(range(count), 2) if (t := told(a, b)) is not None]
+    found = [(a, b, *t) for a, b in combinations(range(count), 2) if (t := relative_pose(a, b)) is not None]
     return max(found, key=lambda f: f[3], default=None)
 
 
 def _join_sets(groups: list[Places], sets: list[Places], seen: list[list[_Seen]]) -> bool:
     """Joins two sets that one group of cameras saw at the same moments."""
 
-    def told(a: int, b: int) -> tuple[Array, int] | None:
+    def relative_pose(a: int, b: int) -> tuple[Array, int] | None:
         both = [(g[a], g[b], m) for g in seen for m in g[a].T if m in g[b].T]
         return _relative([(one.T[m], two.T[m], max(one.reach[m], two.reach[m])) for one, two, m in both])
 
-    best = _best(len(sets), told)
+    best = _best(len(sets), relative_pose)
     if best is None:
         return False
     a, b, T, _ = best
@@ -154,13 +156,13 @@ def _join_groups(groups: list[Places], sets: list[Places], seen: list[list[_Seen
     def common(a: int, b: int) -> list[tuple[int, str]]:
         return [(s, m) for s in range(len(sets)) for m in seen[a][s].T if m in seen[b][s].T]
 
-    def told(a: int, b: int) -> tuple[Array, int] | None:
+    def relative_pose(a: int, b: int) -> tuple[Array, int] | None:
         views = [(seen[a][s], seen[b][s], m) for s, m in common(a, b)]
         return _relative([
             (np.linalg.inv(one.T[m]), np.linalg.inv(two.T[m]), max(one.reach[m], two.reach[m])) for one, two, m in views
         ])  # fmt: skip
 
-    best = _best(len(groups), told)
+    best = _best(len(groups), relative_pose)
     if best is None:
         return False
     a, b, T, votes = best
@@ -189,14 +191,14 @@ def _join_both(groups: list[Places], sets: list[Places], seen: list[list[_Seen]]
             pairs.append((len(moments), a, b, s, t, moments))
     for _, a, b, s, t, moments in sorted(pairs, key=lambda p: -p[0]):
         one, two = seen[a][s], seen[b][t]
-        told = hand_eye(
+        solution = hand_eye(
             np.array([one.T[m] for m in moments]).reshape(-1, 4, 4),
             np.array([two.T[m] for m in moments]).reshape(-1, 4, 4),
             np.array([max(one.reach[m], two.reach[m]) for m in moments]),
         )
-        if told is None:
+        if solution is None:
             continue
-        T_b_a, T_s_t, votes = told
+        T_b_a, T_s_t, votes = solution
         _merge(groups, found, a, b, np.linalg.inv(T_b_a), [(m, next(iter(sets[s]))) for m in moments], votes)
         low, high = sorted((s, t))
         T = T_s_t if low == s else np.linalg.inv(T_s_t)

@@ -1,8 +1,8 @@
 """Selection of video frames for calibration: sharp ones, each different from the others.
 
-There are two steps. `candidates` needs no detection: it uses a `Glance` of every frame, and limits how many frames are
-passed to the detector. `choose_views` then keeps, among the candidates with a board, those whose boards differ most in
-place, size and tilt. Both depend on their arguments only.
+There are two steps. `candidates` needs no detection: it uses a `FrameSummary` of every frame, and limits how many
+frames are passed to the detector. `choose_views` then keeps, among the candidates with a board, those whose boards
+differ most in place, size and tilt. Both depend on their arguments only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rcdn.io import ImageResult
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Real
 
-LOOKS, VIEWS = 150, 40
+CANDIDATES, VIEWS = 150, 40
 """most candidates of a video, and most frames that are kept"""
 WIDE = 640
 """px: width to which frames are reduced; smaller ones are used as they are"""
@@ -36,7 +36,7 @@ BLURRED = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
+class FrameSummary:
     """Summary of a frame.
 
     `energy` of its gradients, grey levels²; `small` (12, 16) float32: total variation of its grey values in each cell,
@@ -47,7 +47,7 @@ class Glance:
     small: Array
 
 
-def glance(grey: Array) -> Glance:
+def frame_summary(grey: Array) -> FrameSummary:
     """Summary of a frame (H, W).
 
     The energy is the geometric mean of those along x and y: motion blur reduces only the one along its direction. The
@@ -61,20 +61,20 @@ def glance(grey: Array) -> Glance:
     dx, dy = np.diff(view, axis=1)[:-1], np.diff(view, axis=0)[:, :-1]
     small = cv2.resize(np.abs(dx) + np.abs(dy), THUMB, interpolation=cv2.INTER_AREA)
     energy = float(np.sqrt(np.square(dx).mean() * np.square(dy).mean()))
-    return Glance(energy, cv2.GaussianBlur(small, (0, 0), SMOOTH))
+    return FrameSummary(energy, cv2.GaussianBlur(small, (0, 0), SMOOTH))
 
 
-def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
+def candidates(summaries: Sequence[FrameSummary], most: int = CANDIDATES) -> list[int]:
     """Indices, ascending, of at most `most` frames that are sharp among their neighbours in time and differ from each
     other.
 
     The sharpest frame of each of `most` ÷ 2 equal intervals of time is selected first, so that no part of the video is
     missed; then those that differ most from all selected ones.
     """
-    if not glances:
+    if not summaries:
         return []
-    energy = np.array([g.energy for g in glances])
-    small = np.stack([g.small.ravel() for g in glances])
+    energy = np.array([g.energy for g in summaries])
+    small = np.stack([g.small.ravel() for g in summaries])
     small /= max(float(np.percentile(small.mean(axis=1), 90)), 1e-6)
     eligible = energy >= SHARP * _largest_near(energy)
     gap = np.where(eligible, np.inf, -1.0)
@@ -84,7 +84,7 @@ def candidates(glances: Sequence[Glance], most: int = LOOKS) -> list[int]:
         chosen.append(k)
         np.minimum(gap, np.abs(small - small[k]).mean(axis=1), out=gap)
 
-    for stretch in np.array_split(np.arange(len(glances)), max(1, min(most // 2, len(glances)))):
+    for stretch in np.array_split(np.arange(len(summaries)), max(1, min(most // 2, len(summaries)))):
         best = int(stretch[np.argmax(np.where(eligible[stretch], energy[stretch], -1.0))])
         if gap[best] > SAME and len(chosen) < most:
             take(best)
@@ -126,8 +126,8 @@ def _worth(boards: Sequence[Board]) -> Real[Array, " n"]:
     """(N,) weight in [0, 1]: smaller for imprecise corners and for few of them; 0 for blurred boards."""
     sigma = np.array([_median_sigma(board) for board in boards])
     known = sigma[np.isfinite(sigma)]
-    usual = float(np.median(known)) if len(known) else 1.0
-    ratio = np.where(np.isfinite(sigma), sigma, usual) / max(usual, 1e-9)
+    typical = float(np.median(known)) if len(known) else 1.0
+    ratio = np.where(np.isfinite(sigma), sigma, typical) / max(typical, 1e-9)
     count = np.array([len(board) for board in boards], float)
     precise = np.where(ratio > BLURRED, 0.0, np.minimum(1.0, 1 / np.maximum(ratio, 1e-9)))
     return np.asarray(precise * np.sqrt(count / count.max()))

@@ -95,11 +95,11 @@ def _fixed(calibration: Calibration, info: ViewInformation) -> Real[Array, "p p"
     """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy if
     they are fully correlated."""
     cov, camera = calibration.cov, calibration.camera
-    usual = np.diag(info.information.sum(axis=0))
-    out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * usual))
+    diagonal = np.diag(info.information.sum(axis=0))
+    out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * diagonal))
     (fx, fy), (a, b) = camera.parameters[:2], np.sqrt(np.diag(cov)[:2])
     if fx == fy and a > 0 and cov[0, 1] > (1 - 1e-9) * a * b:
-        out[:2, :2] += FIRM * usual[:2].max() * np.array([[1, -1], [-1, 1]])
+        out[:2, :2] += FIRM * diagonal[:2].max() * np.array([[1, -1], [-1, 1]])
     return out
 
 

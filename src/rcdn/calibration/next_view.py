@@ -126,8 +126,8 @@ def advised(calibration: Calibration) -> Calibration:
     found = next_view(calibration)
     if found is None or not found.worth_saying:
         return calibration
-    said = f"Next picture: {sentence(found, calibration.camera.image_size)}"
-    return replace(calibration, advice=(*calibration.advice, said))
+    line = f"Next picture: {sentence(found, calibration.camera.image_size)}"
+    return replace(calibration, advice=(*calibration.advice, line))
 
 
 def distances_of(calibration: Calibration) -> Real[Array, " v"]:

@@ -268,7 +268,9 @@ def _left_out(calibration: Calibration) -> SeveralCameras | None:
         return None
     names = tuple(dict.fromkeys(v.name for v in calibration.used_views))
     label = describe(names, [v.name for v in odd])
-    usual = CameraGroup(names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views))
-    if significance((usual, other)).max() < SURE:
+    majority = CameraGroup(
+        names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views)
+    )
+    if significance((majority, other)).max() < SURE:
         return None
-    return _finding(calibration, (usual, other), "left out", 0.0)
+    return _finding(calibration, (majority, other), "left out", 0.0)

@@ -33,11 +33,11 @@ def place(
     disagree, the error says whether they would agree if the right images were shifted against the left ones. Raises
     CalibrationError if no hypothesis has the support of half of the pairs.
     """
-    told = hypotheses(first, second, pairs)
-    best, most = told.most_agreed()
+    poses = hypotheses(first, second, pairs)
+    best, most = poses.most_agreed()
     if 2 * most < len(pairs) or most < FEWEST_PAIRS:
         raise CalibrationError(_disagree(first, second, pairs, most, pairs if given is None else given))
-    gaps, turns = told.nearest(best)
+    gaps, turns = poses.nearest(best)
     turned = {b: int(q) for (_, b), gap, q in zip(pairs, gaps, turns, strict=True) if gap <= 1}
     return best, turned, [pair for pair, gap in zip(pairs, gaps, strict=True) if gap > 1]
 
@@ -127,7 +127,11 @@ def _shift(
     best = None
     for by in sorted((k for k in range(-MOST_SHIFT, MOST_SHIFT + 1) if k), key=abs):
         late, early = given[max(0, -by) :], given[max(0, by) :]
-        pairs = [(a, b) for (a, _), (_, b) in zip(late, early, strict=False) if tells(first.views[a], second.views[b])]
+        pairs = [
+            (a, b)
+            for (a, _), (_, b) in zip(late, early, strict=False)
+            if determines_pose(first.views[a], second.views[b])
+        ]
         if len(pairs) < FEWEST_PAIRS:
             continue
         votes = most_agreed(first, second, pairs)[1]
@@ -136,7 +140,7 @@ def _shift(
     return best
 
 
-def tells(*views: BoardView) -> bool:
+def determines_pose(*views: BoardView) -> bool:
     """Whether views of one board determine the relative pose of cameras: their labels are settled, and they were not
     left out."""
     return all(v.settled and not v.reason and v.target == views[0].target for v in views)

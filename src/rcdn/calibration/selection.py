@@ -19,7 +19,7 @@ from rcdn.errors import ConfigError, shown
 from rcdn.types import Array, BoardView, Calibration
 from rcdn.types.arrays import Real
 
-LITTLE = 1e-4
+PRIOR = 1e-4
 """× the information of all views: added as prior information, so that the variance is finite with few views, too"""
 ROUNDS = 20
 """most rounds of exchanges"""
@@ -46,8 +46,8 @@ def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: lis
     """(N, P, P) information of each picture."""
     each = view_information(calibration).information
     scatter = np.array([v.rms for v in views])
-    usual = float(np.median(scatter))
-    each = each * np.minimum(1.0, (usual / np.maximum(scatter, 1e-12)) ** 2)[:, None, None]
+    typical = float(np.median(scatter))
+    each = each * np.minimum(1.0, (typical / np.maximum(scatter, 1e-12)) ** 2)[:, None, None]
     out = np.zeros((len(names), *each.shape[1:]))
     np.add.at(out, [names.index(v.name) for v in views], each)
     return out
@@ -77,9 +77,9 @@ def _exchanged(chosen: list[int], information: Array, rows: Array) -> list[int]:
 def _with_one_more(chosen: list[int], information: Array, rows: Array) -> Real[Array, " n"]:
     """(N,) mean variance of projections with each of the others in addition to `chosen`; infinite for those already
     chosen."""
-    little = LITTLE * information.sum(axis=0)
+    prior = PRIOR * information.sum(axis=0)
     ridge = 1e-12 * np.diag(np.diag(information.sum(axis=0)))
-    total = information + information[chosen].sum(axis=0) + little + ridge
+    total = information + information[chosen].sum(axis=0) + prior + ridge
     scale = np.sqrt(np.diag(information.sum(axis=0)))
     scale = np.where(scale > 0, scale, 1.0)
     inverse = np.linalg.pinv(total / np.outer(scale, scale), hermitian=True)

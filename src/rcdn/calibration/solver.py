@@ -18,8 +18,8 @@ from rcdn.calibration.bundle import (
     default_free,
     linearise,
     linearise_one,
+    parameters_of,
     residuals,
-    told_by,
 )
 from rcdn.types import Array
 from rcdn.types.arrays import Real
@@ -110,13 +110,13 @@ def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | Non
         return blocks
     diagonal = np.einsum("fii->fi", blocks)
     floor = 1e-13 * (diagonal if whole is None else whole[None])
-    told = floor > 0
-    unit = np.sqrt(np.where(told, np.maximum(diagonal, floor), 1.0))
+    determined = floor > 0
+    unit = np.sqrt(np.where(determined, np.maximum(diagonal, floor), 1.0))
     scaled = blocks / (unit[:, :, None] * unit[:, None, :])
     values, vectors = np.linalg.eigh((scaled + scaled.transpose(0, 2, 1)) / 2)
     root = np.sqrt(np.maximum(values, RIDGE))[:, :, None] * vectors.transpose(0, 2, 1)
     inverse = np.linalg.inv(np.linalg.qr(root, mode="r")) / unit[:, :, None]
-    return np.asarray(inverse * told[:, :, None] * told[:, None, :])
+    return np.asarray(inverse * determined[:, :, None] * determined[:, None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,10 +153,10 @@ class Linear:
     ) -> tuple[Linear, Array]:
         """For corners of one camera, without a prior: with those of the free parameters alone that it tells of, and
         their numbers (K',) among the free ones."""
-        told = told_by(state, camera)
+        relevant = parameters_of(state, camera)
         xy, by_frame, shared = linearise_one(state, corners, camera)
-        own = np.flatnonzero(told[free])
-        parts = _whitened(corners.xy - xy, by_frame, shared[:, :, free[told]], weight, loss)
+        own = np.flatnonzero(relevant[free])
+        parts = _whitened(corners.xy - xy, by_frame, shared[:, :, free[relevant]], weight, loss)
         many = len(own)
         return cls(*parts, corners.frame, len(state.poses), np.zeros((many, many)), np.zeros(many)), own
 

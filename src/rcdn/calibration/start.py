@@ -19,7 +19,7 @@ FOCAL = 0.3 * 1.28 ** np.arange(17)
 """focal lengths of the grid search, in half diagonals of the picture: 0.3 to 16"""
 BEND = (0.0, 0.1, -0.08, -0.2, -0.4, -0.7, -1.0, -1.4)
 """distortions of the grid search: λ·r² of the division model at the half diagonal"""
-LOOKS = 16
+MOST_BOARDS = 16
 """most boards that the grid search uses"""
 
 
@@ -34,7 +34,11 @@ class Seen:
 def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
     """An approximate camera of the model `division`: focal length and distortion with the least median reprojection
     error of planar boards."""
-    some = views if len(views) <= LOOKS else [views[k] for k in np.linspace(0, len(views) - 1, LOOKS).astype(int)]
+    some = (
+        views
+        if len(views) <= MOST_BOARDS
+        else [views[k] for k in np.linspace(0, len(views) - 1, MOST_BOARDS).astype(int)]
+    )
     batch = _Batch.of(some)
     half = float(np.hypot(*image_size)) / 2
     tries = [division_camera(f * half, bend, half, image_size) for f in FOCAL for bend in BEND]

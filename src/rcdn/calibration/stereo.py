@@ -16,7 +16,7 @@ from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, wit
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.epipolar import epipolar_gaps
 from rcdn.calibration.labels import Size, turn_labels
-from rcdn.calibration.rig import FEWEST_PAIRS, matrix, place, tells
+from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, matrix, place
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import Arrow
 from rcdn.calibration.stereo_verdict import judged_stereo
@@ -97,7 +97,7 @@ def stereo_solution(
             lambda side, name: _alone(side, boards[side], geometries or spacing, named[side], name, whole),
             pairs,
         )
-    shared = [p for p in pairs if tells(first.views[p[0]], second.views[p[1]])]
+    shared = [p for p in pairs if determines_pose(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
         some = many(len(shared), "pair shows", "pairs show")
         raise CalibrationError(

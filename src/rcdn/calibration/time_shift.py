@@ -49,8 +49,8 @@ def times_of(moments: Iterable[str]) -> dict[str, float]:
     found = [re.search(r"(\d+)\D*$", name) for name in names]
     numbers = [int(match[1]) for match in found if match is not None]
     if len(numbers) == len(names) and len(set(numbers)) == len(names):
-        usual = float(np.median(np.diff(np.unique(numbers)))) if len(numbers) > 1 else 1.0
-        unit = usual if usual > STAMPS else 1.0
+        typical = float(np.median(np.diff(np.unique(numbers)))) if len(numbers) > 1 else 1.0
+        unit = typical if typical > STAMPS else 1.0
         return {name: n / unit for name, n in zip(names, numbers, strict=True)}
     return {name: float(k) for k, name in enumerate(sorted(names))}
 
@@ -77,8 +77,8 @@ class Path:
         frame = frame.astype(int)
         middle = middles(state, task.corners)[frame]
         gap = np.where(np.diff(target) == 0, np.diff(when), np.inf)
-        usual = float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0
-        close = gap <= NEAR * usual
+        typical = float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0
+        close = gap <= NEAR * typical
         near = np.concatenate([[False], close]) & np.concatenate([close, [False]]) if len(frame) else np.zeros(0, bool)
         return cls(frame, when, state.poses[frame], middle, near)
 

@@ -106,10 +106,10 @@ def _by_cluster(
         pull = np.zeros(len(part))
         for f in np.unique(here.frame[mine]):
             of = mine[here.frame[mine] == f]
-            told = np.flatnonzero(np.abs(here.shared[of]).sum(axis=(0, 1)) > 0)  # of a rig: of its seers only
-            S, e = without_pose(here.by_frame[of], here.shared[of][:, :, told], here.gaps[of])
-            part[np.ix_(told, told)] += S.T @ S
-            pull[told] += S.T @ e
+            relevant = np.flatnonzero(np.abs(here.shared[of]).sum(axis=(0, 1)) > 0)  # of a rig: of its seers only
+            S, e = without_pose(here.by_frame[of], here.shared[of][:, :, relevant], here.gaps[of])
+            part[np.ix_(relevant, relevant)] += S.T @ S
+            pull[relevant] += S.T @ e
         yield part, pull
 
 

@@ -45,9 +45,9 @@ def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     """The image size of (nearly) all boards. Raises CalibrationError, naming the pictures of each size, if no size is
     frequent enough."""
     sizes = Counter(b.image_size for b in boards)
-    (usual, many), *_ = sizes.most_common(1)
+    (majority, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
-        return usual
+        return majority
     raise CalibrationError(
         f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one "
         "resolution; calibrate the pictures of each size by themselves. Crops and resized copies belong to no camera: "

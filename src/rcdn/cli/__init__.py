@@ -16,7 +16,7 @@ import typer
 
 from rcdn import interrupts
 from rcdn.cli import board, calibrate, compare, convert, detect, export, live, pose, render, report, train, undistort
-from rcdn.terminal.group import BUILDERS, INTERRUPTED, Group, say_stopped
+from rcdn.terminal.group import BUILDERS, INTERRUPTED, Group, print_stopped
 from rcdn.terminal.stderr import READERS, for_ours_alone
 
 app = typer.Typer(
@@ -87,6 +87,6 @@ def main() -> None:
     except KeyboardInterrupt:
         code = INTERRUPTED
     if code == INTERRUPTED and not interrupts.ended():  # before a verb has started, or after its end
-        say_stopped()
+        print_stopped()
     interrupts.end()
     sys.exit(streams.end(code if isinstance(code, int) else 0))

@@ -178,12 +178,12 @@ def _read(which: str, spacing: Length | None) -> tuple[Print, Length | None]:
     from rcdn.targets.specification import FORMS, read_specification
     from rcdn.types import Printed, PuzzleBoard
 
-    said = read_specification(which)
-    if isinstance(said, PuzzleBoard):
+    parsed = read_specification(which)
+    if isinstance(parsed, PuzzleBoard):
         raise ConfigError(f"--target {which}: which part of the code? Write {FORMS['puzzleboard']}")
-    if isinstance(said, Printed):
-        return said.target, spacing or parse_length(f"{said.spacing!r}m")
-    return said, spacing
+    if isinstance(parsed, Printed):
+        return parsed.target, spacing or parse_length(f"{parsed.spacing!r}m")
+    return parsed, spacing
 
 
 def _check(target: Print, spacing: Length) -> None:

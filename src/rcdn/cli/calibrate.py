@@ -22,7 +22,8 @@ from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED
 from rcdn.terminal.options import CacheFolder, Frames, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, PicturePlaces
 from rcdn.terminal.solve_options import (
@@ -38,7 +39,6 @@ from rcdn.terminal.solve_options import (
     Select,
 )
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -104,10 +104,10 @@ def calibrate(
     --fail-on, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.batch.camera_files import refusal
-    from rcdn.calibration.frames import LOOKS
+    from rcdn.calibration.frames import CANDIDATES
     from rcdn.calibration.verdict import fails
 
-    talk.begin(quiet, [json, *(output or ())])
+    console.begin(quiet, [json, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length, {"checker": board})  # before the computation
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}
@@ -151,7 +151,7 @@ def calibrate(
         outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
-    kept = frames if select is None else max(frames, LOOKS)
+    kept = frames if select is None else max(frames, CANDIDATES)
     run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
     left_out, known = tuple(leave_out or ()), tuple(camera or ())
     problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards)

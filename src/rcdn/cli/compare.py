@@ -12,9 +12,9 @@ import typer
 from rcdn.batch.paths import check_file
 from rcdn.batch.writing import write_each
 from rcdn.errors import ConfigError
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED
-from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from rcdn.calibration.comparison import Comparison
@@ -72,7 +72,7 @@ def compare(
     from rcdn.io import write_text
     from rcdn.report.calibration.comparison import write_comparison_report
 
-    talk.begin(quiet, [json])
+    console.begin(quiet, [json])
     names = camera_name or []
     if len(names) > 2:
         raise ConfigError(f"--camera-name: once for both files, or twice, not {len(names)} times")
@@ -81,7 +81,7 @@ def compare(
     a, b = _read(first, names[0] if names else None), _read(second, names[-1] if names else None)
     found = comparison.compare(a, b, None if where is None else where.value)
     for line in lines(found, str(first), str(second)):
-        talk.say(line)
+        console.print_line(line)
 
     def text() -> str:
         return json_module.dumps(_record(found, first, second), allow_nan=False) + "\n"
@@ -93,7 +93,7 @@ def compare(
         ]
     )
     if written:
-        talk.say_written(written)
+        console.note_written(written)
     if len(written) < sum(path is not None for path in (json, report)):
         raise typer.Exit(FAILED)
 
@@ -105,8 +105,8 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
     if len(members) == 1:
         return next(iter(members.values()))
     if name not in members:
-        asked = f", not {name}" if name else ""
-        raise ConfigError(f"{path} holds several cameras; choose one: --camera-name {' | '.join(members)}{asked}")
+        rejected = f", not {name}" if name else ""
+        raise ConfigError(f"{path} holds several cameras; choose one: --camera-name {' | '.join(members)}{rejected}")
     return members[name]
 
 

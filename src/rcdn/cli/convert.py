@@ -12,9 +12,9 @@ import typer
 
 from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError, many
-from rcdn.terminal import talk
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
 from rcdn.terminal.options import GridSize, parse_size
-from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,8 +98,8 @@ def convert(
         raise ConfigError("give the file to read, then the file to write: rcdn convert IN OUT")
     *names, last = files
     inputs, out = [Path(name) for name in names], Path(last)
-    talk.begin(quiet, [out])
-    if out != talk.STDOUT and any(os.path.realpath(out) == os.path.realpath(p) for p in inputs):
+    console.begin(quiet, [out])
+    if out != console.STDOUT and any(os.path.realpath(out) == os.path.realpath(p) for p in inputs):
         raise ConfigError(f"{out}: is read and written; name another file to write")
     check_file("OUT", out, inputs)
     if _holds_detections(inputs[0]):
@@ -108,7 +108,7 @@ def convert(
         raise FormatError(f"{inputs[0]}: holds no detections, which corners.vnl is for; give a file of `rcdn detect`")
     else:
         _convert_cameras(inputs, out, None if to is None else to.value, camera_name, lossy)
-    talk.say_written([out])
+    console.note_written([out])
 
 
 # ---- detections
@@ -155,7 +155,7 @@ def _convert_detections(
     _check_squares(path, images)
     written = write_vnl(out, images, size)
     for line in _left_out(images, written, len(errors)):
-        talk.note(f"{out}: {line}")
+        console.note(f"{out}: {line}")
 
 
 def _is_json(path: Path) -> bool:
@@ -214,7 +214,7 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
         _check_loss(out, {"": camera}, format, lossy)
         write_one(out, camera, format)
     if read_calibrations(inputs[0]):
-        talk.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
+        console.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
 
 
 def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
@@ -223,12 +223,12 @@ def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None
 
     pair = _pair(inputs)
     kind = "maps" if format is None and out.suffix.lower() == ".npz" else camera_format(out, format)
-    if out == talk.STDOUT and kind in ("ros", "mrcal", "maps"):
+    if out == console.STDOUT and kind in ("ros", "mrcal", "maps"):
         raise ConfigError(f"a pair is two files in {kind}; name OUT, to which _left and _right are added")
     _check_loss(out, {"left ": pair.left, "right ": pair.right}, format, lossy)
     write_pair(out, pair, format)
     if pair.rectification is not None and kind in ("kalibr", "mrcal"):
-        talk.note(f"{out}: holds no rectification, which {kind} has no place for")
+        console.note(f"{out}: holds no rectification, which {kind} has no place for")
 
 
 def _pair(inputs: Sequence[Path]) -> StereoCameras:

@@ -21,11 +21,11 @@ from rcdn.batch.paths import check_file, expanded, outside
 from rcdn.batch.work import Done, Failure, Picture, Work, make_detector, read_ahead
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, many
-from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
 from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
 from rcdn.terminal.progress import progress
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -142,12 +142,12 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    talk.begin(quiet, (json, vnl))
+    console.begin(quiet, (json, vnl))
     paths, unread = expanded(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
     if not paths:
-        say_error("there is nothing to read; name pictures, videos or folders that hold some")
+        print_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
     _check_outputs(json, vnl, overlay, paths)
     pattern, board = target.pattern(pattern), target.board(board)
@@ -164,7 +164,7 @@ def detect(
         _detect_all(run, paths, _work(config, team, cache, outputs.wanted), team, overlay)
         failures = outputs.write(run.tally.failures)
     for text in run.tally.lines(time.perf_counter() - start):
-        talk.say(text)
+        console.print_line(text)
     _finish(run, failures, len(paths))
 
 
@@ -201,7 +201,7 @@ def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) 
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
     kept = outside(folder, arguments, paths)
     if len(kept) < len(paths):
-        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
+        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
     return kept
 
 
@@ -243,13 +243,13 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overl
                 for outcome in done.outcomes:
                     run.add(outcome)
                     if isinstance(outcome, Failure):
-                        bar.say(outcome.message)
+                        bar.print_error(outcome.message)
                     elif outcome.warnings:
                         bar.warn(summary.warning_text(outcome.path, outcome.warnings))
                 if done.unwritten is not None:
                     run.undrawn += 1
                     if run.undrawn == 1:  # only the first: a full disk would give one line per picture
-                        bar.say(str(done.unwritten))
+                        bar.print_error(str(done.unwritten))
     except KeyboardInterrupt as stopped:
         run.stopped = stopped
     except RcdnError as stopped:
@@ -271,17 +271,17 @@ def _placed(picture: Picture, folder: Path | None, names: OverlayNames | None) -
 def _finish(run: _Run, failures: Sequence[RcdnError], total: int) -> None:
     """Report errors that don't concern single pictures, and set the exit code."""
     for failure in failures:
-        say_error(str(failure))
+        print_error(str(failure))
     if run.undrawn > 1:
-        say_error(f"{run.undrawn} overlays could not be written")
-    files = talk.named(run.outputs.written)
+        print_error(f"{run.undrawn} overlays could not be written")
+    files = console.named(run.outputs.written)
     written = " and ".join(files)
     verb = "holds" if len(files) == 1 else "hold"
     held = f"; {written} {verb} what was found in them" if written else ""
     if isinstance(run.stopped, KeyboardInterrupt):
-        say_stopped(f" after {many(run.tally.images, 'picture')} of {many(total, 'file')}{held}")
+        print_stopped(f" after {many(run.tally.images, 'picture')} of {many(total, 'file')}{held}")
         raise typer.Exit(INTERRUPTED)
     if run.stopped is not None:
-        say_error(f"{run.stopped} (stopped after {many(run.tally.images, 'picture')}{held})")
+        print_error(f"{run.stopped} (stopped after {many(run.tally.images, 'picture')}{held})")
     if run.stopped is not None or run.undrawn or failures or run.tally.failures:
         raise typer.Exit(FAILED)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rcdn.errors import ConfigError, DependencyError
-from rcdn.terminal import talk
-from rcdn.terminal.group import INTERRUPTED, say_stopped
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
+from rcdn.terminal.group import INTERRUPTED, print_stopped
 from rcdn.terminal.solve_options import BoardSize, LensModel, Model
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
-from rcdn.terminal.talk import Quiet
-from rcdn.terminal.target import DEFAULT, Target, Told
+from rcdn.terminal.target import DEFAULT, Target, TargetOption
 
 if TYPE_CHECKING:
     from rcdn.live.folder import Settings
@@ -92,7 +92,7 @@ def live(
 
     Exit code: 1 if the page can't be served, 2 for wrong use, 130 after Ctrl-C, which ends it.
     """
-    talk.begin(quiet)
+    console.begin(quiet)
     length = _length(spacing, target)
     size = target.board(board)
     try:
@@ -119,11 +119,11 @@ def live(
     with contextlib.suppress(KeyboardInterrupt):
         serve(kept, session, source, place, lambda address: _opened(address, place, open_page))
     again = f"rcdn live {folder}{' --stereo' if stereo else ''}"
-    say_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
+    print_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
     raise typer.Exit(INTERRUPTED)
 
 
-def _length(spacing: Length | Lengths | None, target: Told) -> float | None:
+def _length(spacing: Length | Lengths | None, target: TargetOption) -> float | None:
     """The side of a square, m; None if the page should ask for it."""
     if spacing is None and target.spacing is None:
         return None
@@ -154,7 +154,7 @@ def _source(cameras: list[str], stereo: bool) -> Source | PairSource | None:
     return open_pair(cameras) if stereo else open_source(cameras[0])
 
 
-def _tools(settings: Settings, target: Told, enough: float, stereo: bool = False) -> Tools:
+def _tools(settings: Settings, target: TargetOption, enough: float, stereo: bool = False) -> Tools:
     """The functions for detection, guidance, and writing the camera."""
     from rcdn.batch.live_files import write_camera_files, write_pair_files
     from rcdn.calibration.guidance import Guide, PairGuide
@@ -189,9 +189,9 @@ def _opened(address: str, place: Place, open_page: bool) -> None:
 
     from rcdn.live.certificate import fingerprint
 
-    talk.say(f"Open {address}")
+    console.print_line(f"Open {address}")
     if place.certificate is not None:
-        talk.say(f"certificate, SHA-256: {fingerprint(place.certificate)}")
-    talk.note("Ctrl-C ends it")
+        console.print_line(f"certificate, SHA-256: {fingerprint(place.certificate)}")
+    console.note("Ctrl-C ends it")
     if open_page:
         webbrowser.open(address)

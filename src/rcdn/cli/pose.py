@@ -12,11 +12,11 @@ from rcdn.batch.cache import open_cache
 from rcdn.batch.paths import check_file
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError, present
-from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, say_error
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
+from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
-from rcdn.terminal.talk import Quiet
 from rcdn.terminal.target import DEFAULT, Target
 
 
@@ -83,7 +83,7 @@ def pose(
     from rcdn.io import write_text
     from rcdn.terminal import camera_text
 
-    talk.begin(quiet, [json])
+    console.begin(quiet, [json])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length)
     if pattern is PatternName.deltille and board is not None:
@@ -96,9 +96,11 @@ def pose(
     if rig is not None:
         if camera_name is not None:
             raise ConfigError("--camera-name is for --camera; leave it out with --rig")
-        from rcdn.batch.rig_poses import Looks, rig_poses
+        from rcdn.batch.rig_poses import DetectionSettings, rig_poses
 
-        rig_poses(rig, inputs, length, Looks(config, open_cache(config, cache, off=no_cache), jobs, size), json)
+        rig_poses(
+            rig, inputs, length, DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size), json
+        )
         return
     lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
@@ -114,13 +116,13 @@ def pose(
                     raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
                 done = estimate_pose(found, lens, side(length, kind_of(found)))
             except RcdnError as error:
-                say_error(f"{image.path}: {error}")
+                print_error(f"{image.path}: {error}")
                 failed = True
                 continue
-            talk.say(camera_text.pose_line(image.path, done))
+            console.print_line(camera_text.pose_line(image.path, done))
             records.append(_record(image.path, k, found, done))
     if not records:
-        say_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "poses": [\n{lines}\n]}}\n')

@@ -15,11 +15,11 @@ from rcdn.batch.flat_files import Places, Source, sources
 from rcdn.batch.paths import expanded, outside
 from rcdn.batch.work import explain, in_thread
 from rcdn.errors import ConfigError, OutputError, RcdnError, many
-from rcdn.terminal import talk
-from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, say_error, say_stopped
+from rcdn.terminal import console
+from rcdn.terminal.console import Quiet
+from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
 from rcdn.terminal.options import MaxMegapixels
 from rcdn.terminal.progress import Bar, progress
-from rcdn.terminal.talk import Quiet
 
 if TYPE_CHECKING:
     from rcdn.geometry.resample import Undistortion
@@ -97,7 +97,7 @@ def undistort(
     from rcdn.batch.camera_files import chosen_camera
     from rcdn.io import write_camera
 
-    talk.begin(quiet)
+    console.begin(quiet)
     lens = chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
     make = _undistortion(lens, balance, scale, crop)
@@ -115,9 +115,9 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
     paths, errors = expanded(images)
     kept = outside(out, images, paths, "--out")
     if len(kept) < len(paths):
-        talk.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
+        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
     if not kept:
-        say_error("there is nothing to read; name pictures, videos or folders that hold some")
+        print_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
     real = os.path.realpath(out)
     if any(Path(os.path.realpath(p)).is_relative_to(real) for p in kept):
@@ -157,7 +157,7 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
     try:
         if picture.pixels is None:
             run.failed += 1
-            bar.say(picture.error)
+            bar.print_error(picture.error)
             return
         pixels = make(picture.pixels)
         write_image(run.places.take(picture.place, str(pixels.dtype)), pixels, mark="rcdn undistorted")
@@ -165,11 +165,11 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
     except OutputError as error:
         run.unwritten += 1
         if run.unwritten == 1:  # only the first: a full disk would give one line each
-            bar.say(str(error))
+            bar.print_error(str(error))
     except Exception as error:  # one bad picture must not stop the others
         run.failed += 1
         text = explain(error, picture.name)
-        bar.say(text if text.startswith(picture.name) else f"{picture.name}: {text}")
+        bar.print_error(text if text.startswith(picture.name) else f"{picture.name}: {text}")
 
 
 def _finish(run: _Run, make: Undistortion, out: Path) -> None:
@@ -180,10 +180,10 @@ def _finish(run: _Run, make: Undistortion, out: Path) -> None:
         f"{out / CAMERA_FILE}"
     )
     if run.unwritten > 1:
-        say_error(f"{run.unwritten} pictures could not be written")
+        print_error(f"{run.unwritten} pictures could not be written")
     if run.stopped:
-        say_stopped(f"; {line}")
+        print_stopped(f"; {line}")
         raise typer.Exit(INTERRUPTED)
-    talk.say(line)
+    console.print_line(line)
     if run.failed or run.unwritten:
         raise typer.Exit(FAILED)

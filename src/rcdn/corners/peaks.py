@@ -37,7 +37,7 @@ class Peaks:
     response: Array
     rule: Refine
 
-    def look(self, index: Array) -> tuple[Array, Array, Orientation]:
+    def evaluate(self, index: Array) -> tuple[Array, Array, Orientation]:
         """Refined positions (K, 2), their status (K,), and the edge directions of the peaks at `index` (K,)."""
         xy = self.xy[index]
         pitch = nearest_other(self.strong, xy)

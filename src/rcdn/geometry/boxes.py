@@ -53,7 +53,7 @@ class PointCells:
 
     def __init__(self, points: Array) -> None:
         self.points = points
-        self._asked = 0
+        self._queries = 0
 
     @cached_property
     def _table(self) -> _Table:
@@ -69,8 +69,8 @@ class PointCells:
         """Rows, in ascending order, of the points in the closed box from `low` (2,) to `high` (2,)."""
         if not (high >= low).all():
             return np.zeros(0, np.int64)
-        self._asked += 1
-        if self._asked <= FEW:
+        self._queries += 1
+        if self._queries <= FEW:
             inside = (self.points >= low) & (self.points <= high) & (self.points > AWAY)
             return np.flatnonzero(inside[:, 0] & inside[:, 1])
         table = self._table

@@ -95,20 +95,20 @@ def cropped(camera: Camera, box: tuple[int, int, int, int]) -> Camera:
 
 def _inner(camera: Camera) -> Camera:
     """The widest view, with the principal point of `undistorted_camera`, in which every pixel was seen."""
-    usual = undistorted_camera(camera)
-    f, centre = usual.K[0, 0], usual.K[:2, 2]
-    if _all_seen(camera, usual):
-        return usual
+    undistorted = undistorted_camera(camera)
+    f, centre = undistorted.K[0, 0], undistorted.K[:2, 2]
+    if _all_seen(camera, undistorted):
+        return undistorted
     low, high = f, MOST_ZOOM * f
-    if not _all_seen(camera, _with_K(usual, high, centre)):
+    if not _all_seen(camera, _with_K(undistorted, high, centre)):
         raise RcdnError("no undistorted view without empty pixels was found: the lens sees too little around its axis")
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
-        if _all_seen(camera, _with_K(usual, middle, centre)):
+        if _all_seen(camera, _with_K(undistorted, middle, centre)):
             high = middle
         else:
             low = middle
-    return _with_K(usual, high, centre)
+    return _with_K(undistorted, high, centre)
 
 
 def _all_seen(camera: Camera, flat: Camera) -> bool:
@@ -118,10 +118,10 @@ def _all_seen(camera: Camera, flat: Camera) -> bool:
 def _outer(camera: Camera) -> Camera:
     """The narrowest view that contains the rays of the picture's border, up to HALF_VIEW from the optical axis, and the
     view of `undistorted_camera`."""
-    usual = undistorted_camera(camera)
+    undistorted = undistorted_camera(camera)
     width, height = camera.image_size
     ends = np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]])
-    points = [unproject(usual, ends)[:, :2]]
+    points = [unproject(undistorted, ends)[:, :2]]
     rays = unproject(camera, _rim(camera.image_size, 0.5))
     rays = rays[np.isfinite(rays).all(axis=1)]
     off = np.hypot(rays[:, 0], rays[:, 1])
@@ -130,7 +130,7 @@ def _outer(camera: Camera) -> Camera:
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     f = float((np.array([width, height]) / (high - low)).min())
     middle = (np.array([width, height]) - 1) / 2
-    return _with_K(usual, f, middle - f * (low + high) / 2)
+    return _with_K(undistorted, f, middle - f * (low + high) / 2)
 
 
 def _with_K(camera: Camera, f: float, centre: Array) -> Camera:

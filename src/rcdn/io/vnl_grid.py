@@ -97,19 +97,19 @@ def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid 
                 whole[board.size] += board.complete
                 yield board
 
-    usual = usual_size(plain_boards())
+    common = usual_size(plain_boards())
     if patterns == {"aprilgrid"}:
         raise FormatError("corners.vnl is for grids of even steps, and those of an AprilGrid aren't even; write JSON")
-    usual = size or usual
-    plain = sum(many for shape, many in whole.items() if usual and sorted(shape) == sorted(usual))
+    common = size or common
+    plain = sum(many for shape, many in whole.items() if common and sorted(shape) == sorted(common))
     top = max(seen, key=lambda key: seen[key].boards) if seen else None
     if top is not None and seen[top].boards >= plain and (grid := _of_target(top, seen[top], size)) is not None:
         return grid
-    if usual is None and patterns:
+    if common is None and patterns:
         raise FormatError(
             "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
         )
-    return None if usual is None else VnlGrid(usual)
+    return None if common is None else VnlGrid(common)
 
 
 def _of_target(key: Key, seen: _Seen, size: Size | None) -> VnlGrid | None:

@@ -14,7 +14,7 @@ DECIMALS = 1
 """decimals of positions on the page, px"""
 
 
-def look_facts(board: Board | None, look: Look | None, refused: str) -> dict[str, Any]:
+def assessment_facts(board: Board | None, assessment: Look | None, refused: str) -> dict[str, Any]:
     """The message about one frame; `refused`: the reason for refusal if there is no guide yet."""
     record: dict[str, Any] = {
         "type": "look",
@@ -28,21 +28,21 @@ def look_facts(board: Board | None, look: Look | None, refused: str) -> dict[str
     if board is not None:
         record["board"] = _rounded(board.xy)
         record["grid"] = board.ij.tolist()
-    if look is not None:
-        record["refused"], record["hint"] = look.refused, look.hint
-        record["fit"], record["take"] = _number(look.fit, 3) or 0.0, bool(look.take)
-        record["arrow"] = None if look.arrow is None else _rounded(np.asarray(look.arrow, float))
+    if assessment is not None:
+        record["refused"], record["hint"] = assessment.refused, assessment.hint
+        record["fit"], record["take"] = _number(assessment.fit, 3) or 0.0, bool(assessment.take)
+        record["arrow"] = None if assessment.arrow is None else _rounded(np.asarray(assessment.arrow, float))
     return record
 
 
-def pair_look_facts(boards: Sequence[Board | None], look: PairLook | None, refused: str) -> dict[str, Any]:
+def pair_assessment_facts(boards: Sequence[Board | None], assessment: PairLook | None, refused: str) -> dict[str, Any]:
     """The message about the frames of two cameras: that of each in `sides`, and what holds for both."""
-    sides = [None, None] if look is None else look.sides
-    record = look_facts(None, None, refused)
-    record["sides"] = [look_facts(b, s, "") for b, s in zip(boards, sides, strict=True)]
-    if look is not None:
-        record["refused"], record["hint"] = look.refused, look.hint
-        record["fit"], record["take"] = _number(look.fit, 3) or 0.0, bool(look.take)
+    sides = [None, None] if assessment is None else assessment.sides
+    record = assessment_facts(None, None, refused)
+    record["sides"] = [assessment_facts(b, s, "") for b, s in zip(boards, sides, strict=True)]
+    if assessment is not None:
+        record["refused"], record["hint"] = assessment.refused, assessment.hint
+        record["fit"], record["take"] = _number(assessment.fit, 3) or 0.0, bool(assessment.take)
     return record
 
 

@@ -62,7 +62,7 @@ class Follower:
         self._small = small
         self._since.append(small)
         self._collect()
-        self._look(small)
+        self._start_detection(small)
         return None if self._board is None else _enlarged(self._board, scale, (grey.shape[1], grey.shape[0]))
 
     def _forget(self) -> None:
@@ -71,7 +71,7 @@ class Follower:
             self._running.cancel()
             self._running = None
 
-    def _look(self, small: Array) -> None:
+    def _start_detection(self, small: Array) -> None:
         """Start a detection if none is running and the pause is over."""
         if self._running is None and (self._board is None or time.monotonic() >= self._rest_until):
             self._since = [small]

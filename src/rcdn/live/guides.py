@@ -24,7 +24,7 @@ class AnyGuide(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class OneLook:
+class OneAssessment:
     """The assessment of a frame with the fields of `PairLook`."""
 
     sides: tuple[Look]
@@ -50,10 +50,10 @@ class OneCamera:
         wanted = self._guide.progress.wanted
         return None if wanted is None else wanted.size
 
-    def look(self, boards: Any, time: float, greys: Sequence[Array] | None = None) -> OneLook:
+    def assessment(self, boards: Any, time: float, greys: Sequence[Array] | None = None) -> OneAssessment:
         """As `Guide.look`."""
-        look = self._guide.look(boards[0], time, None if greys is None else greys[0])
-        return OneLook((look,), (boards[0] is not None,), look.refused, look.take)
+        assessment = self._guide.look(boards[0], time, None if greys is None else greys[0])
+        return OneAssessment((assessment,), (boards[0] is not None,), assessment.refused, assessment.take)
 
     def add(self, boards: Any, name: str) -> Any:
         """As `Guide.add`."""

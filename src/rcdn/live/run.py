@@ -50,9 +50,9 @@ class Place:
 
 
 def serve(
-    folder: Folder, session: Session, source: Source | PairSource | None, place: Place, say: Callable[[str], None]
+    folder: Folder, session: Session, source: Source | PairSource | None, place: Place, announce: Callable[[str], None]
 ) -> None:
-    """Serve the page until Ctrl-C; `say` is called with its address as soon as it can be opened."""
+    """Serve the page until Ctrl-C; `announce` is called with its address as soon as it can be opened."""
     import uvicorn
 
     listening = _listen(place, folder.port())
@@ -61,7 +61,7 @@ def serve(
     token = folder.token()
     app = Server(session, source).app(token, names_of(place.host, port), place.secure)
     shown = f"[{place.host}]" if ":" in place.host else place.host
-    say(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
+    announce(f"{'https' if place.secure else 'http'}://{shown}:{port}/{token}/")
     try:
         uvicorn.Server(config_of(app, place, folder.cameras)).run(sockets=[listening])
     finally:

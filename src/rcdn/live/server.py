@@ -62,7 +62,7 @@ class Server:
     def __init__(self, session: Session, source: Source | PairSource | None = None) -> None:
         self.session, self._source = session, source
         self._files = page_files()
-        self._looker = ThreadPoolExecutor(1, "frames")
+        self._frame_pool = ThreadPoolExecutor(1, "frames")
         self._thumbs: dict[str, bytes] = {}
         self._page: _Page | None = None
         self._clock = 0.0
@@ -89,7 +89,7 @@ class Server:
         finally:
             if reading is not None:
                 reading.cancel()
-            self._looker.shutdown(wait=True, cancel_futures=True)
+            self._frame_pool.shutdown(wait=True, cancel_futures=True)
             if self._source is not None:
                 self._source.close()
 
@@ -197,7 +197,7 @@ class Server:
             left, right = (decoded(data) for data in frame.data)
             return self.session.see_pair((left, right), (at, at + frame.times[1] - here))
 
-        return {**await loop.run_in_executor(self._looker, see), "n": frame.number}
+        return {**await loop.run_in_executor(self._frame_pool, see), "n": frame.number}
 
     def _changed(self) -> None:
         """Send the session's state to the page."""
@@ -221,7 +221,7 @@ class Server:
             if page is None or page.ahead >= AHEAD:
                 await asyncio.sleep(0.005)
                 continue
-            got = await loop.run_in_executor(self._looker, source.read)
+            got = await loop.run_in_executor(self._frame_pool, source.read)
             if source.trouble != self.session.notice:
                 self.session.notice = source.trouble
                 self._changed()
@@ -229,21 +229,21 @@ class Server:
                 continue
             number += 1
             with suppress(RcdnError):
-                look, preview = await loop.run_in_executor(self._looker, self._look_at, number, *got)
+                assessment, preview = await loop.run_in_executor(self._frame_pool, self._assessed, number, *got)
                 page.ahead += 1
                 page.put(preview)
-                page.put({**look, "n": number})
+                page.put({**assessment, "n": number})
 
-    def _look_at(self, number: int, read: Array | tuple[Array, Array], at: float) -> tuple[dict[str, Any], bytes]:
+    def _assessed(self, number: int, read: Array | tuple[Array, Array], at: float) -> tuple[dict[str, Any], bytes]:
         """The response to a frame of the server's camera, and its preview."""
         from rcdn.io import as_grey
 
         pictures = read if isinstance(read, tuple) else (read,)
         greys = [as_grey(p) for p in pictures]
-        look = (
+        assessment = (
             self.session.see(greys[0], at) if len(greys) == 1 else self.session.see_pair((greys[0], greys[1]), (at, at))
         )
-        return look, preview_of(number, [encoded(p, PREVIEW_WIDTH) for p in pictures])
+        return assessment, preview_of(number, [encoded(p, PREVIEW_WIDTH) for p in pictures])
 
 
 class _Page:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.live.facts import look_facts, pair_look_facts, progress_facts
+from rcdn.live.facts import assessment_facts, pair_assessment_facts, progress_facts
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.follow import Detect, Follower, yielding
 from rcdn.live.frames import check_sides
@@ -159,8 +159,8 @@ class Session:
         is stored.
 
         Raises ImageError for an unsupported size."""
-        boards, look, refused = self._see((grey,), at)
-        return look_facts(boards[0], None if look is None else look.sides[0], refused)
+        boards, assessment, refused = self._see((grey,), at)
+        return assessment_facts(boards[0], None if assessment is None else assessment.sides[0], refused)
 
     def see_pair(self, greys: tuple[Array, Array], times: tuple[float, float]) -> dict[str, Any]:
         """As `see`, for the frames of both cameras with their `times`, s; if these differ by more than APART,
@@ -168,8 +168,8 @@ class Session:
         apart = abs(times[1] - times[0])
         if apart > APART:
             why = f"The cameras' pictures are {apart * 1000:.0f} ms apart; at most {APART * 1000:.0f} ms are allowed"
-            return pair_look_facts((None, None), None, why)
-        return pair_look_facts(*self._see(greys, times[0]))
+            return pair_assessment_facts((None, None), None, why)
+        return pair_assessment_facts(*self._see(greys, times[0]))
 
     def _see(self, greys: tuple[Array, ...], at: float) -> tuple[Moment, Any, str]:
         """The boards of one moment and the guide's response, or None and the reason; an accepted moment is stored."""
@@ -181,15 +181,15 @@ class Session:
         if guide is None:
             return nothing, None, refused
         boards = tuple(f.see(g) for f, g in zip(self._followers, greys, strict=True))
-        look = guide.look(boards, at, greys)
-        used = tuple(b if u else None for b, u in zip(boards, look.used, strict=True))
+        assessment = guide.look(boards, at, greys)
+        used = tuple(b if u else None for b, u in zip(boards, assessment.used, strict=True))
         with self._lock:
             free = not self._busy and time.monotonic() >= self._again
             there = any(b is not None for b in used)
-            if free and there and (look.take or (self._by_hand and not look.refused)):
+            if free and there and (assessment.take or (self._by_hand and not assessment.refused)):
                 self._by_hand = False
                 self._run("Taking the picture", lambda: self._accept([g.copy() for g in greys], used))
-        return boards, look, ""
+        return boards, assessment, ""
 
     def _ready(self, sizes: Sizes) -> tuple[AnyGuide | None, str]:
         """The guide for pictures of `sizes` (width, height), or None and the reason."""
@@ -226,7 +226,7 @@ class Session:
     def _guarded(self, busy: str, work: Callable[[], None]) -> None:
         trouble = ""
         try:
-            self._say_busy(busy)
+            self._set_busy(busy)
             work()
         except RcdnError as error:
             trouble = str(error)
@@ -238,7 +238,7 @@ class Session:
         self.changed()
         self._write_once_enough()
 
-    def _say_busy(self, text: str) -> None:
+    def _set_busy(self, text: str) -> None:
         with self._lock:
             self._busy = text
         self.changed()
@@ -271,7 +271,7 @@ class Session:
         with self._lock:
             self._views.append(name)
             self._written = None
-        self._say_busy("Calculating")
+        self._set_busy("Calculating")
         try:
             self._add(boards, name)
         except RcdnError:

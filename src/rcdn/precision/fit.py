@@ -173,8 +173,8 @@ def _covariance(maps: Lattice, ij: Array, xy: Array, done: Round, plane: Array |
     maps."""
     cov = done.unit * spreads(done.scores, done.variance)[:, None, None]
     noise = median(np.trace(cov, axis1=1, axis2=2)) / 2
-    usual = median(done.kept)
-    odd = np.maximum(1 - done.kept / usual, 0) if usual > 0 else np.ones(len(xy))
+    typical = median(done.kept)
+    odd = np.maximum(1 - done.kept / typical, 0) if typical > 0 else np.ones(len(xy))
     extra = (ODD * odd**2) ** 2 + np.square(CROOKED * misfit(maps, ij, xy, noise, plane))
     cov = cov + extra[:, None, None] * np.eye(2)
     jacobian = inverse(maps.with_jacobian(np.arange(len(xy)), xy)[1])

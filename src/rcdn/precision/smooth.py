@@ -104,14 +104,14 @@ class Evidence:
             self._normals[rough] = gram, rest, float(fixed[0])
         return self._normals[rough]
 
-    def ask(self, spots: list[Spot]) -> list[float]:
+    def log_likelihoods(self, spots: list[Spot]) -> list[float]:
         """Log marginal likelihoods of `spots`, up to a constant."""
         new = sorted(set(spots) - self._known.keys())
         self._known.update(zip(new, self.judge(new, len(self.sheet.degree)), strict=True))
         return [self._known[s] for s in spots]
 
     def judge(self, spots: list[Spot], terms: int) -> list[float]:
-        """As `ask`, for `spots` in rising order, with only the first `terms` polynomials."""
+        """As `log_likelihoods`, for `spots` in rising order, with only the first `terms` polynomials."""
         known: list[float] = []
         for rough, group in itertools.groupby(spots, key=lambda s: s[0]):
             root = self._roots(list(group), terms)
@@ -236,11 +236,11 @@ def likeliest(full: Evidence) -> Spot:
     grid = list(itertools.product(a, b, c))
     first = full.judge(grid, min(FEW, len(full.sheet.degree)))
     near = sorted(grid, key=dict(zip(grid, first, strict=True)).__getitem__, reverse=True)[:CANDIDATES]
-    best = near[int(np.argmax(full.ask(near)))]
+    best = near[int(np.argmax(full.log_likelihoods(near)))]
     while True:
         steps = [(best[0] + i, best[1] + j, best[2] + k) for i, j, k in STEPS]
         near = [best, *(s for s in steps if all(0 <= n < length for n, length in zip(s, lengths, strict=True)))]
-        after = near[int(np.argmax(full.ask(near)))]
+        after = near[int(np.argmax(full.log_likelihoods(near)))]
         if after == best:
             return best
         best = after

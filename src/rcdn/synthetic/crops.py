@@ -40,8 +40,8 @@ def random_crop(
             continue
         xy = board.xy - window[:2]
         near = ((xy > -BEYOND) & (xy < size + BEYOND)).all(axis=1) & (board.visible | board.ignore)
-        told = legible(light, scene.sensor, xy[near], board.pitch[near], ranges.unsure)
-        sure = board.visible[near] & told
+        readable = legible(light, scene.sensor, xy[near], board.pitch[near], ranges.unsure)
+        sure = board.visible[near] & readable
         labels.append(np.column_stack([xy[near], sure.astype(float)]))
     image, found = expose(light, scene.sensor, np.random.default_rng(scene.seed)), np.concatenate(labels)
     if ranges.faint:

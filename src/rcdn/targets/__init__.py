@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rcdn.targets.read import check_told, identified
+    from rcdn.targets.read import check_target, identified
 
-__all__ = ["check_told", "identified"]
+__all__ = ["check_target", "identified"]
 
 
 def __getattr__(name: str) -> Any:

@@ -28,30 +28,30 @@ NAMES = {
 }
 
 
-def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> Reading | None:
+def read_aprilgrid(grey: Array, grid: Array, given: AprilGrid | None = None) -> Reading | None:
     """The numbering of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if none is
     certain.
 
-    `told`: the target given by the user (None: unknown).
+    `given`: the target given by the user (None: unknown).
     """
     lifted = _lifted(_cells(grey, grid))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
     if seen.sum() < 2:
         return None
     found: list[tuple[float, str, int, int, int, int]] = []
-    own = None if told is None else family_of(dictionary_of(told.family))
-    for frame in FRAMES if told is None else (Frame(told.border, filling=True),):
+    own = None if given is None else family_of(dictionary_of(given.family))
+    for frame in FRAMES if given is None else (Frame(given.border, filling=True),):
         for side in (4, 5, 6) if own is None else (own.bits.shape[1],):
-            look = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
-            if look is None:
+            measured = appearance(lifted[seen].mean(axis=0), side, frame, aspect_of(grid))
+            if measured is None:
                 continue
             ratios = np.zeros((*seen.shape, side + 2 * frame.border, side + 2 * frame.border))
-            ratios[seen] = evidence(modules(lifted[seen], look, side, frame), frame.border)
+            ratios[seen] = evidence(modules(lifted[seen], measured, side, frame), frame.border)
             for family in families(side) if own is None else (own,):
                 if family.names[0] in NAMES:
-                    found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border, told)
+                    found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border, given)
     found.sort(key=lambda f: -f[0])
-    if not found or found[0][0] < (ACCEPT if told is None else SURE + np.log2(4 * _places(seen.shape, told))):
+    if not found or found[0][0] < (ACCEPT if given is None else SURE + np.log2(4 * _places(seen.shape, given))):
         return None
     same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbering, for any border
     others = [f[0] for f in found if same(f) != same(found[0])]
@@ -59,10 +59,10 @@ def read_aprilgrid(grey: Array, grid: Array, told: AprilGrid | None = None) -> R
     if margin < MARGIN:
         return None
     bits, name, border, turns, columns, lowest = found[0]
-    if told is not None:
-        row, column = divmod(lowest - told.first_id, told.columns)
+    if given is not None:
+        row, column = divmod(lowest - given.first_id, given.columns)
         width = seen.shape[1 - turns % 2]
-        return Reading(told, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
+        return Reading(given, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
     return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
 
 
@@ -87,11 +87,13 @@ def dictionary_of(family: str) -> str:
     raise ConfigError(f"family must be one of {', '.join(NAMES.values())}, not {shown(family)}")
 
 
-def _places(shape: tuple[int, ...], told: AprilGrid) -> int:
+def _places(shape: tuple[int, ...], given: AprilGrid) -> int:
     """The number of positions of `shape` (R, C) tags on a board, in either orientation (R × C or C × R); at least 1."""
-    rows = told.rows or MOST_COLUMNS
+    rows = given.rows or MOST_COLUMNS
     return max(
-        (rows - shape[0] + 1) * (told.columns - shape[1] + 1), (rows - shape[1] + 1) * (told.columns - shape[0] + 1), 1
+        (rows - shape[0] + 1) * (given.columns - shape[1] + 1),
+        (rows - shape[1] + 1) * (given.columns - shape[0] + 1),
+        1,
     )
 
 
@@ -130,9 +132,9 @@ def _lifted(cells: Array) -> Real[Array, "r c s s"]:
     def around(steps: tuple[tuple[int, int], ...]) -> Array:
         values = np.stack([padded[rows + a, columns + b] for a, b in steps])
         known = np.isfinite(values)
-        usual = float(np.median(values[known])) if known.any() else np.nan
+        typical = float(np.median(values[known])) if known.any() else np.nan
         return np.where(
-            known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), usual
+            known.any(axis=0), np.where(known, values, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1), typical
         )
 
     dark, white = around(((-1, -1), (-1, 1), (1, -1), (1, 1))), around(((-1, 0), (1, 0), (0, -1), (0, 1)))
@@ -140,7 +142,7 @@ def _lifted(cells: Array) -> Real[Array, "r c s s"]:
 
 
 def _numberings(
-    ratios: Array, seen: Array, bits: Array, name: str, border: int, told: AprilGrid | None = None
+    ratios: Array, seen: Array, bits: Array, name: str, border: int, given: AprilGrid | None = None
 ) -> list[tuple[float, str, int, int, int, int]]:
     """The likeliest numberings, as (evidence, family, border, turns, columns, number of the tag at the bottom left of
     the upright grid)."""
@@ -152,9 +154,9 @@ def _numberings(
         up = height - 1 - row
         # OpenCV draws these tags rotated by half a turn relative to the printed ones
         gain = gains(turned[row, column], np.rot90(bits, 2, (1, 2)), border)
-        if np.maximum(gain.max(axis=1), 0).sum() < (ACCEPT if told is None else SURE):
+        if np.maximum(gain.max(axis=1), 0).sum() < (ACCEPT if given is None else SURE):
             continue
-        choice = _choices(gain, column, up, width) if told is None else _choices_of(told, width, height)
+        choice = _choices(gain, column, up, width) if given is None else _choices_of(given, width, height)
         if not len(choice):
             continue
         number = choice[:, 1:] + column + choice[:, :1] * up
@@ -166,12 +168,12 @@ def _numberings(
     return out
 
 
-def _choices_of(told: AprilGrid, width: int, height: int) -> Int[Array, "m 2"]:
+def _choices_of(given: AprilGrid, width: int, height: int) -> Int[Array, "m 2"]:
     """Columns and the number of the tag at the bottom left, (M, 2), for all positions of `width` × `height` tags on a
     board."""
-    rows = told.rows or MOST_COLUMNS
-    place = [(c, r) for r in range(rows - height + 1) for c in range(told.columns - width + 1)]
-    return np.array([(told.columns, told.first_id + r * told.columns + c) for c, r in place]).reshape(-1, 2)
+    rows = given.rows or MOST_COLUMNS
+    place = [(c, r) for r in range(rows - height + 1) for c in range(given.columns - width + 1)]
+    return np.array([(given.columns, given.first_id + r * given.columns + c) for c, r in place]).reshape(-1, 2)
 
 
 def _choices(gain: Array, column: Array, up: Array, width: int) -> Int[Array, "m 2"]:

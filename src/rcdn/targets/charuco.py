@@ -54,7 +54,7 @@ ANCHORS, CANDIDATES = 12, 4
 @dataclass(frozen=True, eq=False)
 class _Layout:
     bits: float
-    look: Appearance
+    appearance: Appearance
     family: Family
     columns: int
     place: tuple[int, int]
@@ -68,10 +68,10 @@ class _Layout:
 @dataclass(frozen=True, eq=False)
 class Markers:
     """The evidence of a board's squares, if they contain markers of `families`: their modules in `squares`, and the
-    markers' appearance `look`."""
+    `appearance` of the markers."""
 
     squares: MarkedSquares
-    look: Appearance
+    appearance: Appearance
     families: tuple[Family, ...]
 
 
@@ -80,42 +80,44 @@ def markers_of(
     marked: Bool[Array, "r c"],
     inner: Bool[Array, "r c"],
     aspect: float,
-    told: Charuco | None = None,
+    given: Charuco | None = None,
 ) -> list[Markers]:
     """The evidence of a board's squares for markers: one result for each number of bits that a marker may have, if the
     squares have black borders as markers do.
 
     `squares` (R, C, S, S): grey level above that of the dark squares around each, NaN outside the picture; `marked`
     (R, C): the squares that contain markers; `inner` (R, C): those all of whose corners were detected; `aspect`: their
-    width ÷ height in pixels; `told`: the board given by the user (None: unknown).
+    width ÷ height in pixels; `given`: the board given by the user (None: unknown).
     """
     out = []
-    known = None if told is None else (family_of(told.dictionary),)
+    known = None if given is None else (family_of(given.dictionary),)
     mean, shown, open_sides = np.nanmean(squares[marked & inner], axis=0), squares[marked], _open_sides(marked)[marked]
     for side in SIDES if known is None else (known[0].bits.shape[1],):
-        look = appearance(mean, side, FRAME, aspect)
-        if look is not None:
+        measured = appearance(mean, side, FRAME, aspect)
+        if measured is not None:
             ratios = np.zeros((*marked.shape, side + 2, side + 2))
-            seen = modules(shown, look, side, FRAME, open_sides)
+            seen = modules(shown, measured, side, FRAME, open_sides)
             ratios[marked] = evidence(seen, FRAME.border, inner[marked])
             if framed(ratios[marked], FRAME.border) >= FRAMED:
-                out.append(Markers(MarkedSquares(ratios, marked, inner, FRAME.border), look, known or families(side)))
+                out.append(
+                    Markers(MarkedSquares(ratios, marked, inner, FRAME.border), measured, known or families(side))
+                )
     return out
 
 
 def read_charuco(
     markers: Sequence[Markers],
-    told: Charuco | None = None,
+    given: Charuco | None = None,
     ends: Array | None = None,
     ended: Callable[[], Array] | None = None,
 ) -> Reading | None:
     """The layout of the `markers` of a board, or None if none is certain.
 
-    `told`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
+    `given`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
     beyond its detected corners; `ended` returns (3, 3) bool, see `ended_sides`; None: False on all sides.
     """
-    if told is not None:
-        return _place([s for m in markers for s in _promising(m, -np.inf)], told)
+    if given is not None:
+        return _place([s for m in markers for s in _promising(m, -np.inf)], given)
     scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
     if not scored:
         return None
@@ -138,7 +140,7 @@ def _promising(markers: Markers, least: float) -> list[_Scores]:
     able = squares.most_evidence(markers.families, least) >= least
     turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
     return [
-        _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.look, family, turns)
+        _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.appearance, family, turns)
         for family, row in zip(markers.families, able, strict=True)
         for turns, t in turned.items()
         if row[turns]
@@ -169,12 +171,12 @@ def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, end
     or columns, hidden or cut off. No side that is seen may contradict the layout, since a part of a larger board with
     another first number could look the same. A part of a board, without `ends`, can't be known to be whole.
     """
-    usual = _likeliest(scored, shape, ends, ended, any_first=False)
-    if (not usual or usual[0].bits < ACCEPT) and (ends is None or ended.sum() < 3):
+    zero_based = _likeliest(scored, shape, ends, ended, any_first=False)
+    if (not zero_based or zero_based[0].bits < ACCEPT) and (ends is None or ended.sum() < 3):
         return None  # a board not counted from 0 must be seen whole
     whole = _likeliest(scored, shape, ends, ended, any_first=True)
-    from_0 = bool(usual) and (not whole or usual[0].bits >= whole[0].bits)
-    layouts = usual if from_0 else sorted(whole + usual[:1], key=lambda x: -x.bits)
+    from_0 = bool(zero_based) and (not whole or zero_based[0].bits >= whole[0].bits)
+    layouts = zero_based if from_0 else sorted(whole + zero_based[:1], key=lambda x: -x.bits)
     if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], shape, ended):
         return None
     if not from_0 and (ends is None or not _seen_whole(np.rot90(ended, layouts[0].turns))):
@@ -190,21 +192,21 @@ def _seen_whole(ended: Array) -> bool:
     return bool(ended[0, 1] and ended[1, 0] and ended[1, 2])
 
 
-def _place(scored: list[_Scores], told: Charuco) -> Reading | None:
-    """The likeliest position on the given board `told`, if it is certain among all positions and orientations on that
+def _place(scored: list[_Scores], given: Charuco) -> Reading | None:
+    """The likeliest position on the `given` board, if it is certain among all positions and orientations on that
     board."""
-    usable = [s for s in scored if (s.look.white < 0) == told.inverted]
+    usable = [s for s in scored if (s.appearance.white < 0) == given.inverted]
     count = 0
     layouts: list[_Layout] = []
     for scores in usable:
-        places = scores.places_on(told)
+        places = scores.places_on(given)
         count += len(places)
-        layouts += scores.scored(places, told.rows)
+        layouts += scores.scored(places, given.rows)
     layouts.sort(key=lambda x: -x.bits)
     if not layouts or layouts[0].bits < SURE + np.log2(RIMS * count):
         return None
     top, margin = layouts[0], layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
-    return Reading(told, top.turns, top.place, top.bits, margin) if margin > MARGIN else None
+    return Reading(given, top.turns, top.place, top.bits, margin) if margin > MARGIN else None
 
 
 def _likeliest(
@@ -249,10 +251,10 @@ def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
         top.columns,
         rows,
         top.family.smallest(top.highest),
-        round(top.look.ratio, 2),
+        round(top.appearance.ratio, 2),
         top.first,
         legacy=not top.odd,
-        inverted=top.look.white < 0,
+        inverted=top.appearance.white < 0,
     )
     return Reading(target, top.turns, top.place, top.bits, margin)
 
@@ -266,7 +268,7 @@ class _Scores:
     row: Array
     column: Array
     shape: tuple[int, int]
-    look: Appearance
+    appearance: Appearance
     family: Family
     turns: int
 
@@ -318,7 +320,7 @@ class _Scores:
             if np.isfinite(bits[k]) and used.any() and self._agree_with(gain[k]):
                 u, v, columns, odd, first = found[k].tolist()
                 yield _Layout(
-                    float(bits[k]), self.look, self.family, columns, (u, v), bool(odd), first, self.turns,
+                    float(bits[k]), self.appearance, self.family, columns, (u, v), bool(odd), first, self.turns,
                     bool(foot[k] > 0), int(marker[k][used].max()),
                 )  # fmt: skip
 
@@ -352,14 +354,14 @@ class _Scores:
         fits = (u >= -1) & (v >= -1) & (u + self.shape[1] - 1 <= columns)
         return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
 
-    def places_on(self, told: Charuco) -> Real[Array, "m 5"]:
-        """All layouts (M, 5) on the given board `told`."""
+    def places_on(self, given: Charuco) -> Real[Array, "m 5"]:
+        """All layouts (M, 5) on the `given` board."""
         height, width = self.shape
-        odd = odd_markers(told)
-        most = told.rows or int(place_of(np.array(len(self.family)), np.array(told.columns), np.array(odd))[1]) + 1
+        odd = odd_markers(given)
+        most = given.rows or int(place_of(np.array(len(self.family)), np.array(given.columns), np.array(odd))[1]) + 1
         # the outermost squares that were sampled may lie beyond the board
-        u, v = np.meshgrid(np.arange(-1, told.columns - width + 2), np.arange(-1, most - height + 2))
-        known = (np.full(u.size, n) for n in (told.columns, odd, told.first_id))
+        u, v = np.meshgrid(np.arange(-1, given.columns - width + 2), np.arange(-1, most - height + 2))
+        known = (np.full(u.size, n) for n in (given.columns, odd, given.first_id))
         return np.stack([u.ravel(), v.ravel(), *known], axis=1)
 
     def _whole_boards(self) -> Real[Array, "m 5"]:

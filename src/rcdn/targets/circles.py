@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rcdn.targets.glance import SAMPLES, Glance
+from rcdn.targets.quick_test import SAMPLES, CornerSamples
 from rcdn.types import Array
 
 RADII = np.arange(0.2, 0.72, 0.025)
@@ -37,34 +37,34 @@ ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since u
 same"""
 
 
-def is_circle_grid(glance: Glance) -> bool:
+def is_circle_grid(samples: CornerSamples) -> bool:
     """Whether the squares of a board are discs and the gaps between them; False if that can't be decided."""
-    usual = _usual_square(glance)
+    square = _median_square(samples)
     discs, squares = _models()
-    straight = _unexplained(squares, usual)
+    straight = _unexplained(squares, square)
     if straight < STRAIGHT:
         return False
-    half = len(usual) // 2
-    inverse = -np.concatenate([usual[half:], usual[:half]])  # bright discs
-    round_ = min(_unexplained(discs, usual), _unexplained(discs, inverse))
+    half = len(square) // 2
+    inverse = -np.concatenate([square[half:], square[:half]])  # bright discs
+    round_ = min(_unexplained(discs, square), _unexplained(discs, inverse))
     return round_ <= min(SHARE * straight, ROUND)
 
 
-def _usual_square(glance: Glance) -> Array:
+def _median_square(samples: CornerSamples) -> Array:
     """The dark and the bright squares around a corner, averaged over their symmetries (2 · N,): the median over all
     corners, each normalised to the same mean and contrast, which makes it robust to shading, noise and occlusion of
     some."""
-    around = _folded(glance.squares)
+    around = _folded(samples.squares)
     one, other = (around[:, 0, 0] + around[:, 1, 1]) / 2, (around[:, 0, 1] + around[:, 1, 0]) / 2
-    swap = glance.odd[:, None]
+    swap = samples.odd[:, None]
     weights = _weights()
     both = np.concatenate([np.where(swap, other, one), np.where(swap, one, other)], axis=1)
     both = both - (both @ weights)[:, None]
     both /= np.maximum(np.sqrt(both**2 @ weights), 1e-6)[:, None]
-    usual = np.median(both, axis=0)
+    median = np.median(both, axis=0)
     half = len(weights) // 2
-    dark_first = usual[:half] @ weights[:half] < 0
-    return np.asarray(usual if dark_first else np.roll(usual, half))
+    dark_first = median[:half] @ weights[:half] < 0
+    return np.asarray(median if dark_first else np.roll(median, half))
 
 
 def _folded(squares: Array) -> Array:

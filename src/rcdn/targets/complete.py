@@ -55,13 +55,13 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     known = grid.labels
     guess = grid.predictions(known)
     sense = with_sense(guess)
-    sign, usual = usual_strength(grey, known[sense], guess.take(sense))
+    sign, typical = typical_strength(grey, known[sense], guess.take(sense))
     if sign == 0:
         return board
     for _ in range(ROUNDS):
         spots, guess = grid.beside()
         some = np.intersect1d(with_sense(guess), np.flatnonzero(_printed(board, spots)))
-        new = seen_crossings(grey, spots[some], guess.take(some), sign, usual, OFF) if len(some) else {}
+        new = seen_crossings(grey, spots[some], guess.take(some), sign, typical, OFF) if len(some) else {}
         if not new:
             break
         grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
@@ -131,32 +131,32 @@ def _off_surface(ij: Array, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
     return np.asarray(np.linalg.norm(left, axis=1) / np.sqrt(np.maximum(area, 1e-9)))
 
 
-def usual_strength(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
+def typical_strength(grey: Array, at: Real[Array, "k 2"], guess: Predictions) -> tuple[int, Array]:
     """The colouring, ±1, for which edges cross at known corners `at` (K, 2), and the median strengths (2,) of these
     edges; 0 if they cross for neither."""
-    best, usual = 0, np.zeros(2)
+    best, typical = 0, np.zeros(2)
     for sign in (-1, 1):
         if len(at):
-            strength = np.median(_look(grey, at, guess, sign)[1], axis=0)
-            if strength.min() > usual.min():
-                best, usual = sign, strength
-    return best, usual
+            strength = np.median(_crossings(grey, at, guess, sign)[1], axis=0)
+            if strength.min() > typical.min():
+                best, typical = sign, strength
+    return best, typical
 
 
-def _look(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array, Array]:
+def _crossings(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[Array, Array]:
     colour = sign * (1.0 - 2 * (at.sum(axis=1) % 2))
     return crossings(grey, guess.xy, guess.du, guess.dv, colour)
 
 
 def seen_crossings(
-    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, usual: Array, most_off: float
+    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, typical: Array, most_off: float
 ) -> dict[tuple[int, int], Array]:
     """Positions (2,) px of the corners, by label, of those of `at` (K, 2) where both edges visibly cross, at most
     `most_off` of a step from their predictions."""
-    offset, strength = _look(grey, at, guess, sign)
+    offset, strength = _crossings(grey, at, guess, sign)
     xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv
     inside = ((xy >= 1) & (xy <= np.array(grey.shape[::-1]) - 2)).all(axis=1)
-    fine = inside & (np.abs(offset).max(axis=1) <= most_off) & (strength >= SEEN * usual).all(axis=1)
+    fine = inside & (np.abs(offset).max(axis=1) <= most_off) & (strength >= SEEN * typical).all(axis=1)
     return {(int(at[k, 0]), int(at[k, 1])): xy[k] for k in np.flatnonzero(fine)}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.boards.alternating import corner_and_gaps
 from rcdn.boards.local import Grid, Predictions
 from rcdn.geometry.division import division_of
-from rcdn.targets.complete import ROUNDS, seen_crossings, usual_strength, with_corners
+from rcdn.targets.complete import ROUNDS, seen_crossings, typical_strength, with_corners
 from rcdn.types import AprilGrid, Array, Board
 from rcdn.types.arrays import Int
 from rcdn.types.plane import plane_points
@@ -42,7 +42,7 @@ def completed_tags(grey: Array, board: Board, target: AprilGrid) -> Board:
     known = grid.labels
     guess = print_.predictions(grid, known)
     at, near = _sensible(guess), np.linalg.norm(guess.xy - grid.xy[grid.corners], axis=1) / guess.pitch
-    sign, usual = usual_strength(grey, known[at], guess.take(at))
+    sign, typical = typical_strength(grey, known[at], guess.take(at))
     if sign == 0:
         return board
     limit = max(ASTRAY, TIMES * float(np.nanmedian(near)))
@@ -52,7 +52,7 @@ def completed_tags(grey: Array, board: Board, target: AprilGrid) -> Board:
         spots = _missing(grid, board, target)
         guess = print_.predictions(grid, spots)
         some = _sensible(guess)
-        new = seen_crossings(grey, spots[some], guess.take(some), sign, usual, OFF) if len(some) else {}
+        new = seen_crossings(grey, spots[some], guess.take(some), sign, typical, OFF) if len(some) else {}
         if not new:
             break
         grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}

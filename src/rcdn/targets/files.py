@@ -174,22 +174,22 @@ def _only(record: Mapping[Any, Any], names: tuple[str, ...]) -> None:
             raise FormatError(f"{shown(key)} is no field of this target; it has {', '.join(names)}")
 
 
-def _value(record: Mapping[Any, Any], name: str, usual: Any) -> Any:
-    value = record.get(name, usual)
+def _value(record: Mapping[Any, Any], name: str, default: Any) -> Any:
+    value = record.get(name, default)
     if value is None:
         raise FormatError(f"{name} is missing")
     return value
 
 
-def _whole(record: Mapping[Any, Any], name: str, usual: int | None = None) -> int:
-    value = _value(record, name, usual)
+def _whole(record: Mapping[Any, Any], name: str, default: int | None = None) -> int:
+    value = _value(record, name, default)
     if type(value) is not int:
         raise FormatError(f"{name} must be a whole number, not {shown(value)}")
     return value
 
 
-def _length(record: Mapping[Any, Any], name: str, usual: Any = None) -> float:
-    value = _value(record, name, usual)
+def _length(record: Mapping[Any, Any], name: str, default: Any = None) -> float:
+    value = _value(record, name, default)
     if type(value) not in (int, float) or not 0 < value < 1e3:
         raise FormatError(f"{name} must be a number above 0 (lengths in metres), not {shown(value)}")
     return float(value)

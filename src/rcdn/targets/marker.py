@@ -126,7 +126,7 @@ def appearance(mean: Real[Array, "s s"], side: int, frame: Frame, aspect: float)
 
 def modules(
     squares: Real[Array, "k s s"],
-    look: Appearance,
+    appearance: Appearance,
     side: int,
     frame: Frame,
     open_sides: Bool[Array, "k 4"] | None = None,
@@ -137,12 +137,12 @@ def modules(
     `open_sides` (K, 4) bool: beyond the left, right, upper, lower side of a square the board may end, and be followed
     by white; that is assumed where it makes the values of the marker's border closer to black.
     """
-    unblurred, beyond = _unblurring(squares.shape[-1], look.ratio, look.blur, side, frame)
-    values = unblurred(squares / look.white)
+    unblurred, beyond = _unblurring(squares.shape[-1], appearance.ratio, appearance.blur, side, frame)
+    values = unblurred(squares / appearance.white)
     if open_sides is None or not open_sides.any():
         return values
     ends = open_sides.any(axis=1)
-    other = unblurred(squares[ends] / look.white - np.tensordot(open_sides[ends].astype(float), beyond, axes=1))
+    other = unblurred(squares[ends] / appearance.white - np.tensordot(open_sides[ends].astype(float), beyond, axes=1))
     border = ~inner_modules(values.shape[-1], frame.border)
     with np.errstate(invalid="ignore"):
         better = np.nan_to_num(np.abs(other[:, border])).sum(axis=1) < np.nan_to_num(
@@ -175,8 +175,8 @@ def _unblurring(
         out = solve_y @ np.where(seen, left, 0.0) @ solve_x.T
         if seen.all():
             return np.asarray(out)
-        unseen = np.abs(solve_y) @ (~seen).astype(float) @ np.abs(solve_x).T
-        return np.where(unseen > 1e-3, np.nan, out)
+        missing = np.abs(solve_y) @ (~seen).astype(float) @ np.abs(solve_x).T
+        return np.where(missing > 1e-3, np.nan, out)
 
     return unblurred, np.array(beyond)
 

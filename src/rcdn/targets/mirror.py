@@ -12,20 +12,20 @@ from rcdn.types.arrays import Shaped
 
 
 def identified_or_mirrored(
-    grey: Shaped[Array, "h w"], board: Board, told: Target | None = None
+    grey: Shaped[Array, "h w"], board: Board, given: Target | None = None
 ) -> tuple[Board, Target | None]:
     """The board with its decoded target, as `identified`; if it has none, also the target that is decoded with
-    certainty in the mirror image of the picture `grey` (H, W), else None. `told`: the target given by the
+    certainty in the mirror image of the picture `grey` (H, W), else None. `given`: the target given by the
     user (None: unknown)."""
-    known, markers = identified_straight(grey, board, told)
-    return known, None if known.target is not None else _mirrored_target(grey, board, told, markers)
+    known, markers = identified_straight(grey, board, given)
+    return known, None if known.target is not None else _mirrored_target(grey, board, given, markers)
 
 
-def _mirrored_target(grey: Array, board: Board, told: Target | None, markers: bool) -> Target | None:
+def _mirrored_target(grey: Array, board: Board, given: Target | None, markers: bool) -> Target | None:
     """The target decoded in the mirror image, or None; `markers`: whether its squares may contain markers."""
     last = int(board.ij[:, 0].max())
     if board.pattern == "aprilgrid":
         last = last // 2 * 2 + 1  # a tag's first corner has an even label, counted from either side
     xy = board.xy * (-1, 1) + (grey.shape[1] - 1, 0)
     flipped = replace(board, xy=xy, ij=board.ij * (-1, 1) + (last, 0))
-    return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, told, markers=markers)[0].target
+    return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, given, markers=markers)[0].target

@@ -28,7 +28,7 @@ SHARED = 0.25
 """share of a board's or piece's corners that belong to a decoded board, above which it is the same board"""
 
 
-def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Target | None) -> list[Board]:
+def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], given: Target | None) -> list[Board]:
     """The `boards`, some of which were decoded, with the additions from decoded `pieces`: further corners, or further
     boards.
 
@@ -38,7 +38,7 @@ def read_pieces(grey: Array, boards: list[Board], pieces: list[Board], told: Tar
     for piece in pieces:
         if len(piece) <= left and not _held(piece, read) and not _inside(piece, boards):
             left -= len(piece)
-            found = identified(grey, piece, told, part=True)
+            found = identified(grey, piece, given, part=True)
             if found.target is not None:
                 read = _with(read, found)
     read = [_completed(grey, board) for board in read]

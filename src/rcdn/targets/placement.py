@@ -22,7 +22,7 @@ BLUR = 0.05
 """initial guess of the blur, squares"""
 SHARPEST, SOFTEST = 0.005, 0.3
 """limits of the blur, squares"""
-USUAL = np.array([0.003, 0.003, 0.01, 1.0, 1.0, 0.01, 0.01])
+PRIOR_SD = np.array([0.003, 0.003, 0.01, 1.0, 1.0, 0.01, 0.01])
 """prior standard deviations of a state: shift and side of printed markers, logs of the blurs, shift of a square by the
 errors of its corners"""
 BLURS, FRAME = slice(3, 5), slice(5, 7)
@@ -119,17 +119,17 @@ def _with_jacobian(cells: Array, where: Array, state: Array, square: Real[Array,
     return values[0], (values[1:] - values[0]) / STEP
 
 
-def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], usual: float) -> Array:
-    """Shifts by line (column or row), 0 to the last: the common shift `usual` plus the mean of the additional shifts
+def _by_line(own: Real[Array, " k"], line: Real[Array, " k"], common: float) -> Array:
+    """Shifts by line (column or row), 0 to the last: the shift `common` to all plus the mean of the additional shifts
     `own` (K,) of the squares in each `line` (K,); both are shrunk according to the scatter of the squares
     (James and Stein)."""
     count = np.bincount(line)
     known, mean = count > 0, np.bincount(line, own) / np.maximum(count, 1)
     within = np.square(own - mean[line]).sum() / max(len(own) - known.sum(), 1)
-    certain = max(0.0, 1 - SURE * within / len(own) / (usual**2 + 1e-12))
+    certain = max(0.0, 1 - SURE * within / len(own) / (common**2 + 1e-12))
     between = max(np.square(mean[known]).mean() - (within / count[known]).mean(), 0.0)
     weight = between / (between + within / np.maximum(count, 1) + 1e-12) * (len(own) > known.sum())
-    return _rounded(certain * usual + (weight * mean).clip(-FARTHEST, FARTHEST))
+    return _rounded(certain * common + (weight * mean).clip(-FARTHEST, FARTHEST))
 
 
 def _fitted(
@@ -138,19 +138,19 @@ def _fitted(
     """The state that fits the mean (K,) of squares with markers of `cells` (n, n), 1 white, and nominal side `side`:
     shift (2) and side of the marker, logs of the blurs (2), shift of the square itself (2). None where the fit
     fails."""
-    usual = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
-    state = usual.copy()
+    expected = np.array([0, 0, side, *np.log(BLUR * np.array([aspect**-0.5, aspect**0.5])), 0, 0])
+    state = expected.copy()
     for _ in range(STEPS):
         values, jacobian = _with_jacobian(cells, where, state, mean)
         off = mean - values
-        stiff = off.var() / USUAL**2
+        stiff = off.var() / PRIOR_SD**2
         normal = jacobian @ jacobian.T + np.diag(stiff + 1e-9)
-        step = np.linalg.solve(normal, jacobian @ off + stiff * (usual - state)).clip(-0.3, 0.3)
+        step = np.linalg.solve(normal, jacobian @ off + stiff * (expected - state)).clip(-0.3, 0.3)
         state = state + step
         state[BLURS] = np.clip(state[BLURS], np.log(SHARPEST), np.log(SOFTEST))
         if np.abs(step).max() < CLOSE:
             break
-    usable = np.isfinite(state).all() and (np.abs(state - usual) <= 4 * USUAL).all()
+    usable = np.isfinite(state).all() and (np.abs(state - expected) <= 4 * PRIOR_SD).all()
     return state if usable else None
 
 

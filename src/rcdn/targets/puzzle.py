@@ -11,7 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rcdn.targets.glance import FAINT
+from rcdn.targets.quick_test import FAINT
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, PuzzleBoard
 from rcdn.types.arrays import Bool, Real

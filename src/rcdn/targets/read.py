@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from rcdn.targets import glance
+from rcdn.targets import quick_test
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
 from rcdn.targets.bent_lines import bent_board
 from rcdn.targets.charuco import ends_of, markers_of, may_be_mirrored, read_charuco
@@ -23,52 +23,52 @@ SAMPLES = 32
 """samples along a square's side"""
 
 
-def identified(grey: Shaped[Array, "h w"], board: Board, told: Target | None = None, part: bool = False) -> Board:
+def identified(grey: Shaped[Array, "h w"], board: Board, given: Target | None = None, part: bool = False) -> Board:
     """The board with its `target` and `ids`, and with positions on the target as labels; the same board if no code is
     certain.
 
-    `grey` (H, W), 0..255; `told`: the target given by the user (None: unknown); `part`: the board may extend beyond
+    `grey` (H, W), 0..255; `given`: the target given by the user (None: unknown); `part`: the board may extend beyond
     its corners. Wrong for at most one in a million boards whose squares contain random dots.
     """
-    return identified_straight(grey, board, told, part)[0]
+    return identified_straight(grey, board, given, part)[0]
 
 
 def identified_straight(
-    grey: Array, board: Board, told: Target | None = None, part: bool = False, markers: bool = True
+    grey: Array, board: Board, given: Target | None = None, part: bool = False, markers: bool = True
 ) -> tuple[Board, bool]:
     """`identified`, and whether markers may be readable in the mirror image instead. `markers`: try to read markers at
     all."""
     if board.pattern == "aprilgrid":
-        return (_tags(grey, board, told) if told is None or isinstance(told, AprilGrid) else board), False
-    if isinstance(told, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
+        return (_tags(grey, board, given) if given is None or isinstance(given, AprilGrid) else board), False
+    if isinstance(given, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
         return board, False
     grid, found = grid_with_ring(board)
     reading, mirrored = None, False
-    if markers and not isinstance(told, PuzzleBoard):
-        reading, mirrored = _markers(grey, grid, found, told, part)
-    if reading is None and not isinstance(told, Charuco):
+    if markers and not isinstance(given, PuzzleBoard):
+        reading, mirrored = _markers(grey, grid, found, given, part)
+    if reading is None and not isinstance(given, Charuco):
         reading = read_puzzle(grey, grid, found)
     return (board, mirrored) if reading is None else (_placed(board, reading), False)
 
 
-def _markers(grey: Array, grid: Array, found: Array, told: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
+def _markers(grey: Array, grid: Array, found: Array, given: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
     """The reading of the markers in the squares of a `grid_with_ring`, or None; and whether the mirror image may have
     one."""
     inner = whole_squares(found)
-    marked = glance.marked_squares(rectified(grey, grid, glance.SAMPLES), inner)
+    marked = quick_test.marked_squares(rectified(grey, grid, quick_test.SAMPLES), inner)
     if marked is None:
         return None, False
     bent = bent_board(grid, found, (grey.shape[1], grey.shape[0]))
     wide = rectified(grey, wider(grid), SAMPLES) if bent is None else bent.rectified(grey, SAMPLES)
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
-    markers = markers_of(lifted, marked, inner, aspect_of(grid), told)
-    ended = partial(ended_sides, wide, marked) if told is None else None
-    reading = read_charuco(markers, told, None if part else ends_of(lifted, inner), ended)
-    return reading, reading is None and not part and (told is not None or may_be_mirrored(markers))
+    markers = markers_of(lifted, marked, inner, aspect_of(grid), given)
+    ended = partial(ended_sides, wide, marked) if given is None else None
+    reading = read_charuco(markers, given, None if part else ends_of(lifted, inner), ended)
+    return reading, reading is None and not part and (given is not None or may_be_mirrored(markers))
 
 
-def check_told(target: Target) -> None:
+def check_target(target: Target) -> None:
     """Raises ConfigError unless the target can be read."""
     if isinstance(target, Charuco):
         family_of(target.dictionary)
@@ -90,13 +90,13 @@ def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
     return np.where(known.any(axis=0), mean, np.median(level[usable]))
 
 
-def _tags(grey: Array, board: Board, told: AprilGrid | None) -> Board:
+def _tags(grey: Array, board: Board, given: AprilGrid | None) -> Board:
     """A lattice of tags, labelled as an AprilGrid if its numbering is certain."""
     columns, rows = (2 * (n // 2 + 1) for n in board.ij.max(axis=0).tolist())
     grid, index = np.full((rows, columns, 2), np.nan), np.full((rows, columns), -1)
     i, j = board.ij.T
     grid[j, i], index[j, i] = board.xy, np.arange(len(board))
-    reading = read_aprilgrid(grey, grid, told)
+    reading = read_aprilgrid(grey, grid, given)
     return board if reading is None else _relabelled(board, reading, index)
 
 

@@ -87,8 +87,8 @@ class _Words(dict[str, str]):
             raise ConfigError(f"{name} has no value")
         return self.pop(name, None) is not None
 
-    def number(self, name: str, usual: int) -> int:
-        return whole(self.pop(name), name) if name in self else usual
+    def number(self, name: str, default: int) -> int:
+        return whole(self.pop(name), name) if name in self else default
 
     def done(self) -> None:
         for name in self:

@@ -27,8 +27,8 @@ def advice_lines(verdict: Verdict, advice: Sequence[str]) -> list[str]:
     """Lines of advice, without the most severe reason, which is already in the first line."""
     from rcdn.calibration.verdict import sentences
 
-    said = sentences(verdict)[:1] if verdict.judged else ()
-    return [f"- {text}" for text in advice if text not in said]
+    headline = sentences(verdict)[:1] if verdict.judged else ()
+    return [f"- {text}" for text in advice if text not in headline]
 
 
 def camera_lines(calibration: Calibration) -> list[str]:

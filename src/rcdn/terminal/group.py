@@ -10,23 +10,23 @@ from typer.main import get_command
 
 from rcdn import interrupts
 from rcdn.errors import ConfigError, RcdnError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 FAILED, WRONG_USE, INTERRUPTED = 1, 2, 130
 
 
-def say_error(message: str) -> None:
+def print_error(message: str) -> None:
     """One line `error: …` on stderr, red on a terminal."""
     typer.secho(f"error: {one_line(message)}", fg="red", err=True)
 
 
-def say_stopped(rest: str = "") -> None:
+def print_stopped(rest: str = "") -> None:
     """Print the last line after Ctrl-C; a second Ctrl-C doesn't interrupt it."""
     interrupts.end()
-    say_error(f"stopped by Ctrl-C{rest}")
+    print_error(f"stopped by Ctrl-C{rest}")
 
 
-def say_warning(message: str) -> None:
+def print_warning(message: str) -> None:
     """One line `warning: …` on stderr, yellow on a terminal."""
     typer.secho(f"warning: {one_line(message)}", fg="yellow", err=True)
 
@@ -84,18 +84,18 @@ class Group(TyperGroup):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
-        talk.begin()
+        console.begin()
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
             error.message = error.message.removeprefix("Value error, ")  # added by Pydantic, in Typer from 0.29
             raise
         except ConfigError as error:
-            say_error(str(error))
+            print_error(str(error))
             raise typer.Exit(WRONG_USE) from None
         except RcdnError as error:
-            say_error(str(error))
+            print_error(str(error))
             raise typer.Exit(FAILED) from None
         except KeyboardInterrupt:
-            say_stopped()
+            print_stopped()
             raise typer.Exit(INTERRUPTED) from None

@@ -8,29 +8,27 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rcdn.terminal.group import one_line, say_error, say_warning
-from rcdn.terminal.talk import is_quiet
+from rcdn.terminal.console import is_quiet
+from rcdn.terminal.group import one_line, print_error, print_warning
 
 
 @dataclass(frozen=True)
 class Bar:
-    """`advance(inputs done, current name)` moves the bar; `say(message)` prints an error without corrupting the bar,
-    `warn(message)` a warning.
-
-    `tell(text)`: displays the current activity.
+    """`advance(inputs done, current name)` moves the bar; `print_error(message)` prints an error without corrupting
+    the bar, `warn(message)` a warning; `describe(text)` displays the current activity.
     """
 
     advance: Callable[[int, str], None]
-    say: Callable[[str], None]
+    print_error: Callable[[str], None]
     warn: Callable[[str], None]
-    tell: Callable[[str], None]
+    describe: Callable[[str], None]
 
 
 @contextmanager
 def progress(total: int) -> Iterator[Bar]:
     """A progress bar on stderr if that is a terminal; none in a pipe, or with --quiet."""
     if not sys.stderr.isatty() or is_quiet():
-        yield Bar(lambda done, name: None, say_error, say_warning, lambda text: None)
+        yield Bar(lambda done, name: None, print_error, print_warning, lambda text: None)
         return
     from rich.console import Console
     from rich.markup import escape

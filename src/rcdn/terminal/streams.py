@@ -7,7 +7,7 @@ import io
 import sys
 from typing import Any, TextIO
 
-from rcdn.terminal.group import FAILED, say_error
+from rcdn.terminal.group import FAILED, print_error
 
 
 class _Quiet(io.RawIOBase):
@@ -57,7 +57,7 @@ class Streams:
         if error is None:
             return code
         if error.errno not in (errno.EPIPE, errno.EBADF):
-            say_error(f"standard output: can't be written: {error.strerror or error}; write it to another place")
+            print_error(f"standard output: can't be written: {error.strerror or error}; write it to another place")
             sys.stderr.flush()
         return code or FAILED
 

@@ -20,7 +20,7 @@ MEASURED = 0.05
 
 
 @dataclass(frozen=True)
-class Told:
+class TargetOption:
     """The value of --target: the codes to read (`DetectorConfig.target`); for a plain board its `size` in inner corners
     and whether it is a `deltille`; for a file its `spacing`, m. `text` is the user's input."""
 
@@ -70,40 +70,40 @@ class Told:
         return length
 
 
-DEFAULT = Told("auto", "auto")
+DEFAULT = TargetOption("auto", "auto")
 """the option wasn't given: the preset's setting applies"""
 
 
-def parse_target(text: str | Told) -> Told:
+def parse_target(text: str | TargetOption) -> TargetOption:
     """Parse `text`: `auto`, `plain`, a target in one word, or the path of its YAML file. Raises typer.BadParameter."""
-    if isinstance(text, Told):  # a default
+    if isinstance(text, TargetOption):  # a default
         return text
     word = text.strip()
     if word == "auto" or word == "plain":
-        return Told(word, "auto" if word == "auto" else "plain")
+        return TargetOption(word, "auto" if word == "auto" else "plain")
     from rcdn.targets.specification import read_specification
     from rcdn.types import Printed
 
     try:
-        said = read_specification(word)
+        parsed = read_specification(word)
     except RcdnError as error:
         raise typer.BadParameter(str(error)) from error
-    target, spacing = (said.target, said.spacing) if isinstance(said, Printed) else (said, None)
-    return _told(word, target, spacing)
+    target, spacing = (parsed.target, parsed.spacing) if isinstance(parsed, Printed) else (parsed, None)
+    return _option(word, target, spacing)
 
 
-def _told(text: str, target: Print | PuzzleBoard, spacing: float | None) -> Told:
+def _option(text: str, target: Print | PuzzleBoard, spacing: float | None) -> TargetOption:
     from rcdn.types import Checkerboard, Deltille, PuzzlePart
 
     if isinstance(target, Deltille):
-        return Told(text, "plain", deltille=True, spacing=spacing)
+        return TargetOption(text, "plain", deltille=True, spacing=spacing)
     if isinstance(target, Checkerboard):
-        return Told(text, "plain", GridSize(target.columns, target.rows), spacing=spacing)
-    return Told(text, target.whole if isinstance(target, PuzzlePart) else target, spacing=spacing)
+        return TargetOption(text, "plain", GridSize(target.columns, target.rows), spacing=spacing)
+    return TargetOption(text, target.whole if isinstance(target, PuzzlePart) else target, spacing=spacing)
 
 
 Target = Annotated[
-    Told,
+    TargetOption,
     typer.Option(
         parser=parse_target,
         metavar="WHICH",

@@ -146,8 +146,8 @@ def _check_same(config: TrainConfig, folder: Path, resume: bool, labelled: dict[
     report = read_report(folder)
     before: dict[str, Any] = report["config"]
     now = dataclasses.asdict(config) | {"validate_every": before["validate_every"]}  # doesn't affect training
-    usual = {f.name: f.default for f in dataclasses.fields(config)}  # of settings that are newer than the run
-    changed = [key for key in now if before.get(key, usual[key]) != now[key]]
+    defaults = {f.name: f.default for f in dataclasses.fields(config)}  # of settings that are newer than the run
+    changed = [key for key in now if before.get(key, defaults[key]) != now[key]]
     if not changed and report.get("labelled") != labelled:
         changed = ["other labelled pictures"]
     if changed:

@@ -32,8 +32,8 @@ def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ..
     Raises RcdnError for another shape, for elements that can't be converted to `dtype`, and for numbers beyond
     ±`within`.
     """
-    usual = type(value) is np.ndarray and value.dtype == dtype and 0 < value.size <= MOST
-    if usual and value.ndim == 1 + len(tail) and value.shape[1:] == tail:
+    simple = type(value) is np.ndarray and value.dtype == dtype and 0 < value.size <= MOST
+    if simple and value.ndim == 1 + len(tail) and value.shape[1:] == tail:
         array = value.copy()
     else:
         array = _shaped(value, np.dtype(dtype), tail, f"{type(owner).__name__}.{name}")

@@ -15,13 +15,13 @@ class Warnings:
     """Warnings about data dropped from one picture; of each kind only the first is kept, whichever view adds it."""
 
     def __init__(self) -> None:
-        self._told: dict[str, str] = {}
+        self._by_kind: dict[str, str] = {}
 
     def add(self, kind: str, text: str) -> None:
         """Add the warning `text`, unless there is already one of the same `kind`."""
-        self._told.setdefault(kind, text)
+        self._by_kind.setdefault(kind, text)
 
     @property
     def texts(self) -> tuple[str, ...]:
         """The warnings, one line each."""
-        return tuple(self._told.values())
+        return tuple(self._by_kind.values())

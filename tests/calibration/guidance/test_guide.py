@@ -103,8 +103,8 @@ def test_a_board_held_as_wanted_is_taken_once_it_is_still(started):
 def test_a_moving_board_is_refused(started):
     seen = held(BROWN, started.progress.wanted.pose.T_cam_board)
     moving = [replace(seen, xy=seen.xy + np.array([1.5 * k, 0])) for k in range(20)]
-    looks = [started.look(b, 200 + 0.033 * k) for k, b in enumerate(moving)]
-    assert all(k.refused == "Hold the board still." and not k.take for k in looks)
+    assessments = [started.look(b, 200 + 0.033 * k) for k, b in enumerate(moving)]
+    assert all(k.refused == "Hold the board still." and not k.take for k in assessments)
 
 
 def test_a_picture_that_is_there_already_is_refused(started):
@@ -177,17 +177,17 @@ def test_hints_lead_to_the_wanted_pose(started):
     middle = np.array([4 * SPACING, 2.5 * SPACING, 0])
     at = wanted[:3, :3] @ middle + wanted[:3, 3]
 
-    def said(scale=1.0, aside=(0.0, 0.0)):
+    def assessed(scale=1.0, aside=(0.0, 0.0)):
         T = wanted.copy()
         T[:3, 3] += at * (scale - 1) + np.array([*aside, 0.0])
-        return still(started, held(BROWN, T), said.time)
+        return still(started, held(BROWN, T), assessed.time)
 
-    said.time = 700.0
-    away = said(scale=2.2)
+    assessed.time = 700.0
+    away = assessed(scale=2.2)
     assert away.hint in ("Bring the board closer.", "Hold still.")
-    said.time = 800.0
+    assessed.time = 800.0
     x = project(BROWN, at[None])[0][0]
-    side = said(scale=1.8, aside=(0.25 if x < 320 else -0.25, 0.0))
+    side = assessed(scale=1.8, aside=(0.25 if x < 320 else -0.25, 0.0))
     assert ("left" if x < 320 else "right") in side.hint
 
 
@@ -202,7 +202,7 @@ def test_a_picture_can_be_given_up():
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"image_size": (0, 480)}, "image_size"),
         ({"spacing": -1.0}, "spacing"),
@@ -211,8 +211,8 @@ def test_a_picture_can_be_given_up():
         ({"size": (1, 4)}, "size"),
     ],
 )
-def test_wrong_arguments_are_named(given, said):
-    with pytest.raises(RcdnError, match=said):
+def test_wrong_arguments_are_named(given, message):
+    with pytest.raises(RcdnError, match=message):
         Guide(**{"image_size": (640, 480), "spacing": 0.03} | given)
 
 

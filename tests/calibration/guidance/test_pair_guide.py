@@ -257,9 +257,9 @@ def test_a_camera_that_should_see_the_board_and_does_not_is_named(started):
     left, _ = moment(wanted_pose(started))
     wanted = started.progress.wanted
     assert all(v is not None for v in wanted.views)
-    said = still(started, (left, None), 200.0)
-    assert said.refused == "Right camera: No board is seen."
-    assert not said.take
+    assessment = still(started, (left, None), 200.0)
+    assert assessment.refused == "Right camera: No board is seen."
+    assert not assessment.take
 
 
 def test_no_pose_is_wanted_that_is_there_already(eight):
@@ -304,15 +304,15 @@ def test_a_lens_model_is_chosen_from_eight_moments_on():
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"spacing": -1.0}, "spacing"),
         ({"model": "thin"}, "model"),
         ({"image_sizes": ((640, 480), (0, 1))}, "image_size"),
     ],
 )
-def test_wrong_arguments_are_named(given, said):
-    with pytest.raises(RcdnError, match=said):
+def test_wrong_arguments_are_named(given, message):
+    with pytest.raises(RcdnError, match=message):
         PairGuide(**{"image_sizes": ((640, 480), (640, 480)), "spacing": 0.03} | given)
 
 

@@ -83,14 +83,14 @@ class Child:
 
     def time(self, image: Array, size: Size) -> Timing:
         """Detect in `image` (H, W) uint8 once. Raises Broken."""
-        answer = self._ask((image, size), PATIENCE)
+        answer = self._request((image, size), PATIENCE)
         if not isinstance(answer, Timing):
             raise Broken(f"an answer of type {type(answer).__name__}")
         return answer
 
     def memory(self) -> Memory | None:
         """Present and maximum memory; None if the operating system does not report them. Raises Broken."""
-        answer: Memory | None = self._ask(None, PATIENCE)
+        answer: Memory | None = self._request(None, PATIENCE)
         return answer
 
     def close(self) -> None:
@@ -118,7 +118,7 @@ class Child:
             self.close()
             raise
 
-    def _ask(self, question: Any, patience: float) -> Any:
+    def _request(self, question: Any, patience: float) -> Any:
         if self._process is None:
             self._start()
         with contextlib.suppress(OSError):  # the process has ended: reading the answer reports it

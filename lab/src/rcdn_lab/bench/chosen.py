@@ -55,33 +55,33 @@ class Photograph:
         return any(g.ij is not None and judged(g.xy, g.ij, self.corners, columns)[1] for g in grids)
 
 
-def chosen(folder: Path, asked: Size) -> list[Photograph]:
+def chosen(folder: Path, default_size: Size) -> list[Photograph]:
     """Of each set listed in `truth.json` (docs/formats.md) in `folder`, the first and the middle one of the pictures
     with known truth, by name; of a set without boards 20, evenly spaced. Without that file, all pictures of the folder,
     as one set without known truth.
 
-    `asked`: the board size given to detectors where there is no board, or no single size. Raises ConfigError if no
-    picture remains, FormatError for an invalid `truth.json`.
+    `default_size`: the board size given to detectors where there is no board, or no single size. Raises ConfigError if
+    no picture remains, FormatError for an invalid `truth.json`.
     """
     if not folder.is_dir():
         raise ConfigError(f"--photographs {folder}: no folder")
     truth = folder / "truth.json"
-    out = _listed(folder, truth, asked) if truth.is_file() else _unknown(folder, asked)
+    out = _listed(folder, truth, default_size) if truth.is_file() else _unknown(folder, default_size)
     if not out:
         raise ConfigError(f"--photographs {folder}: no pictures there")
     return out
 
 
-def _unknown(folder: Path, asked: Size) -> list[Photograph]:
+def _unknown(folder: Path, default_size: Size) -> list[Photograph]:
     paths = [path for path in expand([folder])[0] if not is_video(path)]
-    return [Photograph(folder.resolve().name, path.name, _read(path), asked) for path in paths]
+    return [Photograph(folder.resolve().name, path.name, _read(path), default_size) for path in paths]
 
 
-def _listed(folder: Path, truth: Path, asked: Size) -> list[Photograph]:
+def _listed(folder: Path, truth: Path, default_size: Size) -> list[Photograph]:
     try:
         sets = json.loads(truth.read_text())
         return [
-            _photograph(folder, name, file, record, asked)
+            _photograph(folder, name, file, record, default_size)
             for name, record in sorted(sets.items())
             for file in _files(record)
         ]
@@ -97,9 +97,9 @@ def _files(record: dict[str, Any]) -> list[str]:
     return [known[k * len(known) // count] for k in range(count)]
 
 
-def _photograph(folder: Path, name: str, file: str, record: dict[str, Any], asked: Size) -> Photograph:
+def _photograph(folder: Path, name: str, file: str, record: dict[str, Any], default_size: Size) -> Photograph:
     known = record["images"][file]
-    board = asked if record["board"] is None else (int(record["board"][0]), int(record["board"][1]))
+    board = default_size if record["board"] is None else (int(record["board"][0]), int(record["board"][1]))
     one = record["board"] is not None or not known["xy"]
     corners = np.array(known["xy"], float).reshape(-1, 2) if one else None
     return Photograph(name, file, _read(folder / name / file), board, corners, bool(known.get("ordered")))

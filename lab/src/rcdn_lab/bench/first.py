@@ -89,7 +89,7 @@ def memory(
     board: Size,
     who: Sequence[Contestant],
     threads: int,
-    tell: Callable[[str], None] | None = None,
+    describe: Callable[[str], None] | None = None,
 ) -> list[Row]:
     """A row for each detector and size: one detection of a board in a fresh process.
 
@@ -98,8 +98,8 @@ def memory(
     """
     rows: list[Row] = []
     for size in sizes:
-        if tell:
-            tell(f"memory, {size[0]}x{size[1]}")
+        if describe:
+            describe(f"memory, {size[0]}x{size[1]}")
         images = {b: rendered("board", size, b) for b in dict.fromkeys(c.board or board for c in who)}
         for contestant in who:
             row: Row = {"detector": contestant.name, "size": f"{size[0]}x{size[1]}", "threads": threads}

@@ -47,7 +47,9 @@ def _again(source: Path, path: Path) -> None:
         shutil.copyfile(source, path)
 
 
-def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callable[[str], None] | None = None) -> Row:
+def watch(
+    command: Sequence[str], jobs: Sequence[int], count: int, describe: Callable[[str], None] | None = None
+) -> Row:
     """Run `command` FOLDER JOBS SAMPLES over `count` pictures with each number of `jobs`.
 
     It writes a line `seconds,pictures,now MB,peak MB` to the file SAMPLES after each picture. Returns `rows`, one for
@@ -57,12 +59,12 @@ def watch(command: Sequence[str], jobs: Sequence[int], count: int, tell: Callabl
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "pictures"
         folder.mkdir()
-        if tell:
-            tell(f"rendering {count} pictures")
+        if describe:
+            describe(f"rendering {count} pictures")
         fill(folder, count)
         for many in jobs:
-            if tell:
-                tell(f"{count} pictures, {many} jobs")
+            if describe:
+                describe(f"{count} pictures, {many} jobs")
             seen = Path(name) / f"samples_{many}.csv"
             start = time.perf_counter()
             done = subprocess.run(

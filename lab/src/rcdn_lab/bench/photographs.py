@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn_lab.bench.chosen import Photograph
-from rcdn_lab.bench.run import PRESETS, Contestant, Runner, Times, ask, usual
+from rcdn_lab.bench.run import PRESETS, Contestant, Runner, Times, median_time, time_once
 from rcdn_lab.peers import PEERS
 
 Key = tuple[str, int]
@@ -48,7 +48,7 @@ def figures(
     threads: Sequence[int],
     rounds: int,
     budget: float,
-    tell: Callable[[str], None] | None = None,
+    describe: Callable[[str], None] | None = None,
 ) -> tuple[list[Figure], dict[str, str]]:
     """All detectors on each picture, in a new random order in each round, with all numbers of threads mixed; each
     detector is warmed up once.
@@ -65,10 +65,10 @@ def figures(
             stack.callback(runner.close)
         boards = {c.name: c.board for c in who}
         for number, picture in enumerate(pictures):
-            if tell:
-                tell(f"{picture.set}/{picture.file}")
-            asked = {key: r for key, r in runners.items() if boards[key[0]] in (None, picture.board)}
-            times = _in_turn(picture, asked, rounds, budget, rng, warm=number == 0)
+            if describe:
+                describe(f"{picture.set}/{picture.file}")
+            selected = {key: r for key, r in runners.items() if boards[key[0]] in (None, picture.board)}
+            times = _in_turn(picture, selected, rounds, budget, rng, warm=number == 0)
             failures |= {key[0]: mine.failure for key, mine in times.items() if mine.failure}
             out += _figures(picture, times)
     return out, failures
@@ -80,13 +80,13 @@ def _in_turn(
     keys, times = list(runners), {key: Times() for key in runners}
     if warm:
         for key in keys:
-            ask(runners[key], picture.image, picture.board, Times())
+            time_once(runners[key], picture.image, picture.board, Times())
     for number in range(rounds):
         for k in rng.permutation(len(keys)):
             mine = times[keys[k]]
-            if mine.failure or (mine.timings and mine.spent + usual(mine) > budget):
+            if mine.failure or (mine.timings and mine.spent + median_time(mine) > budget):
                 continue
-            timing = ask(runners[keys[k]], picture.image, picture.board, mine)
+            timing = time_once(runners[keys[k]], picture.image, picture.board, mine)
             if timing is not None:
                 mine.timings[number] = timing
     return times

@@ -82,12 +82,12 @@ def rates(todo: Mapping[str, Task], count: int, clock: Callable[[], float] = tim
     done = np.array([todo[name][0] for name in names]) / 1e9
     speed = done / seconds
     peak = 1 + int(np.argmax(np.median(speed[:, 1:], axis=0)))
-    low, usual, high = np.percentile(speed / speed[:, [peak]], [25, 50, 75], axis=0)
+    low, middle, high = np.percentile(speed / speed[:, [peak]], [25, 50, 75], axis=0)
     return [
         {
             "task": name, "GFLOP": round(float(done[k]), 3), "ms": round(1e3 * float(np.median(seconds[:, k])), 3),
             "GFLOP/s": round(float(np.median(speed[:, k])), 2), "at best": round(float(speed[:, k].max()), 2),
-            "of peak": round(float(usual[k]), 3), "from": round(float(low[k]), 3), "to": round(float(high[k]), 3),
+            "of peak": round(float(middle[k]), 3), "from": round(float(low[k]), 3), "to": round(float(high[k]), 3),
             "rounds": count,
         }
         for k, name in enumerate(names)

@@ -79,8 +79,8 @@ def markdown(tables: Mapping[str, Sequence[Row]]) -> str:
     for kind, threads in dict.fromkeys((r["picture"], r["threads"]) for r in speed):
         mine = [r for r in speed if (r["picture"], r["threads"]) == (kind, threads)]
         title = f"{kind}, {threads} thread{'' if threads == 1 else 's'}: ms (ratio)"
-        usual = mine[0]["board"]
-        out.append(_pivot(title, [(_label(r, usual), r["size"], _timing(r)) for r in mine]))
+        board = mine[0]["board"]
+        out.append(_pivot(title, [(_label(r, board), r["size"], _timing(r)) for r in mine]))
     stages = tables.get("stages", ())
     for preset in dict.fromkeys(r["preset"] for r in stages):
         mine = [r for r in stages if r["preset"] == preset]
@@ -110,8 +110,8 @@ def _pivot(title: str, cells: Sequence[tuple[str, str, str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def _label(row: Row, usual: str) -> str:
-    return str(row["detector"]) if row["board"] == usual else f"{row['detector']}, {row['board']}"
+def _label(row: Row, board: str) -> str:
+    return str(row["detector"]) if row["board"] == board else f"{row['detector']}, {row['board']}"
 
 
 def _timing(row: Row) -> str:

@@ -21,7 +21,7 @@ from rcdn_lab.peers import PEERS, Find, Grid
 SB = "opencv-sb"
 """the yardstick: findChessboardCornersSB, given the board's size"""
 PRESETS = {"auto": "rcdn", "paper": "rcdn-paper"}
-TOLD = {"opencv-sb", "opencv", *PRESETS.values()}
+THREADS_SET = {"opencv-sb", "opencv", *PRESETS.values()}
 """detectors whose number of threads is set; the others are limited by the number of cores only"""
 PROGRAMS = {"mrgingham"}
 """peers that run as external programs: their start and a picture file are included in the time, and their memory is not
@@ -101,12 +101,12 @@ def table(
     threads: Sequence[int],
     count: int,
     budget: float,
-    tell: Callable[[str], None] | None = None,
+    describe: Callable[[str], None] | None = None,
 ) -> list[Row]:
     """One row for each cell, thread count and detector.
 
     `count`: repetitions, or the number of pictures of a cell if larger; `budget`: s that a detector may take in a cell,
-    which limits its repetitions; `tell`: called with a description of the present step.
+    which limits its repetitions; `describe`: called with a description of the present step.
     """
     rows = []
     with ExitStack() as stack:
@@ -114,11 +114,13 @@ def table(
         for runner in runners.values():
             stack.callback(runner.close)
         for cell in cells:
-            asked = [c for c in who if not cell.only or c.name in cell.only]
+            selected = [c for c in who if not cell.only or c.name in cell.only]
             for n in threads:
-                if tell:
-                    tell(f"{cell.kind} {cell.size[0]}x{cell.size[1]}, {n} threads")
-                found = in_turn(cell, {c.name: runners[c.name, n] for c in asked}, count, budget, _board_of(asked))
+                if describe:
+                    describe(f"{cell.kind} {cell.size[0]}x{cell.size[1]}, {n} threads")
+                found = in_turn(
+                    cell, {c.name: runners[c.name, n] for c in selected}, count, budget, _board_of(selected)
+                )
                 rows += [_row(cell, n, name, found) for name in found]
     return rows
 
@@ -155,7 +157,7 @@ def in_turn(
     sizes = {name: (boards or {}).get(name, cell.board) for name in runners}
     rng = np.random.default_rng(0)
     for name, runner in runners.items():
-        warm = ask(runner, cell.pictures[0], sizes[name], out[name])
+        warm = time_once(runner, cell.pictures[0], sizes[name], out[name])
         if warm is not None and out[name].spent >= budget:
             out[name].timings[0], out[name].cold = warm, True
     for number in range(max(count, len(cell.pictures))):
@@ -164,21 +166,21 @@ def in_turn(
             mine = out[name]
             if mine.failure:
                 continue
-            if mine.skipped or (mine.timings and mine.spent + usual(mine) > budget):
+            if mine.skipped or (mine.timings and mine.spent + median_time(mine) > budget):
                 mine.skipped += 1
                 continue
-            timing = ask(runners[name], image, sizes[name], mine)
+            timing = time_once(runners[name], image, sizes[name], mine)
             if timing is not None:
                 mine.timings[number] = timing
     return out
 
 
-def usual(mine: Times) -> float:
+def median_time(mine: Times) -> float:
     """Median of its times so far, s."""
     return float(np.median([t.seconds for t in mine.timings.values()]))
 
 
-def ask(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
+def time_once(runner: Runner, image: Array, size: Size, mine: Times) -> Timing | None:
     """Time one picture, and record the result in `mine`; None, with the reason in `mine`, if the detector failed."""
     try:
         timing = runner.time(image, size)
@@ -215,7 +217,7 @@ def _row(cell: Cell, threads: int, name: str, found: dict[str, Times]) -> Row:
 def _note(mine: Times, name: str, raw: bool) -> str:
     if mine.failure:
         return f"failed: {mine.failure}"
-    words = [] if name in TOLD else ["own threads"]
+    words = [] if name in THREADS_SET else ["own threads"]
     if raw:
         words.append("corners only")
     if name in PROGRAMS:

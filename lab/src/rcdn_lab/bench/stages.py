@@ -37,7 +37,7 @@ STAGES = (
     ("axes", "rcdn.corners.peaks:axes"),
     ("candidates, rest", "rcdn.views:find_maxima"),
     ("candidates, rest", "rcdn.views:candidates_at"),
-    ("candidates, rest", "rcdn.corners.peaks:Peaks.look"),
+    ("candidates, rest", "rcdn.corners.peaks:Peaks.evaluate"),
     ("boards", "rcdn.views:find_boards"),
     ("boards", "rcdn.views:find_boards_paper"),
     ("boards", "rcdn.views:has_cells"),
@@ -46,7 +46,7 @@ STAGES = (
     ("views, compared", "rcdn.views:may_go_on"),
     ("views, compared", "rcdn.views:plainly_seen"),
     ("views, compared", "rcdn.views:shown_nearby"),
-    ("views, compared", "rcdn.views:shown_faintly"),
+    ("views, compared", "rcdn.views:faint_cells"),
     ("views, compared", "rcdn.views:at_the_frame"),
     ("views, compared", "rcdn.views:Views._in_detail"),
     ("views, compared", "rcdn.views:closer_view"),
@@ -121,7 +121,7 @@ def stages(
     preset: str,
     count: int,
     budget: float,
-    tell: Callable[[str], None] | None = None,
+    describe: Callable[[str], None] | None = None,
 ) -> list[Row]:
     """One row for each picture and stage: our detector in one thread, medians of up to `count` runs within `budget` s.
 
@@ -131,8 +131,8 @@ def stages(
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         for size in sizes:
             for kind in ("board", "clutter", "texture"):
-                if tell:
-                    tell(f"stages, {kind} {size[0]}x{size[1]}")
+                if describe:
+                    describe(f"stages, {kind} {size[0]}x{size[1]}")
                 image = rendered(kind, size, board)
                 head = {"picture": kind, "size": f"{size[0]}x{size[1]}", "preset": preset}
                 rows += [head | row for row in pool.submit(stages_of, image, preset, count, budget).result()]
@@ -144,7 +144,7 @@ CLASSES = (0.1, 0.5, 2.0)
 
 
 def photograph_stages(
-    pictures: Sequence[Photograph], preset: str, count: int, tell: Callable[[str], None] | None = None
+    pictures: Sequence[Photograph], preset: str, count: int, describe: Callable[[str], None] | None = None
 ) -> list[Row]:
     """One row for each class of photographs and stage: our detector in one thread; `ms/MP` over all of its `count`
     pictures together.
@@ -155,8 +155,8 @@ def photograph_stages(
     found: dict[str, list[tuple[float, list[Row]]]] = {}
     with limited(1), ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), end_with_parent) as pool:
         for picture in sorted(pictures, key=lambda p: (p.is_empty, p.megapixels)):
-            if tell:
-                tell(f"stages, {picture.set}/{picture.file}")
+            if describe:
+                describe(f"stages, {picture.set}/{picture.file}")
             rows = pool.submit(stages_of, picture.image, preset, count, SECONDS).result()
             found.setdefault(class_of(picture), []).append((picture.megapixels, rows))
     return [{"preset": preset} | row for name, mine in found.items() for row in class_rows(name, mine)]
@@ -216,10 +216,10 @@ def stages_of(image: Array, preset: str, count: int, budget: float) -> list[Row]
         runs.append(clock.seconds | {REST: rest, "whole": whole})
         calls, absent = clock.calls, lacking
     names = [name for name in dict.fromkeys([stage for stage, _ in STAGES] + [REST, "whole"]) if name in runs[0]]
-    usual = {name: float(np.median([run[name] for run in runs])) for name in names}
+    medians = {name: float(np.median([run[name] for run in runs])) for name in names}
     return [
         {
-            "stage": name, "ms": round(1e3 * usual[name], 3), "share": round(usual[name] / usual["whole"], 3),
+            "stage": name, "ms": round(1e3 * medians[name], 3), "share": round(medians[name] / medians["whole"], 3),
             "calls": calls.get(name), "repeats": len(runs),
             "note": f"not found: {', '.join(absent)}" if name == "whole" and absent else "",
         }

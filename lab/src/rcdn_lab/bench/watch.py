@@ -29,11 +29,11 @@ def watched(compute: Compute, samples: Path) -> Compute:
 
     def run(*arguments: Any) -> Generator[Any, None, None]:
         with samples.open("w") as file, closing(compute(*arguments)) as results:
-            memory, looked = "", -OFTEN
+            memory, measured = "", -OFTEN
             for number, done in enumerate(results, start=1):
                 seconds = time.perf_counter() - start
-                if seconds - looked >= OFTEN:
-                    memory, looked = f"{_together('VmRSS')},{_together('VmHWM')}", seconds
+                if seconds - measured >= OFTEN:
+                    memory, measured = f"{_together('VmRSS')},{_together('VmHWM')}", seconds
                 file.write(f"{seconds:.4f},{number},{memory}\n")
                 yield done
 

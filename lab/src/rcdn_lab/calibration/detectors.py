@@ -71,17 +71,17 @@ class Contestant:
         with quiet():
             return self.load()
 
-    def look(self, path: Path, content: str, size: tuple[int, int]) -> Answer:
+    def result(self, path: Path, content: str, size: tuple[int, int]) -> Answer:
         """The result for the picture at `path` with checksum `content`, from the store if it is there."""
         key = self.store.key(content, "grids", *(size if self.sized else ()))
         if (kept := _unpack(self.store.get(key))) is not None:
             return kept
-        answer = self._ask(read_image(path), size)
+        answer = self._detect(read_image(path), size)
         if not answer.error:
             self.store.put(key, _pack(answer))
         return answer
 
-    def _ask(self, image: Array, size: tuple[int, int]) -> Answer:
+    def _detect(self, image: Array, size: tuple[int, int]) -> Answer:
         shape = (image.shape[1], image.shape[0])
         find = self._find
         try:

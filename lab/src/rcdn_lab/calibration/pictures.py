@@ -36,7 +36,7 @@ class Found:
         return replace(self, grids={n: self.grids[n] for n in names})
 
 
-def look(
+def detect(
     cameras: CameraSet, data: Path, detectors: Sequence[Contestant], step: Callable[[], None] | None = None
 ) -> Found:
     """Run all detectors on all pictures of a set; pictures of an unusual size are left out for all of them. `step` is
@@ -48,17 +48,17 @@ def look(
     answers: list[dict[str, Answer]] = []
     for path in files:
         content = hashlib.sha256(path.read_bytes()).hexdigest()
-        answers.append({d.name: d.look(path, content, cameras.size) for d in detectors})
+        answers.append({d.name: d.result(path, content, cameras.size) for d in detectors})
         if step:
             step()
     sizes = Counter(next(iter(a.values())).image_size for a in answers)
-    usual = sizes.most_common(1)[0][0]
-    kept = [k for k, a in enumerate(answers) if next(iter(a.values())).image_size == usual]
+    majority = sizes.most_common(1)[0][0]
+    kept = [k for k, a in enumerate(answers) if next(iter(a.values())).image_size == majority]
     grids = {d.name: [answers[k][d.name].grids for k in kept] for d in detectors}
     notes = {d.name: _failures([answers[k][d.name] for k in kept]) for d in detectors}
     odd = len(files) - len(kept)
     notes[""] = f"{odd} pictures of another size left out" if odd else ""
-    return Found([files[k].name for k in kept], usual, grids, notes)
+    return Found([files[k].name for k in kept], majority, grids, notes)
 
 
 def _failures(answers: Sequence[Answer]) -> str:
@@ -136,8 +136,8 @@ def common(found: Found, size: tuple[int, int]) -> Common:
             disputed += 1
     ij = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
     xy = {n: np.array([b[i] for b in boards]).reshape(-1, len(ij), 2) for i, n in enumerate(names)}
-    told = {n: [s[i] for s in spreads] for i, n in enumerate(names)}
-    sigma = {n: np.array(s) for n, s in told.items() if s and all(v is not None for v in s)}
+    by_name = {n: [s[i] for s in spreads] for i, n in enumerate(names)}
+    sigma = {n: np.array(s) for n, s in by_name.items() if s and all(v is not None for v in s)}
     return Common(index, xy, sigma, ij, disputed)
 
 

@@ -13,7 +13,7 @@ from rcdn.calibration.usable import FEWEST_CORNERS
 from rcdn.errors import CalibrationError, ConfigError, present
 from rcdn.types import Array
 from rcdn_lab.calibration.detectors import OURS, Contestant
-from rcdn_lab.calibration.pictures import Common, Found, common, handedness, look, whole
+from rcdn_lab.calibration.pictures import Common, Found, common, detect, handedness, whole
 from rcdn_lab.calibration.protocol import (
     FEWEST,
     FOLDS,
@@ -67,7 +67,7 @@ def table(
             progress(done[0], total)
 
     for cameras in sets:
-        found = look(cameras, data, detectors, step)
+        found = detect(cameras, data, detectors, step)
         rows += _rows_on_all(cameras, found) + _rows_alike(cameras, found, shaped)
     rows += _summary(rows)
     rows += [_row("-", "-", "-", name, note=reason) for name, reason in (missing or {}).items()]
@@ -214,14 +214,14 @@ def _summary(rows: Sequence[Row]) -> list[Row]:
     for row in alike:
         done.setdefault(row["detector"], set()).add(row["set"])
     many = len({r["set"] for r in alike})
-    usual = [n for n, of in done.items() if 2 * len(of) > many]
-    sets = set.intersection(*(done[n] for n in usual)) if usual else set()
+    frequent = [n for n, of in done.items() if 2 * len(of) > many]
+    sets = set.intersection(*(done[n] for n in frequent)) if frequent else set()
     out = []
     for on in (ALL, COMMON, AGREED):
         for name in dict.fromkeys(r["detector"] for r in rows if r["on"] == on):
             mine = [r for r in rows if r["on"] == on and r["detector"] == name]
             counts = {k: _sum(mine, k) for k in ("pictures", "whole", "views", "corners", "left out")}
-            of = [r for r in mine if r["set"] in sets] if on == ALL or name in usual else []
+            of = [r for r in mine if r["set"] in sets] if on == ALL or name in frequent else []
             figures = Errors(**{f: _geometric([r[f] for r in of]) for f in FIGURES})
             out.append(_row("ALL", "-", on, name, counts, figures, f"geometric means of {len(of)} sets" if of else ""))
     return out
@@ -263,9 +263,9 @@ def _errors_table(rows: Sequence[Row], on: str, figure: str) -> str:
     for name in dict.fromkeys(r["set"] for r in alike):
         mine = {r["detector"]: r for r in alike if r["set"] == name}
         values = {n: mine[n][figure] for n in names if n in mine}
-        told = [v for v in values.values() if v is not None]
+        known = [v for v in values.values() if v is not None]
         cells = [
-            "–" if (v := values.get(n)) is None else f"**{v:.4f}**" if v == min(told) else f"{v:.4f}" for n in names
+            "–" if (v := values.get(n)) is None else f"**{v:.4f}**" if v == min(known) else f"{v:.4f}" for n in names
         ]
         first = next(iter(mine.values()))
         lines.append(f"| {name} | {first['model']} | {first['views']} | " + " | ".join(cells) + " |")

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.errors import ConfigError
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn.terminal.options import GridSize, parse_size
 from rcdn_lab.cli.bench_words import PARTS, counts_of, parts_of, sizes_of, words_of
@@ -108,7 +108,7 @@ def bench(
     """
     from rcdn_lab.bench import record
 
-    talk.begin(outputs=(json, csv, markdown))
+    console.begin(outputs=(json, csv, markdown))
     wanted = parts_of(parts or (",".join(PARTS) if photographs is None else "none"))
     frames, counts = sizes_of(sizes), counts_of(threads)
     drawn = _prepared(plot, sweep) if plot is not None else None
@@ -196,24 +196,24 @@ def _measure(
     from rcdn_lab.bench.run import cells_of, table
 
     size = (board.cols, board.rows)
-    with _telling() as tell:
+    with _step_display() as describe:
         if "speed" in wanted:
             cells = cells_of(frames, size, who)
-            results.tables["speed"] = table(cells, who, threads, count, budget, tell)
+            results.tables["speed"] = table(cells, who, threads, count, budget, describe)
         if "first" in wanted:
-            tell("first calls")
+            describe("first calls")
             results.tables["first"] = first_calls(size, min(count, FRESH))
         if "memory" in wanted:
-            results.tables["memory"] = memory(frames, size, who, max(threads), tell)
+            results.tables["memory"] = memory(frames, size, who, max(threads), describe)
         if "rate" in wanted:
-            tell("rate of the dense network and of matrix products")
+            describe("rate of the dense network and of matrix products")
             results.tables["rate"] = rate(count)
 
 
 def _photographs(
     results: _Results,
     folder: Path,
-    asked: tuple[int, int],
+    default_size: tuple[int, int],
     who: list[Any],
     threads: list[int],
     rounds: int,
@@ -224,15 +224,15 @@ def _photographs(
     from rcdn_lab.bench.photographs import PATIENCE, figures
     from rcdn_lab.bench.stages import photograph_stages
 
-    pictures = chosen(folder, asked)
+    pictures = chosen(folder, default_size)
     results.chosen = [f"{picture.set}/{picture.file}" for picture in pictures]
-    with _telling() as tell:
-        found, failures = figures(pictures, who, threads, rounds, PATIENCE, tell)
+    with _step_display() as describe:
+        found, failures = figures(pictures, who, threads, rounds, PATIENCE, describe)
         results.skipped |= {name: f"failed on some photographs: {why}" for name, why in failures.items()}
         results.tables["photographs"] = yardstick.summary(found)
         results.tables["sets"], results.tables["found"] = yardstick.sets(found), yardstick.found(found)
         if stages:
-            results.tables["photograph stages"] = photograph_stages(pictures, "auto", rounds, tell)
+            results.tables["photograph stages"] = photograph_stages(pictures, "auto", rounds, describe)
 
 
 def _stages(
@@ -240,17 +240,17 @@ def _stages(
 ) -> None:
     from rcdn_lab.bench.stages import stages
 
-    with _telling() as tell:
+    with _step_display() as describe:
         results.tables["stages"] = [
-            row for p in presets for row in stages(frames, (board.cols, board.rows), p, count, budget, tell)
+            row for p in presets for row in stages(frames, (board.cols, board.rows), p, count, budget, describe)
         ]
 
 
 def _folder(results: _Results, count: int, jobs: list[int], plot: Path | None) -> None:
     from rcdn_lab.bench.folder import watch
 
-    with _telling() as tell:
-        found = watch([sys.executable, "-m", "rcdn_lab.bench.watch"], jobs, count, tell)
+    with _step_display() as describe:
+        found = watch([sys.executable, "-m", "rcdn_lab.bench.watch"], jobs, count, describe)
     results.tables["folder"], results.samples = found["rows"], found["samples"]
     if plot is not None:
         from rcdn_lab.plots.bench_plot import draw_folder
@@ -258,7 +258,7 @@ def _folder(results: _Results, count: int, jobs: list[int], plot: Path | None) -
         _draw(plot, lambda figure: draw_folder(figure, results.samples))
 
 
-def _telling() -> Any:
+def _step_display() -> Any:
     """A context with a function to call with the present step: shown on a terminal only."""
     from contextlib import contextmanager
 
@@ -267,7 +267,7 @@ def _telling() -> Any:
     @contextmanager
     def open_bar() -> Any:
         with progress(0) as bar:
-            yield bar.tell
+            yield bar.describe
 
     return open_bar()
 
@@ -315,11 +315,13 @@ def _show(results: _Results) -> None:
     from rcdn.provenance import provenance
 
     for name, rows in results.tables.items():
-        talk.say(name)
+        console.print_line(name)
         for line in columns(rows):
-            talk.say(line)
-        talk.say("")
+            console.print_line(line)
+        console.print_line("")
     for name, reason in results.skipped.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
+        console.print_line(f"skipped {name}: {one_line(reason)}")
     facts = provenance()
-    talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    console.print_line(
+        f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
+    )

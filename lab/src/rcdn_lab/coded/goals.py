@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rcdn_lab.coded import real, rendered, videos, without
-from rcdn_lab.coded.readers import OURS, TOLD
+from rcdn_lab.coded.readers import GIVEN, OURS
 
 REAL_RECALL = 0.98
 RATIO = 1.5
@@ -79,10 +79,10 @@ def _degraded(rows: Rows) -> Iterator[Goal]:
 def _videos(rows: Rows) -> Iterator[Goal]:
     total = {r["reader"]: r for r in rows if r["set"] == videos.ALL}
     for name, theirs in total.items():
-        if name not in (OURS, TOLD):
+        if name not in (OURS, GIVEN):
             yield _least(videos.PART, f"frames labelled, {name}'s", theirs["labelled"], total[OURS]["labelled"])
             yield _nothing(videos.PART, f"numbers elsewhere than {name}'s", theirs["conflicts"])
-    for name in total.keys() & {OURS, TOLD}:
+    for name in total.keys() & {OURS, GIVEN}:
         yield _nothing(videos.PART, f"boards of another kind, {name}", total[name]["other kind"])
 
 

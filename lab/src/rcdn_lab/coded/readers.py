@@ -14,7 +14,7 @@ from rcdn_lab.coded.score import Count, TrueBoard, score
 from rcdn_lab.peers import quiet
 from rcdn_lab.peers.coded import CODED_PEERS, Labelled, Read
 
-OURS, TOLD = "rcdn", "rcdn told"
+OURS, GIVEN = "rcdn", "rcdn told"
 _loaded: dict[str, Read] = {}
 
 
@@ -36,12 +36,12 @@ def load(names: Sequence[str]) -> None:
     """Make the readers of this process."""
     _loaded.clear()
     with quiet():
-        ours = {OURS: _ours, TOLD: _told}
+        ours = {OURS: _ours, GIVEN: _given}
         _loaded.update({name: (ours[name] if _is_ours(name) else CODED_PEERS[name].load)() for name in names})
 
 
 def _is_ours(name: str) -> bool:
-    return name in (OURS, TOLD)
+    return name in (OURS, GIVEN)
 
 
 def _ours() -> Read:
@@ -49,7 +49,7 @@ def _ours() -> Read:
     return lambda image, _target: labelled(detector, image)
 
 
-def _told() -> Read:
+def _given() -> Read:
     @lru_cache
     def detector(target: Target) -> Detector:
         return Detector(DetectorConfig(target=target, threads=1))
@@ -76,13 +76,13 @@ def can_read(name: str, target: Target) -> bool:
 def judged(name: str, image: Array, boards: Sequence[TrueBoard]) -> Count:
     """A reader's score on one picture. Readers that need the target are run for each of its boards in turn, and scored
     on that one alone."""
-    ask: Callable[[Sequence[TrueBoard]], Count] = lambda some: score(  # noqa: E731
+    count: Callable[[Sequence[TrueBoard]], Count] = lambda some: score(  # noqa: E731
         read(name, image, some[0].target), some
     )
     try:
         if name == OURS:
-            return ask(boards)
-        parts = [ask([board]) for board in boards]
+            return count(boards)
+        parts = [count([board]) for board in boards]
         return sum(parts, Count()) + Count(pictures=1 - len(parts))
     except Exception:  # any exception is counted, and the others continue
         return score([], boards) + Count(failed=1)

@@ -124,15 +124,15 @@ def reach(board: TrueBoard) -> Array:
     return np.where(board.demanded, np.minimum(REACH, SHARE * nearest), np.minimum(2 * REACH, nearest / 2))
 
 
-def same_print(said: Target, true: Target) -> bool:
+def same_print(reported: Target, true: Target) -> bool:
     """Whether kind, marker family, legacy and inverted grey levels are the same. Dictionaries with a common beginning
     are one family."""
-    if isinstance(said, Charuco) and isinstance(true, Charuco):
-        alike = (said.legacy, said.inverted) == (true.legacy, true.inverted)
-        return alike and _family(said.dictionary) == _family(true.dictionary)
-    if isinstance(said, AprilGrid) and isinstance(true, AprilGrid):
-        return said.family == true.family
-    return said.kind == true.kind
+    if isinstance(reported, Charuco) and isinstance(true, Charuco):
+        alike = (reported.legacy, reported.inverted) == (true.legacy, true.inverted)
+        return alike and _family(reported.dictionary) == _family(true.dictionary)
+    if isinstance(reported, AprilGrid) and isinstance(true, AprilGrid):
+        return reported.family == true.family
+    return reported.kind == true.kind
 
 
 def _family(dictionary: str) -> int:

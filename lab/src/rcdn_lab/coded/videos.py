@@ -14,7 +14,7 @@ from rcdn.errors import FormatError
 from rcdn.io import frames, is_video
 from rcdn.types import Array
 from rcdn.types.target import Charuco
-from rcdn_lab.coded.readers import OURS, TOLD, can_read, load, read
+from rcdn_lab.coded.readers import GIVEN, OURS, can_read, load, read
 from rcdn_lab.peers.coded import Labelled
 from rcdn_lab.share_out import share_out
 
@@ -52,7 +52,7 @@ def table(
     """One row for each video and reader, and one over all. `labelled`: frames with ids; `conflicts`: ids that ours has
     elsewhere; `other kind`: boards reported as another target."""
     tasks = videos_of(folder)
-    names = (OURS, TOLD, *peers)
+    names = (OURS, GIVEN, *peers)
     sums: dict[tuple[str, str], np.ndarray[Any, Any]] = {}
     for (video, _), tally in zip(
         tasks, share_out(partial(_one, names=names), tasks, workers, load, (names,), progress), strict=True
@@ -103,8 +103,8 @@ def disagreement(some: Sequence[Labelled], others: Sequence[Labelled]) -> tuple[
 
 
 def _is(target: Charuco, board: Labelled) -> bool:
-    said = board.target
-    if said is None:
+    reported = board.target
+    if reported is None:
         return True
     own = (target.columns, target.legacy and target.rows is not None and target.rows % 2 == 0, target.inverted)
-    return isinstance(said, Charuco) and (said.columns, said.legacy, said.inverted) == own
+    return isinstance(reported, Charuco) and (reported.columns, reported.legacy, reported.inverted) == own

@@ -98,8 +98,10 @@ def _agree(folder: Path, facts: dict[str, Any], fix: str) -> None:
         return
     different = [key for key in sorted(facts.keys() | known.keys()) if facts.get(key) != known.get(key)]
     if different:
-        told = ", ".join(f"{key} ({_short(known.get(key))} there, {_short(facts.get(key))} now)" for key in different)
-        raise ConfigError(f"--cache {folder}: made with another configuration: {told}; {fix}")
+        differences = ", ".join(
+            f"{key} ({_short(known.get(key))} there, {_short(facts.get(key))} now)" for key in different
+        )
+        raise ConfigError(f"--cache {folder}: made with another configuration: {differences}; {fix}")
 
 
 def _known(folder: Path, fix: str) -> dict[str, Any] | None:

@@ -85,15 +85,15 @@ def same_lattice(ij: Array, expected: Array, swapped: bool) -> Array:
     return best
 
 
-def score(scene: Scene, boards: list[Board], told: Array | None = None) -> Counts:
+def score(scene: Scene, boards: list[Board], locatable: Array | None = None) -> Counts:
     """Boards found in the picture of a scene with one deltille, compared with the truth. Corners that are neither
     demanded nor forbidden do not count.
 
-    `told` (cols·rows,) bool: corners that can be located in the picture (None: all).
+    `locatable` (cols·rows,) bool: corners that can be located in the picture (None: all).
     """
     known, spec = truth(scene)[0], scene.boards[0]
     sure = np.flatnonzero(known.visible)
-    plain = np.ones(len(sure), bool) if told is None else told[sure]
+    plain = np.ones(len(sure), bool) if locatable is None else locatable[sure]
     found = false = wrong = read = 0
     gap = 0.0
     for board in boards:
@@ -117,8 +117,8 @@ def scenes(count: int, step: Step = None) -> dict[str, Any]:
         scene = random_scene(np.random.default_rng(FIRST + k), DELTILLE, SIZE)
         light, known = irradiance(scene), truth(scene)[0]
         picture = expose(light, scene.sensor, np.random.default_rng(scene.seed))
-        told = legible(light, scene.sensor, np.nan_to_num(known.xy), known.pitch, UNSURE)
-        total = total.plus(score(scene, find.boards(picture), told))
+        locatable = legible(light, scene.sensor, np.nan_to_num(known.xy), known.pitch, UNSURE)
+        total = total.plus(score(scene, find.boards(picture), locatable))
         if step:
             step(k + 1, count)
     return {

@@ -59,13 +59,13 @@ class PictureSet:
     """Pictures of one 9×6 board each.
 
     `column`: the data set of the paper to which they belong or which they replace; `total` pictures in all, of which
-    `usual` are used without `--full`; `folder` in the data folder, for photographs; `recipe`, for rendered ones.
+    `default` are used without `--full`; `folder` in the data folder, for photographs; `recipe`, for rendered ones.
     """
 
     name: str
     column: str
     total: int
-    usual: int
+    default: int
     folder: str = ""
     recipe: Recipe | None = None
 

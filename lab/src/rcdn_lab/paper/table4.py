@@ -17,7 +17,7 @@ from rcdn.errors import CalibrationError, ConfigError, present
 from rcdn.synthetic import Scene
 from rcdn_lab.calibration import SETS, CameraSet, Contestant, chosen
 from rcdn_lab.calibration.detectors import OURS
-from rcdn_lab.calibration.pictures import Found, common, look, whole
+from rcdn_lab.calibration.pictures import Found, common, detect, whole
 from rcdn_lab.calibration.protocol import FEWEST, SEED, SPLITS
 from rcdn_lab.calibration.run import ALL, COMMON, core, largest
 from rcdn_lab.paper import stereo_pair
@@ -98,7 +98,7 @@ def _single(text: str) -> list[PaperSet]:
     return [PaperSet(c.name, WIDE_ANGLE if c.model == "fisheye" else EYE_TRACKER, (c,)) for c in chosen([text])]
 
 
-def looks(sets: Sequence[PaperSet]) -> list[tuple[Path, tuple[int, int]]]:
+def sized_pictures(sets: Sequence[PaperSet]) -> list[tuple[Path, tuple[int, int]]]:
     """All pictures, with the size of the board in each (`table4_work.fill`)."""
     return [(path, c.size) for s in sets if s.data is not None for c in s.cameras for path in c.files(s.data)]
 
@@ -182,7 +182,7 @@ class _Job:
 def _jobs(one: PaperSet, detectors: Sequence[Contestant]) -> list[_Job]:
     """Run the detectors on all pictures of a set; the jobs of its rows."""
     data = present(one.data, "the data of a set")
-    found = [look(camera, data, detectors) for camera in one.cameras]
+    found = [detect(camera, data, detectors) for camera in one.cameras]
     wholes = {d.name: _wholes(one, found, d.name) for d in detectors}
     counts = {n: {"pictures": sum(len(f.names) for f in found), "whole": len(w)} for n, w in wholes.items()}
     stereo = len(one.cameras) == len(one.truth) == 2

@@ -159,12 +159,12 @@ def _claim(name: str, preset: str, rows: Sequence[Row], text: str, figure: str, 
         return None if ours else Claim(text, None, "No figures.")
     sign = -1 if figure == "whole" else 1
     first = pairs[0][0]
-    told = ", ".join(
+    details = ", ".join(
         f"{b['detector']} {_value(b, figure)}{'' if a is first else f' (against {_value(a, figure)})'}"
         for a, b in pairs
     )
     return Claim(
-        text, all(sign * a[figure] <= sign * b[figure] for a, b in pairs), f"{_value(first, figure)}; {told}", ours
+        text, all(sign * a[figure] <= sign * b[figure] for a, b in pairs), f"{_value(first, figure)}; {details}", ours
     )
 
 

@@ -16,7 +16,7 @@ Step = Callable[[int, int], None]
 """called with the number of tasks done and in total"""
 Drawing = tuple[Scene, Path]
 """a scene to render, and its file"""
-Look = tuple[Path, tuple[int, int]]
+SizedPicture = tuple[Path, tuple[int, int]]
 """a picture, and the size (columns, rows) of its board"""
 
 _detectors: list[Contestant] = []
@@ -39,7 +39,7 @@ def _nothing() -> None:
 
 
 def fill(
-    pictures: Sequence[Look],
+    pictures: Sequence[SizedPicture],
     names: Sequence[str],
     identify: Callable[[DetectorConfig], str],
     open_store: Callable[[str], Store],
@@ -51,7 +51,7 @@ def fill(
 
     Failures are not stored and are repeated later, as is everything if the store cannot be written.
     """
-    for _ in share_out(_look, pictures, workers, _load, (tuple(names), identify, open_store), step):
+    for _ in share_out(_detect, pictures, workers, _load, (tuple(names), identify, open_store), step):
         pass
     _detectors.clear()
 
@@ -62,8 +62,8 @@ def _load(
     _detectors[:] = contestants(names, identify, open_store)[0]
 
 
-def _look(task: Look) -> None:
+def _detect(task: SizedPicture) -> None:
     path, size = task
     content = hashlib.sha256(path.read_bytes()).hexdigest()
     for detector in _detectors:
-        detector.look(path, content, size)
+        detector.result(path, content, size)

@@ -23,14 +23,14 @@ Measure = Callable[[tuple[float, float]], float]
 @dataclass(frozen=True)
 class Comparison:
     """A claim that compares figures, with the result: `signs`: case → 1 it holds, 0 both are equal, −1 it does not;
-    `told`: the figures.
+    `details`: the figures.
 
     `share`: share of the cases in which it must hold; None: in all, some of which may be equal.
     """
 
     text: str
     signs: Mapping[str, int]
-    told: str
+    details: str
     share: float | None = None
 
     @property
@@ -107,7 +107,7 @@ def _better(
     only: str = "",
 ) -> Comparison:  # fmt: skip
     """The first of each pair is greater on every set (or on those whose name contains `only`)."""
-    signs, told = {}, []
+    signs, details = {}, []
     for one, two in pairs:
         methods = len(pairs) > 1 or one[0] == two[0]
         for name in _common(figures, one, two):
@@ -116,8 +116,8 @@ def _better(
             a, b = measure(figures[one][name]), measure(figures[two][name])
             where = f"{name}, {_name(one, True)}" if len(pairs) > 1 else name
             signs[where] = _sign(a, b)
-            told.append(f"{name}: {_name(one, methods)} {a:.4f}, {_name(two, methods)} {b:.4f}")
-    return Comparison(text, signs, "; ".join(told), share)
+            details.append(f"{name}: {_name(one, methods)} {a:.4f}, {_name(two, methods)} {b:.4f}")
+    return Comparison(text, signs, "; ".join(details), share)
 
 
 def _of_table2(figures: Figures) -> list[Comparison]:
@@ -147,27 +147,27 @@ def _of_table2(figures: Figures) -> list[Comparison]:
 
 
 def _best(figures: Figures, nets: Sequence[str]) -> Comparison:
-    signs, told = {}, []
+    signs, details = {}, []
     for net in nets:
         keys = [(net, m) for m in ("max", "0.5", "std", "adaptive")]
         for name in _common(figures, *keys):
             values = [f1(figures[k][name]) for k in keys]
             signs[f"{name}, {net}"] = _sign(values[0], max(values[1:]))
-            told.append(f"{name}: {net} max {values[0]:.4f}, best other {max(values[1:]):.4f}")
+            details.append(f"{name}: {net} max {values[0]:.4f}, best other {max(values[1:]):.4f}")
     return Comparison(
-        "a share of the maximum is the best threshold on two data sets of three (F1)", signs, "; ".join(told), 2 / 3
+        "a share of the maximum is the best threshold on two data sets of three (F1)", signs, "; ".join(details), 2 / 3
     )
 
 
 def _close(figures: Figures, nets: Sequence[str]) -> Comparison:
-    signs, told = {}, []
+    signs, details = {}, []
     for net in nets:
         for name in _common(figures, (net, "adaptive"), (net, "max")):
             a, b = f1(figures[net, "adaptive"][name]), f1(figures[net, "max"][name])
             signs[f"{name}, {net}"] = 1 if abs(a - b) <= CLOSE else -1
-            told.append(f"{name}: {net} adaptive {a:.4f}, max {b:.4f}")
+            details.append(f"{name}: {net} adaptive {a:.4f}, max {b:.4f}")
     return Comparison(
-        f"the adaptive threshold is close to a share of the maximum (F1 within {CLOSE})", signs, "; ".join(told)
+        f"the adaptive threshold is close to a share of the maximum (F1 within {CLOSE})", signs, "; ".join(details)
     )
 
 

@@ -35,12 +35,12 @@ def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Compar
     return list(zip(claims(table, published(table)), claims(table, measured(rows)), strict=True))
 
 
-def told(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def claim_lines(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The claims as lines."""
     out = []
     for paper, ours in verdicts(table, rows):
         out += [f"{ours.text}: {ours.verdict} (in the paper's own table: {paper.verdict})"]
-        out += [f"    {ours.told}"] if ours.told else []
+        out += [f"    {ours.details}"] if ours.details else []
     return out
 
 
@@ -118,5 +118,5 @@ def _stressed(verdict: str) -> str:
 
 def _figures(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
     lines = ["| section 4.1 says | figures here |", "|---|---|"]
-    lines += [f"| {ours.text} | {ours.told or '–'} |" for _, ours in verdicts(table, rows)]
+    lines += [f"| {ours.text} | {ours.details or '–'} |" for _, ours in verdicts(table, rows)]
     return "\n".join(lines)

@@ -85,7 +85,7 @@ def plan(
     absent = {row: why for row in rows if (why := lacking(row)) is not None}
     wanted = [SETS[s] for s in dict.fromkeys(sets or SETS)]
     absent |= {s.name: why for s in wanted if (why := missing(s, data)) is not None}
-    counts = {s.name: min(s.total if full else s.usual, most or s.total) for s in wanted}
+    counts = {s.name: min(s.total if full else s.default, most or s.total) for s in wanted}
     found = {s.name: shots(s, data, counts[s.name]) for s in wanted if s.name not in absent}
     return Plan(name, tuple(line for line in LINES[name] if line.row not in absent), found, absent)
 
@@ -124,7 +124,7 @@ def checksum(row: str) -> str:
 # ---- pictures
 
 
-def look(shot: Shot, lines: Sequence[Line], load: Load, cache: TableCache | None = None) -> dict[Line, Counts]:
+def counts_of(shot: Shot, lines: Sequence[Line], load: Load, cache: TableCache | None = None) -> dict[Line, Counts]:
     """Counts of each line on one picture, from the cache if they are there; the picture is made only if they are
     not."""
     column = SETS[shot.set].column
@@ -167,7 +167,7 @@ def table(
 
 
 _process: dict[str, Any] = {}
-"""The arguments of `look` in this process, except the picture."""
+"""The arguments of `counts_of` in this process, except the picture."""
 
 
 def _start(lines: tuple[Line, ...], load: Load, cache: TableCache | None) -> None:
@@ -175,7 +175,7 @@ def _start(lines: tuple[Line, ...], load: Load, cache: TableCache | None) -> Non
 
 
 def _one(shot: Shot) -> dict[Line, Counts]:
-    return look(shot, **_process)
+    return counts_of(shot, **_process)
 
 
 # ---- rows
@@ -205,8 +205,8 @@ def _measured(line: Line, on: PictureSet, counts: Counts) -> Row:
         "mean recall": counts.recalls / max(counts.pictures, 1),
     }  # fmt: skip
     whole = {name: getattr(counts, name) for name in ("corners", "found", "near", "reached", "pairs")}
-    told = _threshold(line.rule(on.column))
-    return _row(line.row, line.label, on.name, line.method, told, f"{counts.pictures}/{on.total}", figures | whole)
+    threshold = _threshold(line.rule(on.column))
+    return _row(line.row, line.label, on.name, line.method, threshold, f"{counts.pictures}/{on.total}", figures | whole)
 
 
 FIGURES = (
@@ -249,7 +249,7 @@ def settings_of(what: Plan) -> dict[str, Any]:
         networks[row] = {key: model.facts.get(key) for key in ("architecture", "sha256", "commit", "training")}
         networks[row]["model"] = NETWORKS[row].model
     return {
-        "sets": {name: {**_told(SETS[name]), "looked at": len(found)} for name, found in what.sets.items()},
+        "sets": {name: {**_facts(SETS[name]), "looked at": len(found)} for name, found in what.sets.items()},
         "board": SIZE, "first seed": FIRST, "radius": RADIUS, "border": BORDER, "refinement": None,
         "nms": asdict(paper.nms), "cluster": asdict(paper.cluster) if paper.cluster else None,
         "ChESS": {"share of the maximum": CHESS, "window": 5, "cluster": None},
@@ -257,6 +257,6 @@ def settings_of(what: Plan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _told(on: PictureSet) -> dict[str, Any]:
+def _facts(on: PictureSet) -> dict[str, Any]:
     kind = "photographs" if on.recipe is None else "rendered"
     return {"stands for": on.column, "kind": kind, "pictures": on.total}

@@ -19,7 +19,7 @@ from rcdn_lab.peers.rochade_graph import EdgeGraph, edge_graph, neighbours
 
 COARSE = 800
 """px; for the first attempt the picture is halved until its longer side is no longer than this"""
-LOOKS = 3
+ATTEMPTS = 3
 """attempts, each with half the reduction of the previous one"""
 CLOSINGS = (3, 5)
 """px; sizes of the morphological closing of gaps in the edges, in each attempt"""
@@ -54,7 +54,7 @@ def rochade_board(grey: Array, size: tuple[int, int]) -> Array | None:
 def views(grey: Array) -> Iterator[Array]:
     """`grey` (H, W) uint8, reduced by powers of two for one attempt after the other, the smallest first."""
     reduction = max(0, int(np.ceil(np.log2(max(grey.shape) / COARSE))))
-    for level in range(reduction, max(reduction - LOOKS, -1), -1):
+    for level in range(reduction, max(reduction - ATTEMPTS, -1), -1):
         yield cv2.resize(grey, None, fx=0.5**level, fy=0.5**level, interpolation=cv2.INTER_AREA) if level else grey
 
 

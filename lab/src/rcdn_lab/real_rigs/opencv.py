@@ -12,7 +12,7 @@ from rcdn.errors import CalibrationError
 from rcdn.types import Camera, Pose, Rig
 from rcdn_lab.real_rigs.sets import Shots
 
-UNSEEN = -1.0
+MISSING = -1.0
 """how it is told that a corner wasn't seen"""
 FEWEST = 4
 """corners of a view that it is given, where it is given parts"""
@@ -29,7 +29,7 @@ def opencvs(shots: Shots, spacing: float, parts: bool = False) -> Rig:
     number = {x: k for k, x in enumerate(labels)}
     points = np.column_stack([np.array(labels) * spacing, np.zeros(len(labels))]).astype(np.float32)
     seen = np.zeros((len(names), len(moments)), np.uint8)
-    xy = np.full((len(names), len(moments), len(labels), 2), UNSEEN, np.float32)
+    xy = np.full((len(names), len(moments), len(labels), 2), MISSING, np.float32)
     for c, name in enumerate(names):
         for m, moment in enumerate(moments):
             board = shots.boards[name].get(moment)

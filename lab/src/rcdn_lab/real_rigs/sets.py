@@ -107,8 +107,8 @@ def _board(detector: Detector, grey: Array, of: RigSet) -> Board | None:
 def _of_one_target(found: Mapping[str, Mapping[str, Board]]) -> dict[str, dict[str, Board]]:
     """Without boards of another target than most show."""
     kinds = [identity(b.target) for each in found.values() for b in each.values() if b.target is not None]
-    usual = max(set(kinds), key=kinds.count)
+    majority = max(set(kinds), key=kinds.count)
     return {
-        n: {m: b for m, b in each.items() if b.target is not None and identity(b.target) == usual}
+        n: {m: b for m, b in each.items() if b.target is not None and identity(b.target) == majority}
         for n, each in found.items()
     }

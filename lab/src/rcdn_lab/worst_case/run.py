@@ -48,14 +48,14 @@ def table(
     chosen = [n for n in pictures() if not names or any(part in n for part in names)]
     if not chosen:
         raise ConfigError(f"--picture: no name contains {' or '.join(names)}; without it all pictures are measured")
-    usual = _usual(photographs)
+    median_time = _median_time(photographs)
     rows = []
     for done, name in enumerate(chosen, start=1):
-        rows.append(_row(name, measured(name, limit), usual))
+        rows.append(_row(name, measured(name, limit), median_time))
         if progress:
             progress(done, len(chosen))
     rows.sort(key=lambda row: -row["ratio"])
-    return [_row(PHOTOGRAPHS, {"ms a megapixel": usual}, usual), *rows]
+    return [_row(PHOTOGRAPHS, {"ms a megapixel": median_time}, median_time), *rows]
 
 
 def settings_of(photographs: Path, limit: float) -> dict[str, Any]:
@@ -66,14 +66,14 @@ def settings_of(photographs: Path, limit: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _row(name: str, answer: Answer, usual: float) -> dict[str, Any]:
+def _row(name: str, answer: Answer, median_time: float) -> dict[str, Any]:
     keys = ("width", "height", "ms a megapixel", "ratio", "boards", "largest", "corners", "warnings", "ended")
-    ratio = round(answer["ms a megapixel"] / usual, 2)
+    ratio = round(answer["ms a megapixel"] / median_time, 2)
     rounded = round(answer["ms a megapixel"], 1)
     return {"picture": name} | dict.fromkeys(keys) | answer | {"ms a megapixel": rounded, "ratio": ratio}
 
 
-def _usual(folder: Path) -> float:
+def _median_time(folder: Path) -> float:
     """Median CPU time of photographs, ms per megapixel."""
     from rcdn.io import expand, is_video, read_image
 

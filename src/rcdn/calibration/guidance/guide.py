@@ -141,11 +141,11 @@ class Guide:
             return Look(refused, state.progress.sentence or "Hold the whole board in the picture.")
         fit, gain = _fit(board, wanted, state), now.gain
         worth = gain >= ENOUGH or (fit >= FIT and gain > 0)
-        said = (
+        sentence = (
             "Hold still." if worth else hint(now.held, _held_as_wanted(wanted, state), state.known.calibration.camera)
         )
         arrow = np.stack([now.held.middle, wanted.middle])
-        return Look(refused, said or state.progress.sentence, not refused and worth, fit, gain, arrow)
+        return Look(refused, sentence or state.progress.sentence, not refused and worth, fit, gain, arrow)
 
     def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
         """Blur and exposure of a board that is still; if it is blurred and nearer or farther than all sharp ones, it is

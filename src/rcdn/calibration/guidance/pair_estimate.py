@@ -13,7 +13,7 @@ from rcdn.calibration.bundle import Prior, default_free
 from rcdn.calibration.guidance.first_guess import SCATTER, camera_prior, first_guess
 from rcdn.calibration.guidance.progress import FEWEST, Wish
 from rcdn.calibration.labels import Size
-from rcdn.calibration.rig import FEWEST_PAIRS, hypotheses, tells
+from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, hypotheses
 from rcdn.calibration.solver import solve
 from rcdn.calibration.stereo import StereoSolution, stereo_solution, stereo_start, stereo_task
 from rcdn.calibration.uncertainty import Clustered, covariance
@@ -119,8 +119,8 @@ def _solved(found: StereoSolution) -> PairCovariance:
     """From a joint solution. The weight of a corner is such that all pictures together have the information that the
     covariance states: residuals of one view are correlated (`added_view.share_known`)."""
     many = len(found.cov) - 6
-    told = float(np.trace(found.cov[:many, :many] @ np.linalg.pinv(found.arrow.covariance, hermitian=True))) / many
-    share = 1 / told if np.isfinite(told) and told > 0 else 1.0
+    ratio = float(np.trace(found.cov[:many, :many] @ np.linalg.pinv(found.arrow.covariance, hermitian=True))) / many
+    share = 1 / ratio if np.isfinite(ratio) and ratio > 0 else 1.0
     left, right = (weight_of(c) * float(np.sqrt(share)) for c in (found.stereo.left, found.stereo.right))
     cameras = found.state.cameras
     return PairCovariance((cameras[0], cameras[1]), found.state.rig[1], found.cov, found.used, (left, right))
@@ -131,12 +131,12 @@ def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCov
     boards."""
     there = {v.name: k for k, v in enumerate(second.views)}
     every = [(k, there[v.name]) for k, v in enumerate(first.views) if v.name in there]
-    pairs = [(a, b) for a, b in every if tells(first.views[a], second.views[b])]
+    pairs = [(a, b) for a, b in every if determines_pose(first.views[a], second.views[b])]
     if not pairs or first.size is None:
         return None
-    told = hypotheses(first, second, pairs)
-    T, _ = told.most_agreed()
-    turned = {b: int(turn) for (_, b), turn in zip(pairs, told.nearest(T)[1], strict=True)}
+    poses = hypotheses(first, second, pairs)
+    T, _ = poses.most_agreed()
+    turned = {b: int(turn) for (_, b), turn in zip(pairs, poses.nearest(T)[1], strict=True)}
     task = stereo_task(first, second, pairs, turned)
     state = stereo_start(task, first, second, T)
     lenses = [
@@ -149,9 +149,9 @@ def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCov
     done = solve(state, task.corners, weight, free)
     frames = np.arange(len(task.seen))
     cov = covariance(done.arrow, frames, 1.0, Clustered(done.arrow.covariance, 1.0))
-    usual = float(np.median(weight))
+    median_weight = float(np.median(weight))
     cameras = done.state.cameras
-    return PairCovariance((cameras[0], cameras[1]), done.state.rig[1], cov, len(frames), (usual, usual))
+    return PairCovariance((cameras[0], cameras[1]), done.state.rig[1], cov, len(frames), (median_weight, median_weight))
 
 
 def _joined(lenses: Sequence[Prior], many: int) -> Prior:

@@ -104,13 +104,13 @@ class PairGuide:
         both = all(b is not None and len(b) >= FEWEST_CORNERS for b in boards)
         for k, side in enumerate(self._sides):
             side.follow(plan, k, both)
-        looks = [
+        assessments = [
             side.look(board, time, None if greys is None else greys[k])
             for k, (side, board) in enumerate(zip(self._sides, boards, strict=True))
         ]
         if plan.progress.wanted is None:
-            return _first(boards, looks, plan)
-        return _later(boards, looks, plan)
+            return _first(boards, assessments, plan)
+        return _later(boards, assessments, plan)
 
     def _replanned(self) -> PairProgress:
         for k, side in enumerate(self._sides):
@@ -134,7 +134,7 @@ def _check(boards: Moment, name: str) -> None:
             check_board(board)
 
 
-def _first(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
+def _first(boards: Moment, assessments: Sequence[Look], plan: PairPlan) -> PairLook:
     """Before both have seen the board at once: any still, sharp pair of whole boards is taken."""
     whole = [b is not None and b.complete and len(b) >= FEWEST_CORNERS for b in boards]
     if plan.known.size is not None:
@@ -143,29 +143,29 @@ def _first(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
             for w, b in zip(whole, boards, strict=True)
         ]
     same = all(whole) and sorted(boards[0].size) == sorted(boards[1].size)  # type: ignore[union-attr]
-    refused = _refused(looks, (True, True)) or ("" if same else "One camera doesn't see the whole board.")
-    bare = [replace(x, arrow=None, fit=0.0, gain=0.0, take=False) for x in looks]
+    refused = _refused(assessments, (True, True)) or ("" if same else "One camera doesn't see the whole board.")
+    bare = [replace(x, arrow=None, fit=0.0, gain=0.0, take=False) for x in assessments]
     return PairLook((bare[0], bare[1]), (True, True), refused, "Hold still." if same else BOTH, not refused, 0.0)
 
 
-def _later(boards: Moment, looks: Sequence[Look], plan: PairPlan) -> PairLook:
+def _later(boards: Moment, assessments: Sequence[Look], plan: PairPlan) -> PairLook:
     wanted = present(plan.progress.wanted, "the wanted pose")
     needed = [view is not None for view in wanted.views]
     there = [b is not None and len(b) >= FEWEST_CORNERS for b in boards]
     counts = (needed[0] or there[0], needed[1] or there[1])
     lead = wanted.lead if there[wanted.lead] or not any(there) else 1 - wanted.lead
-    refused = _refused(looks, counts)
-    fit = min((x.fit for x, n in zip(looks, needed, strict=True) if n), default=0.0)
-    hint = looks[lead].hint
+    refused = _refused(assessments, counts)
+    fit = min((x.fit for x, n in zip(assessments, needed, strict=True) if n), default=0.0)
+    hint = assessments[lead].hint
     if hint == "Hold still." and not all(there[k] for k in (0, 1) if needed[k]):
         hint = BOTH
-    take = not refused and looks[lead].take
-    return PairLook((looks[0], looks[1]), (there[0], there[1]), refused, hint, take, fit)
+    take = not refused and assessments[lead].take
+    return PairLook((assessments[0], assessments[1]), (there[0], there[1]), refused, hint, take, fit)
 
 
-def _refused(looks: Sequence[Look], counts: tuple[bool, bool]) -> str:
+def _refused(assessments: Sequence[Look], counts: tuple[bool, bool]) -> str:
     """Why the moment can't be taken: the first reason of a camera that counts, named if the other one has none."""
-    reasons = [x.refused if c else "" for x, c in zip(looks, counts, strict=True)]
+    reasons = [x.refused if c else "" for x, c in zip(assessments, counts, strict=True)]
     if any(not r and c for r, c in zip(reasons, counts, strict=True)):  # one of them shows something new
         reasons = ["" if r == TAKEN else r for r in reasons]
     if reasons[0] == reasons[1]:
@@ -209,8 +209,10 @@ class _Side(Guide):
             return
         own = Known(known.sides[side], None, known.names, known.size, known.plane)
         view = None if wanted is None else wanted.views[side]
-        said = plan.progress
-        progress = Progress(said.views, None, view, said.worst, None, said.target, said.done, said.stuck, said.sentence)
+        joint = plan.progress
+        progress = Progress(
+            joint.views, None, view, joint.worst, None, joint.target, joint.done, joint.stuck, joint.sentence
+        )
         self._plan = Plan(progress, own, SideForecast(forecast, side, both))
 
     def _planned(self, known: Known) -> Plan:

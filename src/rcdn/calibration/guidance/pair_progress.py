@@ -82,11 +82,13 @@ def _nothing(wishes: Wishes, known: PairKnown) -> PairProgress:
 
 def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecast: PairForecast) -> PairProgress:
     target, stereo = wishes[0].target, known.stereo
-    said = BOTH if wanted is None else place_and_tilt(wanted.leading, wishes[wanted.lead].image_size)
+    sentence = BOTH if wanted is None else place_and_tilt(wanted.leading, wishes[wanted.lead].image_size)
     if stereo is None:
         why = known.trouble if len(known.names) >= SETTLED else ""
         unknown = (float("inf"),) * 3
-        return PairProgress(known.names, None, wanted, unknown[0], unknown, None, target, False, bool(why), why or said)
+        return PairProgress(
+            known.names, None, wanted, unknown[0], unknown, None, target, False, bool(why), why or sentence
+        )
     values = forecast.projections.deviations(forecast.pair.cov)
     maps = tuple(_map(forecast.projections, values, part, wishes) for part in range(len(PARTS)))
     parts = tuple(float(np.nanmax(m)) if np.isfinite(m).any() else float("inf") for m in maps)
@@ -94,8 +96,8 @@ def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecas
     done = worst <= target and min(len(stereo.left.used_views), len(stereo.right.used_views), pairs) >= FEWEST
     why = "" if done else hopeless(stereo.verdict, pairs, worst, target)
     if done:
-        said = f"Enough: both cameras and where they stand are known to {worst:.2g} px."
-    return PairProgress(known.names, stereo, wanted, worst, parts, maps, target, done, bool(why), why or said)
+        sentence = f"Enough: both cameras and where they stand are known to {worst:.2g} px."
+    return PairProgress(known.names, stereo, wanted, worst, parts, maps, target, done, bool(why), why or sentence)
 
 
 def _pairs(stereo: StereoCalibration) -> int:

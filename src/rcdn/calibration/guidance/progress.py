@@ -146,19 +146,21 @@ def _calibrated(wish: Wish, boards: Sequence[Board], names: Sequence[str], size:
 def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     found, names = known.found, known.names
     if found is None:
-        said = "Hold the board in front of the camera." if wanted is None else place_and_tilt(wanted, wish.image_size)
-        return Progress(names, None, wanted, float("inf"), None, wish.target, False, False, said)
+        sentence = (
+            "Hold the board in front of the camera." if wanted is None else place_and_tilt(wanted, wish.image_size)
+        )
+        return Progress(names, None, wanted, float("inf"), None, wish.target, False, False, sentence)
     values = projection_uncertainty(found, frame_grid(wish.image_size)).reshape(GRID[1], GRID[0])
     worst = float(np.nanmax(values)) if np.isfinite(values).any() else float("inf")
     done = worst <= wish.target and len(found.used_views) >= FEWEST
     why = "" if done else hopeless(found.verdict, len(found.used_views), worst, wish.target)
     if done:
-        said = f"Enough: projections are known to {worst:.2g} px all over the picture."
+        sentence = f"Enough: projections are known to {worst:.2g} px all over the picture."
     elif why:
-        said = why
+        sentence = why
     else:
-        said = "" if wanted is None else place_and_tilt(wanted, wish.image_size)
-    return Progress(names, found, wanted, worst, values, wish.target, done, bool(why), said)
+        sentence = "" if wanted is None else place_and_tilt(wanted, wish.image_size)
+    return Progress(names, found, wanted, worst, values, wish.target, done, bool(why), sentence)
 
 
 def hopeless(verdict: Verdict | None, n: int, worst: float, target: float) -> str:

@@ -29,15 +29,15 @@ def plot(
     height: float = HEIGHT,
     width: float = WIDTH,
     most: str | None = None,
-    look: str | None = None,
+    projection: str | None = None,
 ) -> Markup:
     """An SVG of `width` × `height` units with `label` as its description for screen readers; `most`: its maximum CSS
-    width; `look`: the numbers that the page's script needs to rotate it."""
+    width; `projection`: the numbers that the page's script needs to rotate it."""
     return tag(
         "svg",
         *children,
-        class_="plot" if look is None else "plot space",
-        data_look=look,
+        class_="plot" if projection is None else "plot space",
+        data_look=projection,
         viewBox=f"0 0 {coordinate(width)} {coordinate(height)}",
         role="img",
         aria_label=label,
@@ -100,12 +100,12 @@ class Axes:
 
 @dataclass(frozen=True)
 class Bar:
-    """The bar of a view: its `value` (NaN: no bar), whether the view was left `out`, the tooltip (`told`), and the
+    """The bar of a view: its `value` (NaN: no bar), whether the view was left `out`, its `tooltip`, and the
     anchor of its link."""
 
     value: float
     out: bool
-    told: str
+    tooltip: str
     leads_to: str
 
 
@@ -114,8 +114,8 @@ def view_bars(calibration: Calibration, key: str = "") -> Drawing:
     whose anchor contains `key`."""
     bars = []
     for k, view in enumerate(calibration.views, start=1):
-        told = f"view {k}: {view.name}, {pixels(view.rms)}" + (f", left out: {view.reason}" if view.reason else "")
-        bars.append(Bar(view.rms, bool(view.reason), told, f"#view-{key}{k}"))
+        tooltip = f"view {k}: {view.name}, {pixels(view.rms)}" + (f", left out: {view.reason}" if view.reason else "")
+        bars.append(Bar(view.rms, bool(view.reason), tooltip, f"#view-{key}{k}"))
     return bar_chart(bars, calibration.rms, "RMS, px", "view")
 
 
@@ -168,7 +168,7 @@ def _bar(axes: Axes, k: int, bar: Bar, overall: float, wide: float) -> Markup:
         marks.append(tag("path", class_="cross", d=crosses(np.array([[x, base - 9]]), h)))
     if np.isfinite(bar.value) and bar.value > axes.high:  # cut off at the top of the chart
         marks.append(tag("path", class_="cross", d=f"M{coordinate(x - 3)} {TOP - 1}l3-4 3 4"))
-    return tag("a", tag("title", bar.told), *marks, href=bar.leads_to, tabindex="-1")
+    return tag("a", tag("title", bar.tooltip), *marks, href=bar.leads_to, tabindex="-1")
 
 
 def radius_chart(calibration: Calibration) -> Drawing:
@@ -228,7 +228,7 @@ def _against(position: Array, outward: Array, far: float, what: str, name: str) 
         _ribbon(axes, middle, mean, spread),
         axes.columns(name, ticks(0, far, 5)),
     )
-    return Drawing(art, said=sentence)
+    return Drawing(art, caption=sentence)
 
 
 def _running(radius: Array, values: Array, far: float) -> tuple[Array, Array, Array]:

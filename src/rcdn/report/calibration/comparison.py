@@ -27,7 +27,7 @@ EVERY = 5
 class Compared:
     """The figures of the page: names, models and image size of A and B; statistics of the difference over the `area`,
     px, the fraction of the frame that it is (`share`), and the rotation, degrees (`angle`); the `level` of the result,
-    if there is one, and what is `told` of it, its title first."""
+    if there is one, and the `sentences` about it, its title first."""
 
     names: tuple[str, str]
     models: tuple[str, str]
@@ -39,7 +39,7 @@ class Compared:
     share: float
     angle: float
     level: str
-    told: list[str]
+    sentences: list[str]
 
 
 def write_comparison_report(
@@ -64,7 +64,7 @@ def write_comparison_report(
             area=area_of(found),
             **statistics(found),
             level="" if stated is None else "good" if stated.agree else "fair",
-            told=_told(found),
+            sentences=_sentences(found),
         ),
         "difference": _difference(found),
         "ratio": stated and {"drawing": _ratio(found), "rms": stated.rms, "expected": stated.expected},
@@ -134,13 +134,13 @@ def judgement(found: Comparison) -> list[str]:
     return out
 
 
-def _told(found: Comparison) -> list[str]:
+def _sentences(found: Comparison) -> list[str]:
     """The judgement with its first sentence in two: a title, and the figures behind it."""
-    told = judgement(found)
-    if not told:
+    sentences = judgement(found)
+    if not sentences:
         return []
-    title, _, why = told[0].partition(": ")
-    return [title, why[:1].upper() + why[1:], *told[1:]]
+    title, _, why = sentences[0].partition(": ")
+    return [title, why[:1].upper() + why[1:], *sentences[1:]]
 
 
 def _difference(found: Comparison) -> Drawing:

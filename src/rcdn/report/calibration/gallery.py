@@ -65,10 +65,10 @@ class Gallery:
 class Straight:
     """A picture `before` and `after` undistortion, None without a photograph; the largest distance of a corner from its
     line in both, px (`bow`); the horizontal field of view after it, degrees (`angle`); whether the camera has no
-    distortion, and whether photographs were `asked` for."""
+    distortion, and whether photographs were `requested`."""
 
     distortion_free: bool
-    asked: bool
+    requested: bool
     before: Framed | None = None
     after: Framed | None = None
     bow: tuple[float, float] = (0.0, 0.0)
@@ -132,12 +132,12 @@ def _marks(chosen: list[Shot]) -> tuple[tuple[str, Markup], ...]:
 def _thumbnail(shot: Shot, views: Sequence[ShownView], most: int) -> Thumbnail:
     mine = tuple(views[k - 1] for k, _ in shot.views)
     name = short(shot.name)
-    told = []
+    texts = []
     for view in mine:
         text = f"left out: {view.reason}" if view.reason else f"{view.used} of {counted(view.corners, 'corner')}"
-        told.append(f"board {view.board}: {text}" if len(mine) > 1 else text)
+        texts.append(f"board {view.board}: {text}" if len(mine) > 1 else text)
     overlay = pictures.corners_overlay(shot, most)
-    picture = Framed(shot.size, shot.jpeg, overlay, f"{name}, {'; '.join(told)}")
+    picture = Framed(shot.size, shot.jpeg, overlay, f"{name}, {'; '.join(texts)}")
     return Thumbnail(name, picture, mine, shot.size[0] / shot.size[1], shot.out)
 
 

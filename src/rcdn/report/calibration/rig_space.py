@@ -14,10 +14,10 @@ from rcdn.report.calibration.space import (
     BELOW,
     HEIGHT,
     PYRAMID,
-    Look,
+    Projection,
     board_rim,
+    fitted_projection,
     frustum,
-    look_at,
     polygon,
     pyramid,
     scale_bar,
@@ -45,22 +45,26 @@ def rig_in_space(found: RigCalibration, weakest: str = "") -> Drawing:
     length = _length(rig, boards)
     rims = {name: _in_rig(rig, name, frustum(rig.cameras[k], length)) for k, name in enumerate(rig.names)}
     centres = np.array([rig.centre(name) for name in rig.names])
-    look = look_at(np.concatenate([centres, *rims.values(), *boards]))
+    projection = fitted_projection(np.concatenate([centres, *rims.values(), *boards]))
     factor, ellipsoids = _ellipsoids(rig, float(np.ptp(centres, axis=0).max()))
-    drawn = [polygon(look, corners, "board faint") for corners in boards]
+    drawn = [polygon(projection, corners, "board faint") for corners in boards]
     for k, name in enumerate(rig.names):
         drawn.append(
-            tag("g", tag("title", _told(rig, name)), pyramid(look, rims[name], centres[k], _kind(name, weakest)))
+            tag(
+                "g",
+                tag("title", _tooltip(rig, name)),
+                pyramid(projection, rims[name], centres[k], _kind(name, weakest)),
+            )
         )
-        drawn += [polygon(look, ring, "unsure") for ring in ellipsoids.get(name, [])]
-    drawn += [_name(look, name, centres[k]) for k, name in enumerate(rig.names)]
+        drawn += [polygon(projection, ring, "unsure") for ring in ellipsoids.get(name, [])]
+    drawn += [_name(projection, name, centres[k]) for k, name in enumerate(rig.names)]
     sentence = _sentence(factor, len(boards), every)
     art = plot(
         f"{counted(len(rig), 'camera')} and {counted(len(boards), 'board')} in space. {sentence}",
         each(drawn),
-        scale_bar(look),
+        scale_bar(projection),
         height=HEIGHT + BELOW,
-        look=look.numbers,
+        projection=projection.numbers,
     )
     return Drawing(art, _marks(bool(ellipsoids), weakest), sentence, turns=True)
 
@@ -125,15 +129,15 @@ def _ellipsoids(rig: Rig, size: float) -> tuple[float, dict[str, list[Array]]]:
     }
 
 
-def _told(rig: Rig, name: str) -> str:
+def _tooltip(rig: Rig, name: str) -> str:
     place = ", ".join(number(v, 4) for v in rig.centre(name))
     cov = rig.centre_covariance(name)
     spread = "" if cov is None or name == rig.names[0] else f", ± {number(1000 * float(np.sqrt(np.trace(cov))), 2)} mm"
     return f"{name}: at ({place}) m{spread}"
 
 
-def _name(look: Look, name: str, centre: Array) -> Markup:
-    x, y = look.to(centre)[0]
+def _name(projection: Projection, name: str, centre: Array) -> Markup:
+    x, y = projection.to(centre)[0]
     numbers = " ".join(f"{v:.4g}" for v in centre)
     return tag("text", name, class_="strong halo", x=float(x), y=float(y), dx=6, dy=-6, data_p=numbers)
 

@@ -32,7 +32,7 @@ FAR_OUT = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Projection:
     """An orthographic projection of camera coordinates (x right, y down, z forward): rotated by `yaw` about y, then by
     `pitch` about the screen's x, degrees; `centre` (3,), m, is projected to the drawing's centre; `scale` in units per
     metre."""
@@ -67,7 +67,7 @@ def boards_in_space(calibration: Calibration, suggested: Array | None = None) ->
     shown = [p for p in placed if not p[1].reason or np.linalg.norm(p[2], axis=1).max() <= far]
     distance = np.array([np.linalg.norm(c.mean(axis=0)) for c in used])
     rim = frustum(calibration.camera, FRUSTUM * float(np.median(distance)))
-    look = look_at(
+    projection = fitted_projection(
         np.concatenate([*(c for _, _, c in shown), *([] if suggested is None else [suggested]), rim, np.zeros((1, 3))])
     )
     angle = tilts(calibration)
@@ -77,11 +77,11 @@ def boards_in_space(calibration: Calibration, suggested: Array | None = None) ->
     )
     art = plot(
         f"Poses of {counted(len(shown), 'board')} before the camera, from the side. {sentence}",
-        each([*(_board(look, *p) for p in shown), pyramid(look, rim)]),
-        None if suggested is None else polygon(look, suggested, "board next"),
-        scale_bar(look),
+        each([*(_board(projection, *p) for p in shown), pyramid(projection, rim)]),
+        None if suggested is None else polygon(projection, suggested, "board next"),
+        scale_bar(projection),
         height=HEIGHT + BELOW,
-        look=look.numbers,
+        projection=projection.numbers,
     )
     if left := len(placed) - len(shown):
         are = "is" if left == 1 else "are"
@@ -120,36 +120,39 @@ def frustum(camera: Camera, length: float) -> Array:
     return np.asarray(length * out / np.linalg.norm(out, axis=1, keepdims=True))
 
 
-def look_at(points: Array) -> Look:
+def fitted_projection(points: Array) -> Projection:
     """The projection in which `points` (N, 3) fit into the drawing for any rotation about the vertical."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     away = points - centre
-    across, down = np.hypot(away[:, 0], away[:, 2]).max(), np.abs(Look(centre, 1.0).to(points)[:, 1] - HEIGHT / 2).max()
+    across, down = (
+        np.hypot(away[:, 0], away[:, 2]).max(),
+        np.abs(Projection(centre, 1.0).to(points)[:, 1] - HEIGHT / 2).max(),
+    )
     room = np.array([WIDTH, HEIGHT]) / 2 - MARGIN
-    return Look(centre, float(min(room / np.maximum([across, down], 1e-9))))
+    return Projection(centre, float(min(room / np.maximum([across, down], 1e-9))))
 
 
-def _board(look: Look, index: int, view: BoardView, corners: Array) -> Markup:
+def _board(projection: Projection, index: int, view: BoardView, corners: Array) -> Markup:
     state = f"left out: {view.reason}" if view.reason else pixels(view.rms)
-    told = f"view {index}: {short(view.name)}, {_distance(corners)} m away, {state}"
+    tooltip = f"view {index}: {short(view.name)}, {_distance(corners)} m away, {state}"
     kind = "board out" if view.reason else "board"
-    return tag("a", tag("title", told), polygon(look, corners, kind), href=f"#view-{index}", tabindex="-1")
+    return tag("a", tag("title", tooltip), polygon(projection, corners, kind), href=f"#view-{index}", tabindex="-1")
 
 
 def _distance(corners: Array) -> str:
     return number(float(np.linalg.norm(corners.mean(axis=0))), 2)
 
 
-def pyramid(look: Look, rim: Array, apex: Array | None = None, kind: str = "ray") -> Markup:
+def pyramid(projection: Projection, rim: Array, apex: Array | None = None, kind: str = "ray") -> Markup:
     """A camera at `apex` (3,) m (None: the origin) with the `rim` of its frustum, and edges to the frame's corners."""
     top = np.zeros(3) if apex is None else apex
-    edges = [polygon(look, np.stack([top, rim[k]]), kind, "polyline") for k in range(0, len(rim), RIM)]
-    return each([polygon(look, rim, kind), *edges])
+    edges = [polygon(projection, np.stack([top, rim[k]]), kind, "polyline") for k in range(0, len(rim), RIM)]
+    return each([polygon(projection, rim, kind), *edges])
 
 
-def polygon(look: Look, points: Array, kind: str, shape: str = "polygon") -> Markup:
+def polygon(projection: Projection, points: Array, kind: str, shape: str = "polygon") -> Markup:
     """A shape through `points` (N, 3), with their coordinates for the script."""
-    drawn = " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in look.to(points))
+    drawn = " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in projection.to(points))
     return tag(shape, class_=kind, points=drawn, data_p=" ".join(digits(v) for v in points.ravel()))
 
 
@@ -157,11 +160,11 @@ def digits(value: float) -> str:
     return f"{value:.4g}"
 
 
-def scale_bar(look: Look) -> Markup:
+def scale_bar(projection: Projection) -> Markup:
     """A scale bar of a round length; in an orthographic projection it is valid for any rotation of the boards."""
-    length = nice(60 / look.scale)
-    length = length if length * look.scale < WIDTH / 3 else nice(25 / look.scale)
-    y, right = HEIGHT + 12, MARGIN + length * look.scale
+    length = nice(60 / projection.scale)
+    length = length if length * projection.scale < WIDTH / 3 else nice(25 / projection.scale)
+    y, right = HEIGHT + 12, MARGIN + length * projection.scale
     bar = tag("path", class_="mean", d=f"M{coordinate(MARGIN)} {coordinate(y - 4)}v8m0-4H{coordinate(right)}m0-4v8")
     return each([bar, tag("text", f"{coordinate(length, 4)} m", class_="strong", x=right + 7, y=y + 4)])
 

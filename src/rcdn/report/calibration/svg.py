@@ -13,7 +13,7 @@ from markupsafe import escape as _escape
 from rcdn.report.calibration.formats import coordinate
 from rcdn.types import Array
 
-_UNSEEN = re.compile(
+_INVISIBLE = re.compile(
     "[\x00-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufdd0-\ufdef\ufffe\uffff]"
 )
 
@@ -21,12 +21,12 @@ _UNSEEN = re.compile(
 @dataclass(frozen=True)
 class Drawing:
     """What a template shows as a figure: `art`, an SVG; the `marks` of its legend, (description, shapes in a box of
-    18 × 14 units); `said`, a sentence on what is seen in it; a `note` on what isn't drawn; `turns`: a script can
+    18 × 14 units); `caption`, a sentence on what is seen in it; a `note` on what isn't drawn; `turns`: a script can
     rotate it."""
 
     art: Markup
     marks: tuple[tuple[str, Markup], ...] = ()
-    said: str = ""
+    caption: str = ""
     note: str = ""
     turns: bool = False
 
@@ -34,7 +34,7 @@ class Drawing:
 def visible(text: str) -> str:
     """`text` with its invisible characters made visible (a line break is ␊), so that a file's name can't hide or
     reverse its letters; unpaired surrogates, as in names that aren't UTF-8, are written as \\udcff."""
-    seen = _UNSEEN.sub(lambda m: _visible(m[0]), text)
+    seen = _INVISIBLE.sub(lambda m: _visible(m[0]), text)
     return seen.encode("utf-8", "backslashreplace").decode()
 
 

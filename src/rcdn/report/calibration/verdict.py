@@ -24,12 +24,12 @@ class ShownReason:
 
 @dataclass(frozen=True)
 class ShownVerdict:
-    """The verdict in a `word`, and what is `said` of it: its meaning and the most serious reason; all `reasons`; the
+    """The verdict in a `word`, and its `summary`: its meaning and the most serious reason; all `reasons`; the
     `limits` of the checks, in px of a picture `growth` times smaller; `notes`: what else to know."""
 
     level: Level
     word: str
-    said: str
+    summary: str
     reasons: tuple[ShownReason, ...]
     limits: tuple[Limit, ...]
     growth: float
@@ -41,15 +41,15 @@ def shown(
     found: Verdict, limits: Sequence[Limit], image_size: tuple[int, int], advice: Sequence[str] = ()
 ) -> ShownVerdict:
     """The verdict on pictures of `image_size`; `advice` that isn't one of its reasons is noted."""
-    told = sentences(found)
+    stated = sentences(found)
     return ShownVerdict(
         level=found.level,
         word=WORD[found.level],
-        said=" ".join(filter(None, [MEANING[found.level].capitalize(), *told[:1]])),
+        summary=" ".join(filter(None, [MEANING[found.level].capitalize(), *stated[:1]])),
         reasons=tuple(ShownReason(r.level, r.what, value_of(r), r.sentence, r.action) for r in found.reasons),
         limits=tuple(limits),
         growth=growth(image_size),
-        notes=tuple(line for line in advice if line not in told),
+        notes=tuple(line for line in advice if line not in stated),
     )
 
 

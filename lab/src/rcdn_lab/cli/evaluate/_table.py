@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 
 Json = Annotated[
     Path | None,
@@ -44,7 +44,7 @@ def check_files(*paths: Path | None, plots: Path | None = None) -> None:
     Messages go to standard error if one of the files is standard output."""
     from rcdn.io import check_writable
 
-    talk.begin(outputs=paths)
+    console.begin(outputs=paths)
     for path in paths:
         if path is not None:
             check_writable(path)
@@ -90,13 +90,15 @@ def show(rows: list[dict[str, Any]], json: Path | None, suite: str, settings: di
     ]
     widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
     for line in cells:
-        talk.say(
+        console.print_line(
             "  ".join(
                 text.ljust(width) if k == 0 else text.rjust(width)
                 for k, (text, width) in enumerate(zip(line, widths, strict=True))
             )
         )
     facts = provenance()
-    talk.say(f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs")
+    console.print_line(
+        f"rcdn {facts['rcdn']} at {facts['commit']}, {facts['date']}, {facts['platform']}, {facts['cpus']} CPUs"
+    )
     if json is not None:
         save(json, suite, settings, rows)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
@@ -82,6 +82,6 @@ def coded(
             goals = [suite.record(goal) for goal in suite.goals(rows)]
             save(json, "coded", suite.settings_of(plan, done) | {"skipped": lacking, "goals": goals}, rows)
     for goal in suite.goals(rows):
-        talk.say(str(goal))
+        console.print_line(str(goal))
     for peer, reason in lacking.items():
-        talk.say(f"skipped {peer}: {one_line(reason)}")
+        console.print_line(f"skipped {peer}: {one_line(reason)}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.spacing import Spacing
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
@@ -41,4 +41,4 @@ def coded_cameras(
         rows.append({"set": folder.name, **suite.compared(shots, float(spacing), seeds)})
     show(rows, json, "coded-cameras", {"spacing": float(spacing), "seeds": seeds})
     reached = sum(row["ratio"] <= LIMIT for row in rows)
-    talk.say(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")
+    console.print_line(f"held out at most {LIMIT} × OpenCV's in {reached} of {len(rows)} sets")

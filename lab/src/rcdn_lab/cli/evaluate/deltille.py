@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 
@@ -54,6 +54,6 @@ def deltille(
     }
     show([{key: row.get(key) for key in columns} for row in rows], json, "deltille", settings)
     if not pictures:
-        talk.say(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
+        console.print_line(f"skipped: the real pictures; --data DIR must name the folder that holds {suite.PICTURES}")
     for text in lines(suite.claims(rendered, alarms, pictures, camera)):
-        talk.say(text)
+        console.print_line(text)

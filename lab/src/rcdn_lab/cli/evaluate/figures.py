@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn_lab.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv, write_png
 
@@ -103,7 +103,7 @@ def fig6(
         "low levels": vars(refinements.BASE), "weights": _weights({"RCDN": rcdn}),
     }  # fmt: skip
     show(refinement_claims.summary(rows), None, "fig6", settings)
-    talk.say("\n".join(lines(claims)))
+    console.print_line("\n".join(lines(claims)))
     _write("fig6", rows, settings | {"claims": [vars(c) for c in claims]}, files, refinement_claims.markdown)
 
 
@@ -132,10 +132,10 @@ def _pixel_error(
     }  # fmt: skip
     show(pixel_error.summary(rows), None, figure, settings)
     for name, reason in lacking.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
-    talk.say("\n".join(lines(claims)))
-    told = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
-    _write(figure, rows, settings | told, files, pixel_claims.markdown)
+        console.print_line(f"skipped {name}: {one_line(reason)}")
+    console.print_line("\n".join(lines(claims)))
+    outcome = {"claims": [vars(c) for c in claims], "cells not won": pixel_claims.not_won(rows)}
+    _write(figure, rows, settings | outcome, files, pixel_claims.markdown)
 
 
 def _weights(names: dict[str, str]) -> dict[str, dict[str, str]]:

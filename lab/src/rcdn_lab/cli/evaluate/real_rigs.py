@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 CODED = 0.054
@@ -72,7 +72,7 @@ def real_rigs(
         if r["solver"] == "rcdn"
     ]
     better = sum(not a["step_permille"] > b["step_permille"] for a, b in compared)
-    talk.say(f"lengths not worse than OpenCV's in {better} of {len(compared)} sets")
+    console.print_line(f"lengths not worse than OpenCV's in {better} of {len(compared)} sets")
 
 
 def _filled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

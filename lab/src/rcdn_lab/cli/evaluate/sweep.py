@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show, write_csv, write_png
 
@@ -54,7 +54,7 @@ def sweep(
         write_csv(rows, csv)
     show(rows, json, "sweep", suite.settings_of(count, preset, names) | {"skipped": lacking})
     for name, reason in lacking.items():
-        talk.say(f"skipped {name}: {one_line(reason)}")
+        console.print_line(f"skipped {name}: {one_line(reason)}")
 
 
 def _plot(rows: Sequence[dict[str, Any]], folder: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.errors import present
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, write_csv
 
 
@@ -74,8 +74,8 @@ def table4(
 
     check_files(json, csv, markdown)
     opened = present(open_cache(DetectorConfig(), cache), "the cache")
-    asked = (fingerprint, partial(Cache, opened.folder))
-    found, missing = contestants([n.strip() for n in detectors.split(",") if n.strip()], *asked)
+    store = (fingerprint, partial(Cache, opened.folder))
+    found, missing = contestants([n.strip() for n in detectors.split(",") if n.strip()], *store)
     count, texts, many = suite.FULL_VIEWS if full else views, sets or suite.NAMES, workers or usable_cores()
     used, skipped = suite.sets_of(texts, data)
     with TemporaryDirectory(prefix="rcdn-") as folder:
@@ -85,11 +85,11 @@ def table4(
             with bar("rendering") as step:
                 work.draw(drawings, many, step)
         with bar("looking for boards") as step:
-            work.fill(suite.looks(used), [d.name for d in found], *asked, many, step)
+            work.fill(suite.sized_pictures(used), [d.name for d in found], *store, many, step)
         with bar("calibrating") as step:
             rows = suite.table(used, found, missing, skipped, many, step)
     settings = suite.settings_of(used, found, count, seed) | {"skipped": missing | skipped}
-    _tell(rows, settings, json, csv, markdown)
+    _write_results(rows, settings, json, csv, markdown)
 
 
 def _new(folder: Path | None) -> Path | None:
@@ -105,7 +105,7 @@ def _new(folder: Path | None) -> Path | None:
     return folder
 
 
-def _tell(
+def _write_results(
     rows: list[dict[str, Any]], settings: dict[str, Any], json: Path | None, csv: Path | None, markdown: Path | None
 ) -> None:
     """Print the tables, and write the requested files."""
@@ -125,11 +125,11 @@ def _tell(
     if json is not None:
         save(json, "table4", settings | {"claims": [asdict(c) for c in stated]}, rows)
     for table in published.tables(rows):
-        talk.say(table.text() + "\n")
+        console.print_line(table.text() + "\n")
     for line in lines(stated):
-        talk.say(line)
+        console.print_line(line)
     facts = provenance()
-    talk.say(
+    console.print_line(
         f"rcdn {facts['rcdn']} at {facts['commit']}, seed {settings['seed']}, {facts['date']}, {facts['platform']}, "
         f"{facts['cpus']} CPUs"
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn.terminal.group import one_line
 from rcdn_lab.cli.evaluate._table import Csv, Json, Workers, bar, check_files, show, write_csv
 
@@ -93,9 +93,9 @@ def _run(
     show(text.printed(rows), None, name, settings)
     for row in rows:
         if row["note"]:
-            talk.say(f"{text.name_of(row)} {one_line(row['note'])}")
-    for line in text.told(name, rows):
-        talk.say(line)
+            console.print_line(f"{text.name_of(row)} {one_line(row['note'])}")
+    for line in text.claim_lines(name, rows):
+        console.print_line(line)
     if json is not None:
         save(json, name, settings, rows)
     if csv is not None:

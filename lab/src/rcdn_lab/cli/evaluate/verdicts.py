@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.terminal import talk
+from rcdn.terminal import console
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def verdicts(
         found += _real(data, cache)
     show([suite.row(o) for o in found], json, "verdicts", {"seed": seed})
     odd = [o.case for o in found if not o.passed]
-    talk.say(f"{len(found) - len(odd)} of {len(found)} passed{': not ' if odd else ''}{', '.join(odd)}")
+    console.print_line(f"{len(found) - len(odd)} of {len(found)} passed{': not ' if odd else ''}{', '.join(odd)}")
 
 
 def _real(data: Path, cache: Path | None) -> Iterator[Outcome]:

@@ -57,8 +57,8 @@ def _charuco(image: Array, target: Charuco) -> list[Labelled]:
 def _puzzleboard(image: Array) -> list[Labelled]:
     import calib_targets
 
-    told = calib_targets.default_puzzleboard_params(SIDE, SIDE)
-    found = calib_targets.detect_puzzleboard(np.ascontiguousarray(image), params=told)
+    parameters = calib_targets.default_puzzleboard_params(SIDE, SIDE)
+    found = calib_targets.detect_puzzleboard(np.ascontiguousarray(image), params=parameters)
     ids = [PUZZLE * ((c.grid.v - ORIGIN) % PUZZLE) + (c.grid.u - ORIGIN) % PUZZLE for c in found.corners]
     return boards_of(ids, [_position(c) for c in found.corners])
 

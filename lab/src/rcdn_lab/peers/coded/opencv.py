@@ -48,11 +48,11 @@ def _charuco(image: Array, target: Charuco) -> list[Labelled]:
 def _aprilgrid(image: Array, target: AprilGrid) -> list[Labelled]:
     """The corners of the tags that ArucoDetector finds. Printed tags are rotated by 180° relative to OpenCV's images of
     them."""
-    told = cv2.aruco.DetectorParameters()
-    told.markerBorderBits = target.border
-    told.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = target.border
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, FAMILIES[target.family]))
-    quads, tags, _ = cv2.aruco.ArucoDetector(known, told).detectMarkers(image)
+    quads, tags, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(image)
     ids: list[int] = []
     xy: list[Array] = []
     for quad, tag in zip(quads, [] if tags is None else np.asarray(tags, int).ravel().tolist(), strict=True):

@@ -57,9 +57,9 @@ def test_legacy_says_nothing_of_an_odd_number_of_rows():
 
 def test_smaller_parts_are_certain_than_of_any_target():
     """What competes is the places of one board, not all boards; and no part gets a wrong number."""
-    told = Charuco(8, 6, "DICT_4X4_50", 0.75)
+    given = Charuco(8, 6, "DICT_4X4_50", 0.75)
     drawing, plain = charuco(8, 6, "DICT_4X4_50"), Detector(DetectorConfig(target="plain", sharpen=None))
-    certain = {"auto": 0, "told": 0}
+    certain = {"auto": 0, "given": 0}
     for k in range(6):
         image, xy = seen(drawing, turn=1.1 * k, seed=k)
         part = part_of(plain.boards(image)[0], 4, 3)  # six squares, three markers
@@ -67,12 +67,12 @@ def test_smaller_parts_are_certain_than_of_any_target():
         hidden = np.ones_like(image)
         cv2.fillConvexPoly(hidden, cv2.convexHull(np.round(part.xy).astype(np.int32)), 0)
         image[hidden == 1] = 128
-        for name, target in (("auto", None), ("told", told)):
+        for name, target in (("auto", None), ("given", given)):
             found = identified(image, part, target)
             certain[name] += found.target is not None
             for number, at in zip([] if found.ids is None else found.ids.tolist(), found.xy, strict=False):
                 assert np.linalg.norm(place[number] - at) < 3
-    assert certain == {"auto": 0, "told": 6}
+    assert certain == {"auto": 0, "given": 6}
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ REACH = 30000
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
+class CornerSamples:
     """Samples around K corners: `squares` (K, 2, 2, S, S), grey levels of the four squares around each, row by row;
     `odd` (K,) bool: whether the upper left one has the other colour; `edges` (4, K): grey level at the middle of the
     edges from the corner, less the mean of both sides, ÷ the first side's contrast to the other, corrected for the
@@ -57,7 +57,7 @@ class Glance:
         return abs(dark[0] - bright[0]) / max((dark[1] - bright[1]) ** 2, 1e-6)
 
 
-def glance_at(grey: Shaped[Array, "h w"], board: Board) -> Glance | None:
+def sample_corners(grey: Shaped[Array, "h w"], board: Board) -> CornerSamples | None:
     """Samples of a board of squares in `grey` (H, W); None if no corner has all its eight neighbours."""
     grid = board.grid()
     if min(grid.shape[:2]) < 3:
@@ -76,7 +76,7 @@ def glance_at(grey: Shaped[Array, "h w"], board: Board) -> Glance | None:
     one, other = circle[..., 9], circle[..., 10]
     with np.errstate(divide="ignore", invalid="ignore"):
         edges = ((circle[..., :9].mean(axis=2) - (one + other) / 2) / (one - other)).T
-    return Glance(squares, (row + column) % 2 == 1, _unbent(edges, row, column))
+    return CornerSamples(squares, (row + column) % 2 == 1, _unbent(edges, row, column))
 
 
 def _unbent(values: Array, row: Array, column: Array) -> Real[Array, "j k"]:

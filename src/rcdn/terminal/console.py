@@ -21,35 +21,35 @@ Quiet = Annotated[
 
 
 @dataclass
-class _Voice:
+class _Output:
     """Output settings of this run; reset at the start of each command."""
 
     quiet: bool = False
     piped: bool = False
 
 
-_voice = _Voice()
+_output = _Output()
 
 
 def begin(quiet: bool = False, outputs: Iterable[Path | None] = ()) -> None:
     """Set the output of this run; `outputs`: the files that it will write, STDOUT among them if JSON goes there."""
-    _voice.quiet, _voice.piped = quiet, STDOUT in outputs
+    _output.quiet, _output.piped = quiet, STDOUT in outputs
 
 
 def is_quiet() -> bool:
     """Whether only errors and warnings are printed."""
-    return _voice.quiet
+    return _output.quiet
 
 
-def say(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line of the results."""
-    if not _voice.quiet:
-        typer.echo(text, err=_voice.piped)
+    if not _output.quiet:
+        typer.echo(text, err=_output.piped)
 
 
 def note(text: str) -> None:
     """Print a line on stderr that is not an error."""
-    if not _voice.quiet:
+    if not _output.quiet:
         typer.echo(text, err=True)
 
 
@@ -58,7 +58,7 @@ def named(paths: Iterable[Path]) -> list[str]:
     return [str(path) for path in paths if path != STDOUT]
 
 
-def say_written(paths: Iterable[Path]) -> None:
+def note_written(paths: Iterable[Path]) -> None:
     """Print the names of the written files."""
     if names := named(paths):
         note(f"written: {', '.join(names)}")
