@@ -16,12 +16,13 @@ from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.fixed_boards import FixedBoards, in_sets, placed_boards
+from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_held_out import held_out_epipolar
-from rcdn.calibration.rig_start import Edge, Key, averaged, components_of, edges_of, tree, turned
+from rcdn.calibration.rig_start import Edge, Key, components_of, edges_of
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.shape import board_shape
 from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
@@ -90,7 +91,8 @@ def calibrate_rig(
         alone, unnamed, as_model, [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
     )
     sights = [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
-    edges = edges_of(alone, sights)
+    pairs = JointPairs(alone, sights, [name in given for name in order])
+    edges = pairs.connected(edges_of(alone, sights))
     fixed = _fixed(fixed_boards, alone, sights, edges)
     edges = [*edges, *fixed.edges]
     parts = components_of(len(order), edges)
@@ -102,9 +104,7 @@ def calibrate_rig(
             + "; were the pictures taken at the same moments, and do their names or numbers say which belong together?"
             + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
         )
-    places = averaged(tree(main, edges), edges)
-    places = {c: places[c] for c in main}
-    fits = turned(places, alone, sights)
+    edges, places, fits = pairs.placed(main, edges)
     fixed = fixed.only({key[1] for key in fits.boards})
     fits = in_sets(fits, fixed, places, sights)
     held = [order[c] in given for c in main]

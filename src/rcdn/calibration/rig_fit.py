@@ -33,13 +33,13 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     """The solution from the initial guess `start`, whose board is perfect; or that with a board shape common to all
     cameras, if it is to be tried (`shaped`) and predicts the boards of held-out moments better. `spacing`: side of a
     square, m."""
-    free = _free(start, joint)
+    free = free_of(start, joint)
     state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
     flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
     if not shaped:
         return flat
     state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
-    free = _free(state, joint)
+    free = free_of(state, joint)
     curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
     return curved if _predicts_better(joint, curved, flat) else flat
 
@@ -59,7 +59,7 @@ def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
     )
 
 
-def _free(state: State, joint: Joint) -> Array:
+def free_of(state: State, joint: Joint) -> Array:
     """Which of the shared parameters are unknown: all but the known lenses."""
     free = default_free(state, shape=True, rig=True)
     held = np.repeat(np.asarray(joint.known, bool), state.counts[: len(joint.known)])
@@ -73,5 +73,5 @@ def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
-    misses = [choose.rms(choose.held_out(f.state, task, _free(f.state, joint)), task.weight) for f in (curved, flat)]
+    misses = [choose.rms(choose.held_out(f.state, task, free_of(f.state, joint)), task.weight) for f in (curved, flat)]
     return misses[0] < misses[1]

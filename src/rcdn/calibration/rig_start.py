@@ -3,8 +3,8 @@ rotation averaging."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -27,13 +27,14 @@ ROUNDS = 10
 @dataclass(frozen=True, eq=False)
 class Edge:
     """Cameras `a` < `b` with the `keys` of the boards that both saw, the relative pose with the most support, T_b_a (4,
-    4), and its `votes`."""
+    4), and its `votes`; `joint`: the boards that agree if both lenses are solved for jointly (`JointPairs`)."""
 
     a: int
     b: int
     keys: list[Key]
     T: Array
     votes: int
+    joint: Collection[Key] = ()
 
 
 def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
@@ -124,23 +125,28 @@ def _differences(
 @dataclass(frozen=True, eq=False)
 class Turned:
     """Consistency of the views of each board: `turns` (camera, view) in quarters, `odd` views that disagree with the
-    others, and `boards`, T_rig_board (4, 4) by key."""
+    others, `boards`, T_rig_board (4, 4) by key, and the pairs of cameras `doubted`, whose views of a board disagree."""
 
     turns: dict[tuple[int, int], int]
     odd: list[tuple[int, int]]
     boards: dict[Key, Array]
+    doubted: list[tuple[int, int]] = field(default_factory=list)
 
 
-def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights) -> Turned:
+def turned(
+    places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights, edges: Sequence[Edge] = ()
+) -> Turned:
     """Each board at the pose that most cameras agree on, with labels turned to those of the camera with which most
-    others agree."""
+    others agree. `edges`: views that agree in a joint solution of two cameras' lenses do so here."""
     out = Turned({}, [], {})
+    joint = {(*pair, key) for e in edges for key in e.joint for pair in ((e.a, e.b), (e.b, e.a))}
     keys = dict.fromkeys(k for c in places for k in sights[c])
     for key in keys:
         seers = [c for c in places if key in sights[c]]
         best: tuple[int, int, dict[int, tuple[float, int]]] | None = None
         for a in seers:
             told = {b: _told(places, cameras, sights, key, a, b) for b in seers if b != a}
+            told = {b: (0.0 if (a, b, key) in joint else gap, turn) for b, (gap, turn) in told.items()}
             votes = sum(gap <= 1 for gap, _ in told.values())
             if best is None or votes > best[0]:
                 best = (votes, a, told)
@@ -152,6 +158,7 @@ def turned(places: Mapping[int, Array], cameras: Sequence[Calibration], sights: 
             out.turns[b, sights[b][key]] = turn
             if gap > 1:
                 out.odd.append((b, sights[b][key]))
+                out.doubted.append((min(a, b), max(a, b)))
         if votes == 0 and others:  # two views that disagree: which of them is wrong is unknown
             out.odd.append((a, sights[a][key]))
     return out
