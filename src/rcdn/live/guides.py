@@ -50,7 +50,7 @@ class OneCamera:
         wanted = self._guide.progress.wanted
         return None if wanted is None else wanted.size
 
-    def assessment(self, boards: Any, time: float, greys: Sequence[Array] | None = None) -> OneAssessment:
+    def look(self, boards: Any, time: float, greys: Sequence[Array] | None = None) -> OneAssessment:
         """As `Guide.look`."""
         assessment = self._guide.look(boards[0], time, None if greys is None else greys[0])
         return OneAssessment((assessment,), (boards[0] is not None,), assessment.refused, assessment.take)
