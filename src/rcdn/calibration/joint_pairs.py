@@ -27,7 +27,7 @@ WIDE = 4.0
 boards' distance"""
 FAIR = 1.5
 """× the usual mean square of a view's whitened residuals: a board above it disagrees. By chance that of two views of 54
-corners scatters by a tenth; boards of other moments are at a hundred and more"""
+corners scatters by a tenth; boards of other moments have most of their corners at the limit, GATE²"""
 CHANCE = 4.0
 """standard deviations by which the sum of squares of a joint solution may exceed what chance adds, six for each shared
 board but the first, to that of both cameras apart: uncertain lenses make room for a few wrong boards, but at a cost"""
@@ -119,7 +119,7 @@ class JointPairs:
         state, _ = robust.initial_fit(start, task.corners, task.sigma, free)
         noise = np.array([self.cameras[c].noise for c in (a, b)])[task.corners.camera]
         gaps = np.nan_to_num(residuals(state, task.corners), nan=np.inf)
-        square = (gaps**2).sum(axis=1) / (noise**2 + task.sigma**2)
+        square = np.minimum((gaps**2).sum(axis=1) / (noise**2 + task.sigma**2), robust.GATE**2)
         return _Solution(state.rig[1], {view: square[rows] for view, rows in task.rows.items()})
 
     def _task(self, a: int, b: int, turns: Mapping[Key, int]) -> RigTask:
@@ -135,7 +135,8 @@ class JointPairs:
 @dataclass(frozen=True, eq=False)
 class _Solution:
     """The relative pose `T` (4, 4), and by (camera, view) the `squares` (M,) of its corners' residuals, whitened by
-    their sigma and the noise of each camera alone; infinite where a camera cannot see a corner."""
+    their sigma and the noise of each camera alone; GATE² at most, which outliers and corners that a camera cannot see
+    have."""
 
     T: Array
     squares: dict[tuple[int, int], Array]
