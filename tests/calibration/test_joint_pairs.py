@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate_rig, many_cameras
+from rcdn.calibration import calibrate_rig, joint_pairs, many_cameras
 from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.rig_start import edges_of
 from rcdn.errors import CalibrationError
@@ -96,6 +96,22 @@ def test_half_turns_of_plain_boards_are_settled_by_the_pose_that_most_agree_on(s
     edge = of_pairs({n: of(n) for n in RING}, seen[1]).edge(0, 1)
     assert set(edge.joint) == set(edge.keys)
     assert true_place(edge.T, 0, 1)
+
+
+@pytest.mark.parametrize("px", [1, 6])
+def test_boards_that_moved_between_both_pictures_are_not_fitted_by_bending_lenses(seen, alone, px):
+    rng, both = np.random.default_rng(0), shared(seen[1], "c0", "c1")
+    views = [
+        replace(v, xy=v.xy + rng.normal(0, px, 2)) if m in both else v
+        for m, v in zip(seen[1]["c1"], alone["c1"].views, strict=True)
+    ]
+    late = {**alone, "c1": replace(alone["c1"], views=tuple(views))}
+    assert of_pairs(late, seen[1]).edge(0, 1) is None
+
+
+def test_corners_refuse_boards_of_other_moments_whatever_their_poses_say(seen, alone, monkeypatch):
+    monkeypatch.setattr(joint_pairs, "WIDE", np.inf)
+    assert of_pairs(alone, rolled(seen[1], "c2", "c3")).edge(2, 3) is None
 
 
 def test_a_ring_whose_neighbours_share_a_tenth_is_one_rig_of_all_its_views(rig, seen):

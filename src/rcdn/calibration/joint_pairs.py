@@ -1,23 +1,22 @@
 """Pairs of cameras that disagree because their lenses, each from its own views alone, are too uncertain where both see
 boards (at the edges of both pictures): lenses and relative pose are solved for jointly, and a board agrees if the
-corners of both views do."""
+corners of both views do. Shared boards must cost no more than chance has it (χ²)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.bundle import State, residuals
+from rcdn.calibration.bundle import default_free, residuals
 from rcdn.calibration.fixed_boards import FixedBoards
 from rcdn.calibration.rig import FEWEST_PAIRS, Hypotheses, hypotheses, matrix
 from rcdn.calibration.rig_fit import free_of
 from rcdn.calibration.rig_start import Edge, Key, Sights, Turned, averaged, components_of, tree, turned
 from rcdn.calibration.rig_task import RigTask
 from rcdn.types import Array, Calibration
-from rcdn.types.arrays import Real
 
 TRIED = 5
 """largest number of hypotheses on the relative pose from which the joint solution starts"""
@@ -28,7 +27,10 @@ WIDE = 4.0
 boards' distance"""
 FAIR = 1.5
 """× the usual mean square of a view's whitened residuals: a board above it disagrees. By chance that of two views of 54
-corners scatters by a tenth; boards of other moments are at a hundred and more"""
+corners scatters by a tenth; boards of other moments have most of their corners at the limit, GATE²"""
+CHANCE = 4.0
+"""standard deviations by which the sum of squares of a joint solution may exceed what chance adds, six for each shared
+board but the first, to that of both cameras apart: uncertain lenses make room for a few wrong boards, but at a cost"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,7 @@ class JointPairs:
 
     def edge(self, a: int, b: int) -> Edge | None:
         """The edge of two cameras by their joint solution; None unless half of the boards that both saw, and three at
-        least, agree. From the hypothesis on the relative pose with which most of them do."""
+        least, agree, at no cost to other views. From the hypothesis on the relative pose with which most agree."""
         if (a, b) not in self.tried:
             self.tried[a, b] = self._solved(a, b, self._shared(a, b))
         return self.tried[a, b]
@@ -79,35 +81,74 @@ class JointPairs:
         if len(keys) < FEWEST_PAIRS:
             return None
         told = hypotheses(self.cameras[a], self.cameras[b], [(self.sights[a][k], self.sights[b][k]) for k in keys])
-        best: Edge | None = None
-        for many, T in enumerate(_starts(told)):
-            T, agreeing = self._agreeing(a, b, keys, T, told.nearest(T)[1])
-            if best is None or len(agreeing) > best.votes:
-                best = Edge(a, b, keys, T, len(agreeing), frozenset(agreeing))
-            if best.votes == len(keys) or (many and best.votes >= ENOUGH * len(keys)):
+        if not (starts := _starts(told)):
+            return None
+        apart, best = self._solution(a, b, {}, np.eye(4)), None
+        for many, T in enumerate(starts):
+            turns = dict(zip(keys, told.nearest(T)[1].tolist(), strict=True))
+            edge = self._joined(a, b, turns, T, apart)
+            if edge is not None and (best is None or edge.votes > best.votes):
+                best = edge
+            if best is not None and (best.votes == len(keys) or (many and best.votes >= ENOUGH * len(keys))):
                 break
-        return best if best is not None and best.votes >= max(FEWEST_PAIRS, len(keys) / 2) else None
+        return best
 
-    def _agreeing(self, a: int, b: int, keys: list[Key], T: Array, turns: Array) -> tuple[Array, list[Key]]:
-        """T_b_a (4, 4) of the joint solution from the initial guess `T`, with right labels turned by `turns`, and the
-        boards that agree in it."""
-        task = self._task(a, b, keys, turns)
+    def _joined(self, a: int, b: int, turns: dict[Key, int], T: Array, apart: _Solution) -> Edge | None:
+        """The edge by the joint solution from the initial guess `T`, with the boards' labels in camera b turned by
+        `turns`; `apart`: the solution without shared boards."""
+        usual, enough = apart.usual, max(FEWEST_PAIRS, len(turns) / 2)
+        both = self._solution(a, b, turns, T)
+        views = {key: ((a, self.sights[a][key]), (b, self.sights[b][key])) for key in turns}
+        good = {key: turn for key, turn in turns.items() if both.mean(views[key]) <= FAIR * usual}
+        if len(good) < enough:
+            return None
+        if len(good) < len(turns):
+            both = self._solution(a, b, good, both.T)
+        freedom = 6 * (len(good) - 1)
+        rise = sum(float(both.squares[v].sum() - apart.squares[v].sum()) for v in apart.squares) / usual
+        if not rise <= freedom + CHANCE * np.sqrt(2 * freedom):
+            return None
+        return Edge(a, b, list(turns), both.T, len(good), frozenset(good))
+
+    def _solution(self, a: int, b: int, turns: Mapping[Key, int], T: Array) -> _Solution:
+        """The joint solution in which the boards `turns` are shared, from the initial guess `T`; of both lenses apart
+        if there are none."""
+        task = self._task(a, b, turns)
         start = task.start(self.cameras, {a: np.eye(4), b: T})
-        state, _ = robust.initial_fit(start, task.corners, task.sigma, free_of(start, task.joint))
+        free = free_of(start, task.joint) & default_free(start, rig=bool(turns))
+        state, _ = robust.initial_fit(start, task.corners, task.sigma, free)
         noise = np.array([self.cameras[c].noise for c in (a, b)])[task.corners.camera]
-        square = _mean_squares(state, task, noise)
-        both, own = square[: len(keys)], square[len(keys) :]
-        usual = float(np.median(own)) if len(own) >= FEWEST_PAIRS else 1.0
-        return state.rig[1], [key for key, s in zip(keys, both, strict=True) if s <= FAIR * usual]
+        gaps = np.nan_to_num(residuals(state, task.corners), nan=np.inf)
+        square = np.minimum((gaps**2).sum(axis=1) / (noise**2 + task.sigma**2), robust.GATE**2)
+        return _Solution(state.rig[1], {view: square[rows] for view, rows in task.rows.items()})
 
-    def _task(self, a: int, b: int, keys: Collection[Key], turns: Array) -> RigTask:
-        """The joint problem of two cameras: frames are first the shared boards `keys`, then each camera's others."""
-        sights = [{k: s[k] for k in keys} if c in (a, b) else {} for c, s in enumerate(self.sights)]
-        boards = {key: matrix(self.cameras[a].views[sights[a][key]]) for key in keys}
-        labels = {(b, sights[b][key]): int(turn) for key, turn in zip(keys, turns, strict=True)}
+    def _task(self, a: int, b: int, turns: Mapping[Key, int]) -> RigTask:
+        """The joint problem of two cameras, in which only the boards `turns` are shared."""
+        sights = [{k: s[k] for k in turns} if c in (a, b) else {} for c, s in enumerate(self.sights)]
+        boards = {key: matrix(self.cameras[a].views[sights[a][key]]) for key in turns}
+        labels = {(b, sights[b][key]): turn for key, turn in turns.items()}
         when = [[v.name for v in camera.views] for camera in self.cameras]
         held = [self.known[a], self.known[b]]
         return RigTask.of([a, b], self.cameras, sights, Turned(labels, [], boards), when, held, FixedBoards())
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """The relative pose `T` (4, 4), and by (camera, view) the `squares` (M,) of its corners' residuals, whitened by
+    their sigma and the noise of each camera alone; GATE² at most, which outliers and corners that a camera cannot see
+    have."""
+
+    T: Array
+    squares: dict[tuple[int, int], Array]
+
+    def mean(self, views: Collection[tuple[int, int]]) -> float:
+        """Mean square of one axis over the corners of `views`."""
+        return float(np.concatenate([self.squares[v] for v in views]).mean() / 2)
+
+    @property
+    def usual(self) -> float:
+        """The median of all views' mean squares."""
+        return float(np.median([self.mean([v]) for v in self.squares]))
 
 
 def _starts(told: Hypotheses) -> list[Array]:
@@ -119,12 +160,3 @@ def _starts(told: Hypotheses) -> list[Array]:
         if (gaps <= WIDE).sum() >= max(FEWEST_PAIRS, len(told) / 2):
             found.append((float(np.minimum(gaps, 2 * WIDE).sum()), T))
     return [T for _, T in sorted(found, key=lambda each: each[0])[:TRIED]]
-
-
-def _mean_squares(state: State, task: RigTask, noise: Real[Array, " n"]) -> Real[Array, " f"]:
-    """(F,) mean square of each frame's whitened residuals, by the corners' sigma and the `noise` (N,), px of one axis,
-    of each camera alone; infinite where a camera cannot see a corner."""
-    gaps = np.nan_to_num(residuals(state, task.corners), nan=np.inf)
-    square = (gaps**2).sum(axis=1) / 2 / (noise**2 + task.sigma**2)
-    frame, frames = task.corners.frame, len(task.keys)
-    return np.asarray(np.bincount(frame, square, frames) / np.maximum(np.bincount(frame, minlength=frames), 1))
