@@ -103,7 +103,7 @@ class JointPairs:
         if len(good) < enough:
             return None
         if len(good) < len(turns):
-            both = self._solution(a, b, good, both.T)
+            both = self._solution(a, b, good, T)
         freedom = 6 * (len(good) - 1)
         rise = sum(float(both.squares[v].sum() - apart.squares[v].sum()) for v in apart.squares) / usual
         if not rise <= freedom + CHANCE * np.sqrt(2 * freedom):
