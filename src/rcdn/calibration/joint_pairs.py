@@ -80,12 +80,12 @@ class JointPairs:
     def _solved(self, a: int, b: int, keys: list[Key]) -> Edge | None:
         if len(keys) < FEWEST_PAIRS:
             return None
-        told = hypotheses(self.cameras[a], self.cameras[b], [(self.sights[a][k], self.sights[b][k]) for k in keys])
-        if not (starts := _starts(told)):
+        guesses = hypotheses(self.cameras[a], self.cameras[b], [(self.sights[a][k], self.sights[b][k]) for k in keys])
+        if not (starts := _starts(guesses)):
             return None
         apart, best = self._solution(a, b, {}, np.eye(4)), None
         for many, T in enumerate(starts):
-            turns = dict(zip(keys, told.nearest(T)[1].tolist(), strict=True))
+            turns = dict(zip(keys, guesses.nearest(T)[1].tolist(), strict=True))
             edge = self._joined(a, b, turns, T, apart)
             if edge is not None and (best is None or edge.votes > best.votes):
                 best = edge
@@ -151,12 +151,12 @@ class _Solution:
         return float(np.median([self.mean([v]) for v in self.squares]))
 
 
-def _starts(told: Hypotheses) -> list[Array]:
+def _starts(guesses: Hypotheses) -> list[Array]:
     """At most TRIED of the hypotheses (4, 4), those with enough pairs that are not WIDE of them; first that with the
     least sum of distances from all pairs, each limited."""
     found = []
-    for T in told.T.reshape(-1, 4, 4):
-        gaps = told.nearest(T)[0]
-        if (gaps <= WIDE).sum() >= max(FEWEST_PAIRS, len(told) / 2):
+    for T in guesses.T.reshape(-1, 4, 4):
+        gaps = guesses.nearest(T)[0]
+        if (gaps <= WIDE).sum() >= max(FEWEST_PAIRS, len(guesses) / 2):
             found.append((float(np.minimum(gaps, 2 * WIDE).sum()), T))
     return [T for _, T in sorted(found, key=lambda each: each[0])[:TRIED]]
