@@ -133,7 +133,7 @@ def _completed(field: Field, at: dict[Label, int], gap: float, free: Bool[Array,
         weak = WEAK * median(field.response[list(grown.values())])
         near = {spot: NEAR_WEAK if field.response[corner] < weak else NEAR for spot, corner in grown.items()}
         agreed = {spot for spot in grown if _agrees(places, grown, gap, spot, near[spot])}
-        kept = max(parts(agreed, TAGS.steps), key=len, default=set())
+        kept = next(iter(parts(agreed, TAGS.steps)), set())  # the largest
         before, at = at, {spot: corner for spot, corner in grown.items() if spot in kept}
         if len(kept) == len(agreed) or not at or at.keys() == before.keys():
             break
