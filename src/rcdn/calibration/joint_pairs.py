@@ -26,8 +26,8 @@ WIDE = 4.0
 """distance from a hypothesis, as in `Hypotheses.gaps`, that uncertain lenses explain: 20 degrees, or 0.4 of the
 boards' distance"""
 FAIR = 1.5
-"""× the usual mean square of a view's whitened residuals: a board above it disagrees. By chance that of two views of 54
-corners scatters by a tenth; boards of other moments have most of their corners at the limit, GATE²"""
+"""× the typical mean square of a view's whitened residuals: a board above it disagrees. By chance that of two views of
+54 corners scatters by a tenth; boards of other moments have most of their corners at the limit, GATE²"""
 CHANCE = 4.0
 """standard deviations by which the sum of squares of a joint solution may exceed what chance adds, six for each shared
 board but the first, to that of both cameras apart: uncertain lenses make room for a few wrong boards, but at a cost"""
@@ -96,16 +96,16 @@ class JointPairs:
     def _joined(self, a: int, b: int, turns: dict[Key, int], T: Array, apart: _Solution) -> Edge | None:
         """The edge by the joint solution from the initial guess `T`, with the boards' labels in camera b turned by
         `turns`; `apart`: the solution without shared boards."""
-        usual, enough = apart.usual, max(FEWEST_PAIRS, len(turns) / 2)
+        typical, enough = apart.typical, max(FEWEST_PAIRS, len(turns) / 2)
         both = self._solution(a, b, turns, T)
         views = {key: ((a, self.sights[a][key]), (b, self.sights[b][key])) for key in turns}
-        good = {key: turn for key, turn in turns.items() if both.mean(views[key]) <= FAIR * usual}
+        good = {key: turn for key, turn in turns.items() if both.mean(views[key]) <= FAIR * typical}
         if len(good) < enough:
             return None
         if len(good) < len(turns):
             both = self._solution(a, b, good, T)
         freedom = 6 * (len(good) - 1)
-        rise = sum(float(both.squares[v].sum() - apart.squares[v].sum()) for v in apart.squares) / usual
+        rise = sum(float(both.squares[v].sum() - apart.squares[v].sum()) for v in apart.squares) / typical
         if not rise <= freedom + CHANCE * np.sqrt(2 * freedom):
             return None
         return Edge(a, b, list(turns), both.T, len(good), frozenset(good))
@@ -146,7 +146,7 @@ class _Solution:
         return float(np.concatenate([self.squares[v] for v in views]).mean() / 2)
 
     @property
-    def usual(self) -> float:
+    def typical(self) -> float:
         """The median of all views' mean squares."""
         return float(np.median([self.mean([v]) for v in self.squares]))
 

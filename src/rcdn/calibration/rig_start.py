@@ -96,8 +96,8 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
     centres = {c: -places[c][:3, :3].T @ places[c][:3, 3] for c in order}
     for _ in range(ROUNDS):
         # centre of b − centre of a, in the rig's axes, as measured by the edge
-        told = np.array([-R[e.b].T @ e.T[:3, 3] for e in mine])
-        off = told - np.array([centres[e.b] - centres[e.a] for e in mine])
+        measured = np.array([-R[e.b].T @ e.T[:3, 3] for e in mine])
+        off = measured - np.array([centres[e.b] - centres[e.a] for e in mine])
         weight = np.sqrt(np.array([e.votes for e in mine]) / np.maximum(np.linalg.norm(off, axis=1), 1e-3))
         steps = _differences(order, mine, weight, off)
         centres = {c: centres[c] + steps[k] for k, c in enumerate(order)}
@@ -109,16 +109,16 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
 
 
 def _differences(
-    order: list[int], edges: Sequence[Edge], weight: Array, told: Real[Array, "e 3"]
+    order: list[int], edges: Sequence[Edge], weight: Array, measured: Real[Array, "e 3"]
 ) -> Real[Array, "c 3"]:
-    """(C, 3) values, 0 for the first camera, whose differences over the edges fit the measured `told` (E, 3) by
+    """(C, 3) values, 0 for the first camera, whose differences over the edges fit `measured` (E, 3) by
     weighted least squares."""
     at = {c: k for k, c in enumerate(order)}
     A = np.zeros((len(edges), len(order)))
     for row, e in enumerate(edges):
         A[row, at[e.b]], A[row, at[e.a]] = weight[row], -weight[row]
     out = np.zeros((len(order), 3))
-    out[1:] = np.linalg.lstsq(A[:, 1:], told * weight[:, None], rcond=None)[0]
+    out[1:] = np.linalg.lstsq(A[:, 1:], measured * weight[:, None], rcond=None)[0]
     return out
 
 
@@ -145,11 +145,11 @@ def turned(
         seers = [c for c in places if key in sights[c]]
         best: tuple[int, int, dict[int, tuple[float, int]]] | None = None
         for a in seers:
-            told = {b: _told(places, cameras, sights, key, a, b) for b in seers if b != a}
-            told = {b: (0.0 if (a, b, key) in joint else gap, turn) for b, (gap, turn) in told.items()}
-            votes = sum(gap <= 1 for gap, _ in told.values())
+            views = {b: _compared(places, cameras, sights, key, a, b) for b in seers if b != a}
+            views = {b: (0.0 if (a, b, key) in joint else gap, turn) for b, (gap, turn) in views.items()}
+            votes = sum(gap <= 1 for gap, _ in views.values())
             if best is None or votes > best[0]:
-                best = (votes, a, told)
+                best = (votes, a, views)
         if best is None:
             continue
         votes, a, others = best
@@ -164,7 +164,7 @@ def turned(
     return out
 
 
-def _told(
+def _compared(
     places: Mapping[int, Array], cameras: Sequence[Calibration], sights: Sights, key: Key, a: int, b: int
 ) -> tuple[float, int]:
     """Distance of camera b's view of a board from camera a's, 1 at the limit of agreement, and the turn of b's
