@@ -8,7 +8,7 @@ enum { FIRST = 1, BESIDE = 2, LOOSE = 4, LAST = 8, ROLES = 15 };
 
 /* markers that are processed together, in so many vectors; columns of the widest board of which a part may be visible,
  * and of any board */
-enum { LANE = 16, VECTORS = 4, BLOCK = LANE * VECTORS, COLUMNS = 64, WIDEST = 1 << 16 };
+enum { LANE = 8, VECTORS = 8, BLOCK = LANE * VECTORS, COLUMNS = 64, WIDEST = 1 << 16 };
 CONSTANTS(gains, FIRST, BESIDE, LOOSE, LAST, BLOCK, COLUMNS)
 
 /* evidence at positions that no layout allows */

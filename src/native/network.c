@@ -12,12 +12,13 @@
 
 #define CONVS 5   /* 3×3 convolutions from WIDE to WIDE channels at a quarter of the resolution */
 #define NARROW 16 /* channels at half resolution, and outputs per cell */
+#define FIRST 4   /* outputs of the first layer that are computed together: their sums stay in registers */
 #define RING 4    /* rows of a layer that are kept */
 #define SEEN 8    /* rows of the normalised image that are kept */
 
-typedef float vec __attribute__((vector_size(4 * NARROW)));
-typedef int32_t whole_vec __attribute__((vector_size(4 * NARROW)));
-typedef uint8_t byte_vec __attribute__((vector_size(NARROW)));
+/* Vectors of AVX-512 and of all else: gcc multiplies one that is longer than the processor's by a number one by one. */
+typedef float sixteen __attribute__((vector_size(64)));
+typedef float eight __attribute__((vector_size(32)));
 
 /* Weights as packed by `corners/cells.py`: those in floating point, and those of 8 bits. `scale` and `bias` turn sums
  * into the inputs of the next layer, and those of the last layer into the argument of the sigmoid. */
@@ -55,50 +56,36 @@ typedef struct {
     Contrast contrast;
     const Reals *reals;
     const Bytes *bytes;
+    const int16_t *pairs; /* the weights of `bytes` in the same order, see `paired` */
     RowKernel *strided, *conv;
     Seen seen;
     Layer layer[CONVS + 2]; /* at half resolution; strided; the convolutions */
+    int wide;               /* whether the processor has vectors of 16 numbers */
     uint8_t *need;          /* buffer for a mask of the first layer's width */
     index_t time;           /* steps of `advance` so far */
 } Network;
 
-INLINE vec load(const float *p) {
-    vec v;
-    memcpy(&v, p, sizeof v);
-    return v;
-}
-
-INLINE void store(float *p, vec v) {
-    memcpy(p, &v, sizeof v);
-}
-
-/* `one` where the comparison `holds`, else `other`. */
-INLINE vec chosen(whole_vec holds, vec one, vec other) {
-    return (vec)((holds & (whole_vec)one) | (~holds & (whole_vec)other));
-}
-
-INLINE vec within(vec v, float low, float high) {
-    const vec least = (vec){0} + low, most = (vec){0} + high;
-    v = chosen(v > least, v, least);
-    return chosen(v < most, v, most);
-}
-
 /* Store inputs of the next layer, clamped to 0..255. */
-INLINE void store_levels(uint8_t *p, vec v) {
-    const byte_vec out =
-        __builtin_convertvector(__builtin_convertvector(within(v, 0, 255) + 0.5f, whole_vec), byte_vec);
-    memcpy(p, &out, sizeof out);
+INLINE void store_levels(uint8_t *p, const float x[NARROW]) {
+    for (int k = 0; k < NARROW; k++) {
+        const float least = x[k] > 0 ? x[k] : 0;
+        p[k] = (uint8_t)(int32_t)((least < 255 ? least : 255) + 0.5f);
+    }
 }
 
-/* 1 / (1 + exp(−x)), error below 1e-6. */
-INLINE vec sigmoid(vec x) {
-    const vec t = within(x, -80, 80) * -1.44269504f;
-    const whole_vec whole = __builtin_convertvector(t, whole_vec);
-    const vec f = (t - __builtin_convertvector(whole, vec)) * 0.69314718f;
-    const vec part =
-        1 +
-        f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
-    return 1 / (1 + part * (vec)((whole + 127) << 23));
+/* x[k] = 1 / (1 + exp(−x[k])), error below 1e-6. */
+INLINE void sigmoid(float x[NARROW]) {
+    for (int k = 0; k < NARROW; k++) {
+        const float least = x[k] > -80 ? x[k] : -80, t = (least < 80 ? least : 80) * -1.44269504f;
+        const int32_t whole = (int32_t)t, power = (whole + 127) << 23;
+        const float f = (t - (float)whole) * 0.69314718f;
+        const float part =
+            1 + f * (1 + f * (0.5f +
+                              f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+        float factor;
+        memcpy(&factor, &power, sizeof factor);
+        x[k] = 1 / (1 + part * factor);
+    }
 }
 
 INLINE uint8_t *row_of(const Layer *l, index_t y) {
@@ -137,22 +124,32 @@ INLINE void see(Network *n, index_t y) {
     }
 }
 
-/* `count` outputs of the first layer: 5×5 px, stride 2. */
-INLINE void first_block(const Network *n, index_t y, index_t x, const int count, uint8_t *out) {
-    vec sum[8];
-    for (int k = 0; k < count; k++)
-        sum[k] = load(n->reals->first_bias);
-    for (int j = 0; j < 5; j++) {
-        const float *row = seen_row(&n->seen, 2 * y + j) + 2 * x;
-        for (int i = 0; i < 5; i++) {
-            const vec weight = load(n->reals->first[5 * j + i]);
-            for (int k = 0; k < count; k++)
-                sum[k] += weight * row[2 * k + i];
-        }
+/* FIRST outputs of the first layer: 5×5 px, stride 2. */
+#define FIRST_BLOCK(name, vec)                                                       \
+    INLINE void name(const Network *n, index_t y, index_t x, uint8_t *out) {         \
+        enum { PARTS = NARROW * sizeof(float) / sizeof(vec) };                       \
+        float sums[FIRST][NARROW];                                                   \
+        for (int part = 0; part < PARTS; part++) {                                   \
+            const index_t at = part * (index_t)(sizeof(vec) / sizeof(float));        \
+            vec sum[FIRST], weight;                                                  \
+            for (int k = 0; k < FIRST; k++)                                          \
+                memcpy(sum + k, n->reals->first_bias + at, sizeof(vec));             \
+            for (int j = 0; j < 5; j++) {                                            \
+                const float *row = seen_row(&n->seen, 2 * y + j) + 2 * x;            \
+                for (int i = 0; i < 5; i++) {                                        \
+                    memcpy(&weight, n->reals->first[5 * j + i] + at, sizeof weight); \
+                    for (int k = 0; k < FIRST; k++)                                  \
+                        sum[k] += weight * row[2 * k + i];                           \
+                }                                                                    \
+            }                                                                        \
+            for (int k = 0; k < FIRST; k++)                                          \
+                memcpy(sums[k] + at, sum + k, sizeof(vec));                          \
+        }                                                                            \
+        for (int k = 0; k < FIRST; k++)                                              \
+            store_levels(out + k * NARROW, sums[k]);                                 \
     }
-    for (int k = 0; k < count; k++)
-        store_levels(out + k * NARROW, sum[k]);
-}
+FIRST_BLOCK(first_block, eight)
+FIRST_BLOCK(wide_first_block, sixteen)
 
 INLINE void first_row(Network *n, index_t y) {
     Layer *l = &n->layer[0];
@@ -162,15 +159,19 @@ INLINE void first_row(Network *n, index_t y) {
         return;
     see(n, 2 * y + 4);
     for (index_t x = 0, end; (x = next_run(mask, x, l->width, &end)) < l->width; x = end)
-        for (; x < end; x += 8)
-            first_block(n, y, x, 8, out + x * NARROW);
+        for (; x < end; x += FIRST)
+            if (n->wide)
+                wide_first_block(n, y, x, out + x * NARROW);
+            else
+                first_block(n, y, x, out + x * NARROW);
 }
 
 /* Row `y` of layer `k` + 1 from the previous layer; `stride` is 2 for the first of them. */
 static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
-    const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided, n->reals->conv[k].scale,
+    const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided,
+                           n->pairs + (k ? 9 * WIDE * (NARROW + (k - 1) * WIDE) : 0), n->reals->conv[k].scale,
                            n->reals->conv[k].bias};
     const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1),
                                     row_of(from, stride * y + 2)};
@@ -180,22 +181,24 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
 /* Write the outputs of one row of cells into the response (height, width) of the image. */
 INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index_t y, float *response) {
     const uint8_t *row = row_of(&n->layer[CONVS + 1], y);
-    const vec scale = load(n->reals->last_scale), bias = load(n->reals->last_bias);
-    const float(*last)[NARROW] = n->reals->last;
+    const float *scale = n->reals->last_scale, *bias = n->reals->last_bias;
     for (index_t x = 0; x < width; x++) {
         if (!mask[x])
             continue;
-        float value[WIDE], out[NARROW];
-        for (int c = 0; c < WIDE; c++)
-            value[c] = row[x * WIDE + c];
-        vec a = {0}, b = {0}, c = {0}, d = {0}; /* sums of integers under 2^24: exact in any order */
-        for (int k = 0; k < WIDE; k += 4) {
-            a += load(last[k]) * value[k];
-            b += load(last[k + 1]) * value[k + 1];
-            c += load(last[k + 2]) * value[k + 2];
-            d += load(last[k + 3]) * value[k + 3];
-        }
-        store(out, sigmoid(((a + b) + (c + d)) * scale + bias));
+        float out[NARROW];
+        eight sum[2][2] = {{{0}}}; /* of integers under 2^24: exact in any order */
+        for (int k = 0; k < WIDE; k++)
+            for (int half = 0; half < 2; half++) {
+                eight weight;
+                memcpy(&weight, n->reals->last[k] + 8 * half, sizeof weight);
+                sum[k & 1][half] += weight * (float)row[x * WIDE + k];
+            }
+        for (int half = 0; half < 2; half++)
+            sum[0][half] += sum[1][half];
+        memcpy(out, sum[0], sizeof out);
+        for (int k = 0; k < NARROW; k++)
+            out[k] = out[k] * scale[k] + bias[k];
+        sigmoid(out);
         for (index_t j = 0; j < CELL && n->contrast.top + CELL * y + j < n->contrast.picture.height; j++)
             for (index_t i = 0; i < CELL && CELL * x + i < n->contrast.picture.width; i++)
                 response[(n->contrast.top + CELL * y + j) * n->contrast.picture.width + CELL * x + i] =
@@ -244,6 +247,15 @@ INLINE void needed_by_strided(const uint8_t *next, index_t height, index_t width
     }
 }
 
+/* Weights (group of inputs, output, input) in the order (pair of inputs, output, input), `count` in all. */
+INLINE void paired(const int8_t *weight, index_t count, int16_t *out) {
+    for (index_t k = 0; k < count; k += GROUP * WIDE)
+        for (int pair = 0; pair < GROUP; pair += 2)
+            for (int o = 0; o < WIDE; o++, out += 2)
+                for (int i = 0; i < 2; i++)
+                    out[i] = weight[k + GROUP * o + pair + i];
+}
+
 /* Number of bytes for all ring buffers, sums and masks of so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
@@ -251,7 +263,7 @@ static size_t room_for(index_t across, index_t rows) {
                   floats = SEEN * (seen + SLACK) + 8 * SLACK;
     const index_t doubles = 6 * (seen + 2 * HALF),
                   masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
-    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + 64 * 32;
+    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + sizeof(int16_t) * sizeof(Bytes) + 64 * 32;
 }
 
 INLINE void *taken(char **room, index_t bytes) {
@@ -273,6 +285,10 @@ FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL
     Network n = {
         .contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
     row_kernels((int)level, &n.strided, &n.conv);
+    n.wide = level_taken() >= AVX512_LEVEL;
+    int16_t *pairs = taken(&room, sizeof(int16_t) * sizeof(Bytes));
+    paired(bytes, sizeof(Bytes), pairs);
+    n.pairs = pairs;
     index_t h = rows, w = across;
     cells += first * across;
     const uint8_t *mask = cells;

@@ -9,11 +9,13 @@
 #define GROUP 4 /* channels that are multiplied together */
 #define BEST 2  /* highest level of the processor's instructions that is used, if available: 2 VNNI, 1 AVX2, 0 any */
 #define SLACK 8 /* cells that may be computed beyond the end of a row */
+#define AVX2_CELLS 4 /* cells at a time: their sums stay in registers */
 
-/* Weights of a convolution: (tap, group of inputs, output, input); scale and bias that turn sums into the next inputs.
- * */
+/* Weights of a convolution: (tap, group of inputs, output, input), and as `pairs` (tap, pair of inputs, output, input);
+ * scale and bias that turn sums into the next inputs. */
 typedef struct {
     const int8_t *weight;
+    const int16_t *pairs;
     const float *scale, *bias;
 } Convolution;
 
@@ -64,51 +66,59 @@ ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 #ifdef X86_LEVELS
 #include <immintrin.h>
 
-/* Four bytes of `value` are split into two pairs of 16-bit numbers: no product overflows. */
+/* 16 sums converted to inputs of the next layer, as `rescaled`. */
+FOR_AVX2 INLINE void avx2_rescaled(__m256i low, __m256i high, const float *scale, const float *bias, uint8_t *out) {
+    const __m256 a = _mm256_add_ps(_mm256_mul_ps(_mm256_cvtepi32_ps(low), _mm256_loadu_ps(scale)),
+                                   _mm256_loadu_ps(bias)),
+                 b = _mm256_add_ps(_mm256_mul_ps(_mm256_cvtepi32_ps(high), _mm256_loadu_ps(scale + 8)),
+                                   _mm256_loadu_ps(bias + 8));
+    const __m256i words =
+        _mm256_permute4x64_epi64(_mm256_packs_epi32(_mm256_cvtps_epi32(a), _mm256_cvtps_epi32(b)), 0xd8);
+    _mm_storeu_si128((__m128i *)out,
+                     _mm_packus_epi16(_mm256_castsi256_si128(words), _mm256_extracti128_si256(words, 1)));
+}
+
+/* Inputs are widened to 16 bits and multiplied in pairs, so that no product overflows. */
 FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution *c, const int channels,
                                 const int stride, index_t x, const int count, uint8_t *out) {
+    int16_t value[3][2 * AVX2_CELLS + 2][WIDE];
+    for (int j = 0; j < 3; j++)
+        for (int i = 0; i < stride * (count - 1) + 3; i++)
+            for (int g = 0; g < channels; g += 16)
+                _mm256_storeu_si256((__m256i *)(value[j][i] + g),
+                                    _mm256_cvtepu8_epi16(
+                                        _mm_loadu_si128((const __m128i *)(from[j] + (stride * x + i) * channels + g))));
     for (int o = 0; o < WIDE; o += 16) {
-        __m256i low[4], high[4];
+        __m256i low[AVX2_CELLS], high[AVX2_CELLS];
         for (int k = 0; k < count; k++)
             low[k] = high[k] = _mm256_setzero_si256();
-        const int8_t *weight = c->weight + GROUP * o;
+        const int16_t *weight = c->pairs + 2 * o;
         for (int j = 0; j < 3; j++)
             for (int i = 0; i < 3; i++)
-                for (int g = 0; g < channels; g += GROUP, weight += GROUP * WIDE) {
+                for (int g = 0; g < channels; g += 2, weight += 2 * WIDE) {
                     const __m256i a = _mm256_loadu_si256((const __m256i *)weight),
-                                  b = _mm256_loadu_si256((const __m256i *)(weight + 32));
-                    const __m256i a_even = _mm256_srai_epi16(_mm256_slli_epi16(a, 8), 8),
-                                  a_odd = _mm256_srai_epi16(a, 8);
-                    const __m256i b_even = _mm256_srai_epi16(_mm256_slli_epi16(b, 8), 8),
-                                  b_odd = _mm256_srai_epi16(b, 8);
+                                  b = _mm256_loadu_si256((const __m256i *)(weight + 16));
                     for (int k = 0; k < count; k++) {
-                        int32_t value;
-                        memcpy(&value, from[j] + (stride * (x + k) + i) * channels + g, sizeof value);
-                        const __m256i even = _mm256_set1_epi32(value & 0xff00ff),
-                                      odd = _mm256_set1_epi32((value >> 8) & 0xff00ff);
-                        low[k] = _mm256_add_epi32(
-                            low[k], _mm256_add_epi32(_mm256_madd_epi16(even, a_even), _mm256_madd_epi16(odd, a_odd)));
-                        high[k] = _mm256_add_epi32(
-                            high[k], _mm256_add_epi32(_mm256_madd_epi16(even, b_even), _mm256_madd_epi16(odd, b_odd)));
+                        int32_t pair;
+                        memcpy(&pair, value[j][stride * k + i] + g, sizeof pair);
+                        const __m256i same = _mm256_set1_epi32(pair);
+                        low[k] = _mm256_add_epi32(low[k], _mm256_madd_epi16(same, a));
+                        high[k] = _mm256_add_epi32(high[k], _mm256_madd_epi16(same, b));
                     }
                 }
-        for (int k = 0; k < count; k++) {
-            int32_t sum[16];
-            _mm256_storeu_si256((__m256i *)sum, low[k]);
-            _mm256_storeu_si256((__m256i *)(sum + 8), high[k]);
-            for (int n = 0; n < 16; n++)
-                out[k * WIDE + o + n] = rescaled(sum[n], c->scale[o + n], c->bias[o + n]);
-        }
+        for (int k = 0; k < count; k++)
+            avx2_rescaled(low[k], high[k], c->scale + o, c->bias + o, out + k * WIDE + o);
     }
 }
 
-FOR_AVX2 ROW_KERNEL(avx2_strided, , avx2_block, 4, 16, 2) FOR_AVX2 ROW_KERNEL(avx2_conv, , avx2_block, 4, 32, 1)
+ROW_KERNEL(avx2_strided, FOR_AVX2, avx2_block, AVX2_CELLS, 16, 2)
+ROW_KERNEL(avx2_conv, FOR_AVX2, avx2_block, AVX2_CELLS, 32, 1)
 
 /* sum += products of bytes, four at a time: as _mm512_dpbusd_epi32, for which gcc adds moves of the sums between
  * registers. */
 #define ADD_PRODUCTS(sum, levels, weights) __asm__("vpdpbusd %2, %1, %0" : "+v"(sum) : "v"(levels), "v"(weights))
 
-    FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
+FOR_VNNI INLINE __m128i vnni_rescaled(__m512i sum, const float *scale, const float *bias) {
     const __m512 value =
         _mm512_add_ps(_mm512_mul_ps(_mm512_cvtepi32_ps(sum), _mm512_loadu_ps(scale)), _mm512_loadu_ps(bias));
     return _mm512_cvtusepi32_epi8(_mm512_max_epi32(_mm512_cvtps_epi32(value), _mm512_setzero_si512()));
@@ -140,12 +150,13 @@ FOR_VNNI INLINE void vnni_block(const uint8_t *const from[3], const Convolution 
     }
 }
 
-FOR_VNNI ROW_KERNEL(vnni_strided, , vnni_block, 8, 16, 2) FOR_VNNI ROW_KERNEL(vnni_conv, , vnni_block, 8, 32, 1)
+ROW_KERNEL(vnni_strided, FOR_VNNI, vnni_block, 8, 16, 2)
+ROW_KERNEL(vnni_conv, FOR_VNNI, vnni_block, 8, 32, 1)
 #endif
 
-    /* The kernels of this processor: for the strided convolution, and for the others. `level`: upper limit, 2: VNNI, 1:
+/* The kernels of this processor: for the strided convolution, and for the others. `level`: upper limit, 2: VNNI, 1:
  * AVX2, 0: plain C. */
-    static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
+static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
     *strided = plain_strided;
     *conv = plain_conv;
 #ifdef X86_LEVELS
