@@ -186,6 +186,21 @@ def test_json_and_vnl_need_two_names_and_mrcal_plain_paths(run):
     assert "with space.png" in result.stderr
 
 
+def test_files_by_their_names(run):
+    """What `-o` writes is what the options write, and CSV as many corners as JSON holds in boards."""
+    picture(Path("a.png"))
+    result = run("detect", "a.png", "--json", "d.json", "-o", "e.json", "-o", "c.csv", "--output", "c.vnl")
+    assert result.exit_code == 0
+    assert Path("d.json").read_bytes() == Path("e.json").read_bytes()
+    boards = read_detections("d.json")[0][0].boards
+    assert len(Path("c.csv").read_text().splitlines()) == 1 + sum(map(len, boards)) > 1
+    assert len(read_vnl("c.vnl")["a.png"]) == len(boards[0])
+    for wrong in (["-o", "c.txt"], ["-o", "d.json", "--json", "./d.json"], ["-o", "a.png"]):
+        result = run("detect", "a.png", *wrong)
+        assert result.exit_code == 2, wrong
+        assert wrong[1] in result.stderr
+
+
 def test_options_reach_the_configuration(run, monkeypatch):
     seen = []
     monkeypatch.setattr(verb, "_make_detector", lambda config: seen.append(config) or StandIn(config))

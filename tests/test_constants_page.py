@@ -7,6 +7,7 @@ import importlib
 import re
 from collections import Counter
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -95,7 +96,7 @@ def settings(value, name):
 
 def of_settings():
     """(name, value) of the defaults of all types of settings, and of what the presets have instead."""
-    types = (config.Adaptive, config.Fixed, config.Std, config.MaxFraction, config.Nms, config.Cluster)
+    types = (*get_args(config.Threshold), config.Nms, config.Cluster)
     defaults = [pair for kind in types for pair in settings(kind(), kind.__name__)]
     auto, paper = (dict(settings(getattr(config.DetectorConfig, name)(), name)) for name in ("auto", "paper"))
     own = {name.split(".", 1)[1]: value for name, value in auto.items() if name.count(".") == 1}

@@ -1,5 +1,6 @@
-"""Detections as JSON and corners.vnl: round trips, determinism, refusals, and the examples of docs/formats.md."""
+"""Detections as JSON, corners.vnl and CSV: round trips, determinism, refusals, and the examples of docs/formats.md."""
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from json_edit import edit
 from rcdn.errors import RcdnError
-from rcdn.io import FormatError, ImageResult, read_detections, read_vnl, write_detections, write_vnl
+from rcdn.io import FormatError, ImageResult, read_detections, read_vnl, write_csv, write_detections, write_vnl
 from rcdn.types import Board, Corners, Status
 
 FORMATS = Path(__file__).parents[1] / "docs" / "formats.md"
@@ -324,3 +325,32 @@ def test_documented_examples_are_what_is_written(tmp_path):
     assert (tmp_path / "b.json").read_text() == text
     write_vnl(tmp_path / "c.vnl", images, (3, 2))
     assert (tmp_path / "c.vnl").read_text() == vnl
+
+
+# ---- CSV
+
+
+def test_csv_says_all_of_each_corner_of_a_board(tmp_path):
+    plain, dashed = board(3, 2, drop={(1, 1)}), board(2, 2, shift=(0.123456, -70.0))
+    known = Board(
+        dashed.xy, dashed.ij, SIZE, dashed.response, dashed.status, "unique", sigma=np.array([0.01, np.nan, 0.5, 2.0])
+    )
+    name = 'a, "b"\udc80.png'
+    write_csv(tmp_path / "c.csv", iter([result(name, plain, known), result("none.png")]))
+    with (tmp_path / "c.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["picture"] for row in rows] == ['a, "b"\\udc80.png'] * 9
+    assert [row["board"] for row in rows] == ["0"] * 5 + ["1"] * 4
+    for got, wanted in ((rows[:5], plain), (rows[5:], known)):
+        assert [(int(row["i"]), int(row["j"])) for row in got] == list(map(tuple, wanted.ij.tolist()))
+        np.testing.assert_allclose([(float(r["x"]), float(r["y"])) for r in got], wanted.xy, rtol=0, atol=5.1e-5)
+        assert [row["id"] for row in got] == [""] * len(wanted)
+    assert [row["sigma"] for row in rows] == [""] * 5 + ["0.0100", "", "0.5000", "2.0000"]
+
+
+def test_the_example_of_csv_in_the_documentation(tmp_path):
+    blocks = re.findall(r"```(\w*)\n(.*?)```", FORMATS.read_text(), re.DOTALL)
+    example, table = (next(text for _, text in blocks if text.startswith(s)) for s in ('{"version"', "picture,"))
+    (tmp_path / "d.json").write_text(example)
+    write_csv(tmp_path / "c.csv", read_detections(tmp_path / "d.json")[0])
+    assert (tmp_path / "c.csv").read_text() == table

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from rcdn.batch import outputs as _outputs
+from rcdn.batch.detection_files import FORMATS
 from rcdn.batch.outputs import Outputs, Spool
 from rcdn.errors import OutputError
 
@@ -72,7 +73,7 @@ def test_lines_go_to_another_disk_that_an_output_goes_to(monkeypatch, tmp_path):
 
 def test_where_no_output_s_disk_takes_more_the_lines_are_kept_elsewhere_and_it_is_told(monkeypatch, tmp_path):
     Disk(monkeypatch, tmp_path, out=25, tmp=999)
-    outputs = Outputs(tmp_path / "out" / "a.json", None, None)
+    outputs = Outputs({tmp_path / "out" / "a.json": FORMATS["json"]})
     outputs.add("x" * 20)
     with pytest.raises(OutputError, match=r"a.json: can't be written: No space left on device; make room"):
         outputs.add("y" * 20)
@@ -86,7 +87,7 @@ LINE = json.dumps(
 
 def test_lines_that_took_the_room_of_the_file_make_way(monkeypatch, tmp_path):
     Disk(monkeypatch, tmp_path, out=999, tmp=999)
-    outputs = Outputs(tmp_path / "out" / "a.json", tmp_path / "out" / "a.vnl", None)
+    outputs = Outputs({tmp_path / "out" / f"a.{name}": FORMATS[name] for name in ("json", "vnl")})
     outputs.add(LINE)
     tries = []
 
@@ -104,7 +105,7 @@ def test_lines_that_took_the_room_of_the_file_make_way(monkeypatch, tmp_path):
 
 def test_a_disk_that_can_not_be_read_is_an_error_of_each_output(monkeypatch, tmp_path):
     Disk(monkeypatch, tmp_path, out=999, tmp=0)
-    outputs = Outputs(tmp_path / "out" / "a.json", tmp_path / "out" / "a.vnl", None)
+    outputs = Outputs({tmp_path / "out" / f"a.{name}": FORMATS[name] for name in ("json", "vnl")})
     outputs.add(LINE)
 
     def broken(_):

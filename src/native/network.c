@@ -127,9 +127,9 @@ INLINE void see(Network *n, index_t y) {
 /* FIRST outputs of the first layer: 5×5 px, stride 2. */
 #define FIRST_BLOCK(name, vec)                                                       \
     INLINE void name(const Network *n, index_t y, index_t x, uint8_t *out) {         \
-        enum { PARTS = NARROW * sizeof(float) / sizeof(vec) };                       \
+        const int parts = NARROW * sizeof(float) / sizeof(vec);                      \
         float sums[FIRST][NARROW];                                                   \
-        for (int part = 0; part < PARTS; part++) {                                   \
+        for (int part = 0; part < parts; part++) {                                   \
             const index_t at = part * (index_t)(sizeof(vec) / sizeof(float));        \
             vec sum[FIRST], weight;                                                  \
             for (int k = 0; k < FIRST; k++)                                          \

@@ -142,7 +142,8 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Refine:
-    """Sub-pixel refinement. `half`: half window of the intensity methods, px; None: from the local square size."""
+    """Sub-pixel refinement. `half`: half window of `saddle` and `mixed`, px; None: from the local square size, with a
+    second step to the centre of symmetry."""
 
     method: RefineMethod = "saddle"
     half: int | None = None
@@ -319,7 +320,7 @@ def _check_target(value: Any) -> None:
         raise ConfigError(f"DetectorConfig.{error}") from error
 
 
-_PAYLOADS = {c.__name__: c for c in (Adaptive, Fixed, Std, MaxFraction, Nms, Cluster, Refine, Sharpen, DetectorConfig)}
+_PAYLOADS = {c.__name__: c for c in (*get_args(Threshold), Nms, Cluster, Refine, Sharpen, DetectorConfig)}
 
 
 def _to_plain(value: Any) -> Any:

@@ -122,12 +122,14 @@ def test_maps_and_standard_output(run):
         (["a.json", "link.json"], 2, "is read and written"),
         (["a.json", "b.dat"], 1, "which format"),
         (["a.json", "b.vnl"], 1, "holds no detections"),
+        (["a.json", "b.csv"], 1, "holds no detections"),
+        (["a.json", "b.yaml", "--to", "csv"], 1, "holds no detections"),
         (["missing.json", "b.yaml"], 1, "no such file"),
         (["missing.vnl", "b.json"], 1, "no such file"),
         (["a.json", "a.json", "a.json", "b.yaml"], 2, "one camera file"),
         (["a.json", "b.yaml", "--camera-name", "right"], 1, "name one of them"),
         (["a.json", "b.png"], 2, "overwrite a picture"),
-        (["d.json", "b.yaml"], 1, "as json or vnl"),
+        (["d.json", "b.yaml"], 1, "as json, vnl or csv; end the name with one"),
         (["d.json", "d.json", "b.vnl"], 2, "file by file"),
     ],
 )
@@ -160,6 +162,15 @@ def image(path, cols=5, rows=4, missing=0, boards=1, loose=0):
         found.append(Board(xy, ij, (640, 480), np.ones(len(ij)), np.zeros(len(ij), int), "ambiguous_180"))
     xy = np.concatenate([*[b.xy for b in found], np.arange(2.0 * loose).reshape(-1, 2) + 400])
     return ImageResult(path, 640, 480, Corners(xy, np.ones(len(xy)), np.zeros(len(xy), int)).sort(), tuple(found))
+
+
+def test_detections_become_csv(run):
+    write_detections("d.json", [image("a.png", loose=3), image("b.png", missing=2, boards=2), image("c.png", boards=0)])
+    result = run("d.json", "d.csv")
+    assert result.exit_code == 0
+    assert len(Path("d.csv").read_text().splitlines()) == 1 + 20 + 18 + 18
+    assert "left out: responses, 3 corners outside boards" in result.stderr
+    assert run("d.json", "-", "--to", "csv").stdout == Path("d.csv").read_text()
 
 
 def test_detections_become_a_table_and_come_back(run):

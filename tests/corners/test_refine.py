@@ -2,6 +2,7 @@
 
 import time
 import warnings
+from typing import get_args
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from corner_scene import board, render
 from scipy.ndimage import gaussian_filter
 
-from rcdn.config import Refine
+from rcdn.config import Refine, RefineMethod
 from rcdn.corners.adaptive import adaptive_fit, nearest_pitch
 from rcdn.corners.refine import com_offset, edge_position, mix, parabola_offset, peak_offset, refine
 from rcdn.corners.saddle import rochade, smooth_fit, surface_fit, surface_fits
@@ -17,7 +18,7 @@ from rcdn.corners.symmetry import symmetry_centre
 from rcdn.errors import RcdnError
 from rcdn.types import Status
 
-METHODS = ["peak", "saddle", "mixed", "com", "parabola", "edge"]
+METHODS = get_args(RefineMethod)
 
 
 def bumps(truth, shape, sigma=1.2):

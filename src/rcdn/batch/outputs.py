@@ -6,11 +6,12 @@ import errno
 import io
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
+from rcdn.batch.detection_files import DetectionFormat, Found
 from rcdn.errors import OutputError, RcdnError
 
 if TYPE_CHECKING:
@@ -29,24 +30,24 @@ class Outputs:
     files that have been written.
     """
 
-    def __init__(self, json: Path | None, vnl: Path | None, board: GridSize | None) -> None:
-        self._json, self._vnl, self._board = json, vnl, board
-        self._spool = Spool([_folder(path) for path in (json, vnl) if path is not None])
+    def __init__(self, files: Mapping[Path, DetectionFormat], board: GridSize | None = None) -> None:
+        self._files, self._board = files, board
+        self._spool = Spool([_folder(path) for path in files])
         self.written: list[Path] = []
 
     @property
     def wanted(self) -> bool:
         """True if `add` needs the lines."""
-        return self._json is not None or self._vnl is not None
+        return bool(self._files)
 
     def add(self, line: str) -> None:
         """Buffer the line of the next picture. Raises OutputError if no disk of an output file has room for the lines
         so far."""
         from rcdn.io.files import output_error
 
-        path = self._json or self._vnl
-        if path is None:
+        if not self._files:
             return
+        path = next(iter(self._files))
         try:
             self._spool.add(line.encode("ascii") + b"\n")
         except OSError as error:
@@ -55,28 +56,20 @@ class Outputs:
             raise output_error(path, self._spool.refused)
 
     def write(self, failures: Sequence[Failure]) -> list[RcdnError]:
-        """Write the requested files, and return the errors. An error with one file doesn't stop the other."""
-        from rcdn.io import write_lines, write_vnl
-
-        wrong = [
-            self._try(
-                self._json, lambda path: write_lines(path, self._kept(), ((f.name, f.message) for f in failures))
-            ),
-            self._try(self._vnl, lambda path: write_vnl(path, _Images(self), self._board)),
-        ]
+        """Write the requested files, and return the errors. An error with one file doesn't stop the others."""
+        failed = [(failure.name, failure.message) for failure in failures]
+        wrong = [self._try(path, format, failed) for path, format in self._files.items()]
         return [error for error in wrong if error is not None]
 
     def close(self) -> None:
         self._spool.close()
 
-    def _try(self, path: Path | None, write: Callable[[Path], Any]) -> RcdnError | None:
+    def _try(self, path: Path, format: DetectionFormat, failed: Sequence[tuple[str, str]]) -> RcdnError | None:
         from rcdn.io.files import output_error
 
-        if path is None:
-            return None
         for _ in range(2):
             try:
-                write(path)
+                format.write(path, Found(_Images(self), self._kept(), failed, self._board))
             except RcdnError as error:
                 cause = error.__cause__
                 if isinstance(cause, OSError) and cause.errno in FULL and self._spool.leave(_folder(path)):

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcdn.batch.detection_files import FORMATS, Found, format_of
 from rcdn.batch.paths import check_file
-from rcdn.errors import ConfigError, FormatError, many
+from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.options import GridSize, parse_size
@@ -19,23 +20,16 @@ from rcdn.terminal.options import GridSize, parse_size
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rcdn.io import CameraFormat, ImageResult, StereoCameras
+    from rcdn.io import CameraFormat, StereoCameras
     from rcdn.types import Camera
 
 EXACT = 0.01
 """largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
 
 
-class To(StrEnum):
-    """File formats: `vnl` is for detections, `json` for detections and cameras, the others for cameras."""
-
-    opencv = "opencv"
-    ros = "ros"
-    kalibr = "kalibr"
-    colmap = "colmap"
-    mrcal = "mrcal"
-    json = "json"
-    vnl = "vnl"
+_CAMERAS = ("opencv", "ros", "kalibr", "colmap", "mrcal", "json")
+To = StrEnum("To", {name: name for name in (*_CAMERAS, *FORMATS)})  # type: ignore[misc]
+"""File formats: those of cameras, and those of detections; `json` is both."""
 
 
 def _picture_size(text: str) -> GridSize:
@@ -53,9 +47,9 @@ def convert(
             help="A camera file (OpenCV, ROS, Kalibr, COLMAP, mrcal, JSON, what `rcdn calibrate --json` wrote; two "
             "where a pair has two), a rig (as `rcdn calibrate --rig -o` writes it: one file, or all), or detections "
             "(.json of rcdn detect, corners.vnl); then the file to write. By its name: .yaml (OpenCV; "
-            "camera_info.yaml: ROS, camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl; "
-            ".npz: maps that undistort; of a rig .toml (aniposelib; camera_array.toml: caliscope), rig_config.json "
-            "(COLMAP), and .yaml a file a camera, too.",
+            "camera_info.yaml: ROS, camchain.yaml: Kalibr), cameras.txt (COLMAP), .cameramodel (mrcal), .json, .vnl, "
+            ".csv; .npz: maps that undistort; of a rig .toml (aniposelib; camera_array.toml: caliscope), "
+            "rig_config.json (COLMAP), and .yaml a file a camera, too.",
         ),
     ],
     to: Annotated[
@@ -104,8 +98,8 @@ def convert(
     check_file("OUT", out, inputs)
     if _holds_detections(inputs[0]):
         _convert_detections(inputs, out, to, board, image_size)
-    elif to is To.vnl or (to is None and out.suffix.lower() == ".vnl"):
-        raise FormatError(f"{inputs[0]}: holds no detections, which corners.vnl is for; give a file of `rcdn detect`")
+    elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in _CAMERAS:
+        raise FormatError(f"{inputs[0]}: holds no detections, which {kind} is for; give a file of `rcdn detect`")
     else:
         _convert_cameras(inputs, out, None if to is None else to.value, camera_name, lossy)
     console.note_written([out])
@@ -134,14 +128,11 @@ def _holds_detections(path: Path) -> bool:
 def _convert_detections(
     inputs: Sequence[Path], out: Path, to: To | None, board: GridSize | None, image_size: GridSize | None
 ) -> None:
-    from rcdn.io import read_detections, read_vnl_boards, write_detections, write_vnl
+    from rcdn.io import image_line, read_detections, read_vnl_boards
 
     if len(inputs) > 1:
         raise ConfigError("detections are converted file by file; give one IN and OUT")
-    kind = to.value if to is not None else out.suffix.lower().lstrip(".")
-    if kind not in ("json", "vnl"):
-        raise FormatError(f"{out}: detections are written as json or vnl; end the name with one, or give --to")
-    path = inputs[0]
+    format, path = format_of(out, to), inputs[0]
     errors: list[tuple[str, str]] = []
     size = None if board is None else (board.cols, board.rows)
     if _is_json(path):
@@ -149,12 +140,14 @@ def _convert_detections(
     else:
         pixels = None if image_size is None else (image_size.cols, image_size.rows)
         images = read_vnl_boards(path, size, pixels)
-    if kind == "json":
-        write_detections(out, images, errors)
-        return
-    _check_squares(path, images)
-    written = write_vnl(out, images, size)
-    for line in _left_out(images, written, len(errors)):
+    for image in images if format.squares_only else ():
+        for known in image.boards:
+            if known.pattern != "checker":
+                raise FormatError(
+                    f"{path}: {image.path} has a board of the kind {known.pattern}; {format.squares_only}: write json"
+                )
+    found = Found(images, map(image_line, images), errors, size)
+    for line in format.left_out(found, format.write(out, found)):
         console.note(f"{out}: {line}")
 
 
@@ -164,30 +157,6 @@ def _is_json(path: Path) -> bool:
             return file.read(64).lstrip(b"\xef\xbb\xbf \n\r\t").startswith(b"{")
     except OSError:
         return False
-
-
-def _check_squares(path: Path, images: Sequence[ImageResult]) -> None:
-    """Raise FormatError for boards whose corners don't form a single grid of squares."""
-    for image in images:
-        for board in image.boards:
-            if board.pattern != "checker":
-                raise FormatError(
-                    f"{path}: {image.path} has a board of the kind {board.pattern}; "
-                    "corners.vnl holds grids of squares only: write json"
-                )
-
-
-def _left_out(images: Sequence[ImageResult], size: tuple[int, int] | None, failed: int) -> list[str]:
-    """Sentences on the parts of detections that a corners.vnl of a board of `size` can't represent."""
-    fitting = [sum(size is not None and b.grid_of(size) is not None for b in image.boards) for image in images]
-    boards = sum(len(image.boards) for image in images) - sum(n > 0 for n in fitting)
-    loose = sum(len(image.corners) - sum(map(len, image.boards)) for image in images)
-    parts = ["deviations and responses"]
-    parts += [many(boards, "board")] * (boards > 0)
-    parts += [many(loose, "corner outside boards", "corners outside boards")] * (loose > 0)
-    parts += [many(failed, "file that could not be read", "files that could not be read")] * (failed > 0)
-    held = [] if size is None else [f"holds one board of {size[0]}×{size[1]} corners a picture"]
-    return [*held, f"left out: {', '.join(parts)}"]
 
 
 # ---- cameras

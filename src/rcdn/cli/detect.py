@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -15,12 +15,13 @@ import typer
 
 from rcdn.batch import pool, summary
 from rcdn.batch.cache import open_cache
+from rcdn.batch.detection_files import FORMATS, DetectionFormat, format_of
 from rcdn.batch.outputs import Outputs
 from rcdn.batch.overlay_names import OverlayNames
 from rcdn.batch.paths import check_file, expanded, outside
 from rcdn.batch.work import Done, Failure, Picture, Work, make_detector, read_ahead
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError, many
+from rcdn.errors import ConfigError, FormatError, RcdnError, many
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
@@ -83,6 +84,15 @@ def detect(
             metavar="FILE", help="Write corners.vnl, which mrcal-calibrate-cameras reads; one board a picture."
         ),
     ] = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write a file, by its name .json, .vnl or .csv (a table); may be repeated.",
+        ),
+    ] = None,
     overlay: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Draw what was found over each picture, into this folder.")
     ] = None,
@@ -142,22 +152,23 @@ def detect(
     Exit code: 0 if all pictures were read, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
     start = time.perf_counter()
-    console.begin(quiet, (json, vnl))
+    files = _files(json, vnl, output or [])
+    console.begin(quiet, files)
     paths, unread = expanded(images)
     if overlay is not None:
         paths = _without_overlays(overlay, images, paths)
     if not paths:
         print_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
-    _check_outputs(json, vnl, overlay, paths)
+    _check_outputs(files, {json: "--json", vnl: "--vnl"}, overlay, paths)
     pattern, board = target.pattern(pattern), target.board(board)
-    _check_pattern(pattern, board, vnl)
+    _check_pattern(pattern, board, files.values())
     reads = (
         {} if target is DEFAULT else {"target": target.reads}
     )  # the preset `paper` decodes no codes unless requested
     config = DetectorConfig.preset(preset.value, threads=threads, pattern=pattern.value, device=device.value, **reads)
     team = _team(engine, address, jobs, paths)
-    with closing(Outputs(json, vnl, board)) as outputs:
+    with closing(Outputs(files, board)) as outputs:
         run = _Run(summary.Tally(board), outputs)
         for failure in unread:
             run.add(failure)
@@ -205,28 +216,48 @@ def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path])
     return kept
 
 
-def _check_outputs(json: Path | None, vnl: Path | None, overlay: Path | None, paths: Sequence[Path]) -> None:
-    """Raise before the computation the errors that would prevent writing afterwards."""
-    check_file("--json", json, paths)
-    check_file("--vnl", vnl, paths)
-    if json is not None and vnl is not None and json.absolute() == vnl.absolute():
-        raise ConfigError(f"--json and --vnl are both {json}; give two names")
-    if vnl is not None:
-        for path in map(str, paths):  # the rule of mrcal's format, as in write_vnl
-            if not path.isascii() or any(c.isspace() or not c.isprintable() for c in path) or path.startswith("#"):
-                raise ConfigError(f"--vnl: mrcal can't read the path {path!r} (spaces, non-ASCII, #); rename it")
+def _files(json: Path | None, vnl: Path | None, output: Sequence[Path]) -> dict[Path, DetectionFormat]:
+    """The files to write. Raises ConfigError if two are the same, or if a name tells no format."""
+    try:
+        named = [(json, FORMATS["json"]), (vnl, FORMATS["vnl"]), *((path, format_of(path)) for path in output)]
+    except FormatError as error:
+        raise ConfigError(f"--output {error}") from error
+    files: dict[Path, DetectionFormat] = {}
+    for path, format in named:
+        if path is not None and path.absolute() in map(Path.absolute, files):
+            raise ConfigError(f"{path} is named twice as a file to write; give two names")
+        if path is not None:
+            files[path] = format
+    return files
+
+
+def _check_outputs(
+    files: Mapping[Path, DetectionFormat],
+    options: Mapping[Path | None, str],
+    overlay: Path | None,
+    paths: Sequence[Path],
+) -> None:
+    """Raise before the computation the errors that would prevent writing afterwards. `options`: those that name a file;
+    the others are from --output."""
+    for file, format in files.items():
+        check_file(options.get(file, "--output"), file, paths)
+        for path in paths:
+            format.check_name(str(path))
     if overlay is not None:
         from rcdn.io import check_writable
 
         check_writable(overlay / "overlay.png")
 
 
-def _check_pattern(pattern: PatternName, board: GridSize | None, vnl: Path | None) -> None:
+def _check_pattern(pattern: PatternName, board: GridSize | None, formats: Iterable[DetectionFormat]) -> None:
     """Raise for options that don't apply to a board of triangles."""
-    if pattern is PatternName.deltille and board is not None:
+    if pattern is not PatternName.deltille:
+        return
+    if board is not None:
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
-    if pattern is PatternName.deltille and vnl is not None:
-        raise ConfigError("--vnl: mrcal's format holds grids of squares only; write --json for a deltille")
+    for format in formats:
+        if format.squares_only:
+            raise ConfigError(f"{format.squares_only}; write --json for a deltille")
 
 
 def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overlay: Path | None) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import assert_never
+
 import cv2
 import numpy as np
 
@@ -65,9 +67,11 @@ def _positions(
             return edge_position(grey, peaks)
         case "saddle":
             return saddle_position(grey, peaks, rule.half, pitch, careful)
-        case _:
+        case "mixed":
             by_peak = peaks + peak_offset(response, peaks)
             return mix(by_peak, saddle_position(grey, peaks, rule.half, pitch))
+        case unknown:
+            assert_never(unknown)
 
 
 def mix(by_peak: Array, by_saddle: Array) -> Real[Array, "n 2"]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import assert_never
 
 import numpy as np
 
-from rcdn.config import Adaptive, Fixed, MaxFraction, Threshold
+from rcdn.config import Adaptive, Fixed, MaxFraction, Std, Threshold
 from rcdn.corners.sieve import every_cell
 from rcdn.native import bind
 from rcdn.types import Array
@@ -31,7 +32,9 @@ def threshold_value(response: Array, rule: Threshold, cells: Array | None = None
         return math.inf
     if isinstance(rule, MaxFraction):
         return rule.fraction * peak
-    return float(response.mean(dtype="f8") + rule.factor * response.std(dtype="f8"))
+    if isinstance(rule, Std):
+        return float(response.mean(dtype="f8") + rule.factor * response.std(dtype="f8"))
+    assert_never(rule)
 
 
 def _adaptive(response: Array, rule: Adaptive, cells: Array | None) -> float:

@@ -31,6 +31,7 @@ from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, 
 from rcdn.io.maps import write_maps, write_stereo_maps
 from rcdn.io.rig_calibration import read_rig_calibration, write_rig_calibration
 from rcdn.io.rig_files import RigFormat, check_rig, read_rig, rig_format, rig_paths, write_rig
+from rcdn.io.table import write_csv
 from rcdn.io.vnl import read_vnl, read_vnl_boards, write_vnl
 
 __all__ = [
@@ -75,6 +76,7 @@ __all__ = [
     "write_calibration",
     "write_camera",
     "write_chunks",
+    "write_csv",
     "write_detections",
     "write_image",
     "write_lines",

@@ -1,0 +1,110 @@
+"""Formats of files of detections, as `rcdn detect` and `rcdn convert` write them. Another format is another class here,
+in FORMATS: both commands take it by the ending of a file's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from rcdn.errors import ConfigError, FormatError, many
+
+if TYPE_CHECKING:
+    from rcdn.io import ImageResult
+
+
+@dataclass(frozen=True)
+class Found:
+    """What is written: the `images`, which may be iterated over again; their records in JSON, `lines`; path and message
+    of each file that failed; `size`: the board's columns and rows, None if not given."""
+
+    images: Iterable[ImageResult]
+    lines: Iterable[str]
+    failed: Sequence[tuple[str, str]] = ()
+    size: tuple[int, int] | None = None
+
+
+class Json:
+    """All that was found, in JSON. The other formats say what differs."""
+
+    name: ClassVar[str] = "json"
+    """of the format; the ending of its files, too"""
+    squares_only: ClassVar[str] = ""
+    """the reason why boards other than grids of squares have no place in a file; "" if they have"""
+
+    def check_name(self, picture: str) -> None:
+        """Raise ConfigError if a file can't hold this path of a picture."""
+
+    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+        """Write a file. Returns the boards' columns and rows if a file has boards of one size only."""
+        from rcdn.io import write_lines
+
+        write_lines(path, found.lines, found.failed)
+        return None
+
+    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
+        """Sentences on what a file doesn't hold of what was found; `size` as `write` returned it."""
+        return []
+
+
+class Csv(Json):
+    """A table of the corners of boards."""
+
+    name = "csv"
+
+    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+        from rcdn.io import write_csv
+
+        write_csv(path, found.images)
+        return None
+
+    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
+        return [f"left out: {', '.join(['responses', *_lost(found)])}"]
+
+
+class Vnl(Json):
+    """mrcal's corners.vnl."""
+
+    name = "vnl"
+    squares_only = "corners.vnl holds grids of squares only"
+
+    def check_name(self, picture: str) -> None:
+        if not picture.isascii() or any(c.isspace() or not c.isprintable() for c in picture) or picture[0] == "#":
+            raise ConfigError(f"mrcal can't read the path {picture!r} (spaces, non-ASCII, #); rename it")
+
+    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+        from rcdn.io import write_vnl
+
+        return write_vnl(path, found.images, found.size)
+
+    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
+        boards = 0
+        for image in found.images:
+            fit = size is not None and any(board.grid_of(size) is not None for board in image.boards)
+            boards += len(image.boards) - fit
+        parts = ["deviations and responses", *[many(boards, "board")] * (boards > 0), *_lost(found)]
+        held = [] if size is None else [f"holds one board of {size[0]}×{size[1]} corners a picture"]
+        return [*held, f"left out: {', '.join(parts)}"]
+
+
+def _lost(found: Found) -> list[str]:
+    """The corners outside boards, and the files that failed, if there are any."""
+    loose = sum(len(image.corners) - sum(map(len, image.boards)) for image in found.images)
+    parts = [many(loose, "corner outside boards", "corners outside boards")] * (loose > 0)
+    failed = len(found.failed)
+    return parts + [many(failed, "file that could not be read", "files that could not be read")] * (failed > 0)
+
+
+DetectionFormat = Json
+FORMATS: dict[str, DetectionFormat] = {format.name: format for format in (Json(), Vnl(), Csv())}
+"""the formats by name"""
+
+
+def format_of(path: Path, name: str | None = None) -> DetectionFormat:
+    """The format of this `name`, or else that of the ending of `path`. Raises FormatError."""
+    known = FORMATS.get(name or path.suffix.lower().removeprefix("."))
+    if known is None:
+        *most, last = FORMATS
+        raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; end the name with one")
+    return known
