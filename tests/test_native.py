@@ -89,6 +89,7 @@ def use_the_package():
     rings = orientation.sample_rings(grey, xy, np.full((len(xy), 3), 6.0))
     blurred_axes.blurred_axes(rings[..., :48], np.full((len(xy), 3), 6.0), np.tile([0.5, 2.0], (len(xy), 1)))
     edges.sample_grey(grey, xy)
+    edges.edge_contrast(grey, xy[:-1], xy[1:])
     edges.crossings(grey, xy, np.ones_like(xy), np.ones_like(xy), np.ones(len(xy)))
     grid = local.Grid({(u, v): k for k, (u, v) in enumerate(ij.tolist())}, xy)
     grid.around([(0, 0), (3, 3)], 1)

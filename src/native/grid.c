@@ -41,25 +41,48 @@ KERNEL(rcdn_grid_predict, (SIZE, n, labels, 0), (SIZE, count, spots, 0),
     return 0;
 }
 
+/* Labels that are at most sqrt(`reach`) from one of `added` (count, 2), by cell of the table; all if there are none.
+ * NULL without memory. */
+static uint8_t *near_added(const Table *t, const int64_t *added, index_t count, index_t reach) {
+    uint8_t *marks = malloc((size_t)(t->width * t->height));
+    if (!marks)
+        return NULL;
+    memset(marks, count == 0, (size_t)(t->width * t->height));
+    for (index_t k = 0; k < count; k++) {
+        const int64_t i = added[2 * k] - t->low_u, j = added[2 * k + 1] - t->low_v;
+        for (int64_t d = -MARGIN; d <= MARGIN; d++)
+            for (int64_t e = -MARGIN; e <= MARGIN; e++)
+                if (d * d + e * e <= reach && i + d >= 0 && j + e >= 0 && i + d < t->width && j + e < t->height)
+                    marks[(i + d) * t->height + j + e] = 1;
+    }
+    return marks;
+}
+
 /* The empty labels beside a grid's corners, in order, (at most 4 n, 2), with steps of at least `least`, and the results
- * of `predict` for them. Returns their number. */
-KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2),
-       (IN, double, xy, n, 2), (REAL, least), (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6),
-       (OUT, int64_t, support, 4 * n), (OUT, double, pitch, 4 * n)) {
+ * of `predict` for them; only those within sqrt(`reach`) of one of the labels `added` (a, 2), if there are any. Returns
+ * their number. */
+KERNEL(rcdn_grid_beside, (SIZE, n, labels, 0), (SIZE, additions, added, 0),
+       (WITHIN, int64_t, labels, -ANYWHERE, ANYWHERE, n, 2), (IN, double, xy, n, 2),
+       (WITHIN, int64_t, added, -ANYWHERE, ANYWHERE, additions, 2), (INT, reach, 0, 2 * WIDEST * WIDEST), (REAL, least),
+       (OUT, int64_t, spots, 4 * n, 2), (OUT, double, out, 4 * n, 6), (OUT, int64_t, support, 4 * n),
+       (OUT, double, pitch, 4 * n)) {
     Table t;
     if (!open_table(&t, labels, n))
         return NO_MEMORY;
-    index_t count = 0;
-    for (index_t i = MARGIN - 1; n > 0 && i <= t.width - MARGIN; i++)
+    uint8_t *marks = near_added(&t, added, additions, reach);
+    index_t count = marks ? 0 : NO_MEMORY;
+    for (index_t i = MARGIN - 1; marks && n > 0 && i <= t.width - MARGIN; i++)
         for (index_t j = MARGIN - 1; j <= t.height - MARGIN; j++) {
             const int32_t *row = t.row + i * t.height + j;
-            if (*row >= 0 || (row[1] < 0 && row[-1] < 0 && row[t.height] < 0 && row[-t.height] < 0))
+            if (!marks[i * t.height + j] || *row >= 0 ||
+                (row[1] < 0 && row[-1] < 0 && row[t.height] < 0 && row[-t.height] < 0))
                 continue;
             spots[2 * count] = t.low_u + i;
             spots[2 * count + 1] = t.low_v + j;
             predict(&t, xy, spots + 2 * count, 1, out + 6 * count, support + count, pitch + count);
             count += pitch[count] >= least;
         }
+    free(marks);
     free(t.row);
     return count;
 }

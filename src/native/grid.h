@@ -6,11 +6,10 @@
 #include "kernel.h"
 #include "solvers.h"
 
-/* Neighbours up to REACH squares away; with fewer than ENOUGH of them, up to WIDEST. At most MOST in all. */
+/* Neighbours up to REACH squares away; with fewer than ENOUGH of them, up to WIDEST. At most MOST_ROWS in all. */
 #define REACH 2
 #define WIDEST 3
 #define ENOUGH 6
-#define MOST MOST_ROWS
 /* Margin of empty labels around those of the table, so that the window around any adjacent label lies inside. */
 #define MARGIN (WIDEST + 1)
 #define LARGEST ((int64_t)1 << 28)
@@ -59,8 +58,8 @@ static inline int open_table(Table *t, const int64_t *labels, index_t n) {
 /* Labelled corners around any label: their offsets and their rows. */
 typedef struct {
     index_t count;
-    double du[MOST + 1], dv[MOST + 1];
-    int32_t row[MOST + 1];
+    double du[MOST_ROWS + 1], dv[MOST_ROWS + 1];
+    int32_t row[MOST_ROWS + 1];
 } Near;
 
 /* Those up to `reach` squares away, without the one at the label itself. */
@@ -170,7 +169,7 @@ INLINE void usual_near(const Table *t, int64_t u, int64_t v, const double *value
     Near near;
     look_around(t, u, v, REACH, &near);
     for (index_t k = 0; k < width; k++) {
-        double ranked[MOST];
+        double ranked[MOST_ROWS];
         ranked[0] = NAN;
         for (index_t i = 0; i < near.count; i++) {
             const double value = values[near.row[i] * width + k];

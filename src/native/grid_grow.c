@@ -1,6 +1,7 @@
 /* Completion of a labelled grid: its colouring, and the corners that may be added to it. */
 #include "elementary.h"
 #include "grid.h"
+#include "sampling.h"
 
 /* Colour of a corner's side at rising angle from the direction (dx, dy), bright +1 or dark -1, and the angle to its
  * nearest axis. */
@@ -49,24 +50,54 @@ ARGUMENT_GROUP(Rim, (SIZE, n, labels, 0), (SIZE, count, spots, 0), (WITHIN, int6
                (IN, int64_t, members, n), (WITHIN, int64_t, spots, -ANYWHERE, ANYWHERE, count, 2),
                (IN, double, maps, count, 6), (IN, double, pitch, count))
 
-/* The corners of an image as in `boards.graph.Field`; which of them are `free`. */
+/* The corners of an image as in `boards.graph.Field`; which of them are `free`, updated. */
 ARGUMENT_GROUP(Corners, (SIZE, count, xy, 0), (IN, double, xy, count, 2), (IN, double, axes, count, 2),
                (IN, int64_t, polarity, count), (IN, double, contrast, count), (IN, double, response, count),
                (IN, double, fit, count), (IN, uint8_t, strong, count), (IN, uint8_t, refined, count),
-               (IN, uint8_t, free, count))
+               (OUT, uint8_t, free, count))
 
 /* Conditions on new corners: response x fit at least `level`, at most `near` squares from the prediction, `near_weak`
  * if they are not strong, and none of the offers (u, v, corner) that were `refused` before. `sign`: the grid's
- * colouring; `far`: largest angle of the axes, radians. */
-ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far),
-               (SIZE, refusals, refused, 0), (IN, int64_t, refused, refusals, 3))
+ * colouring; `far`: largest angle of the axes, radians; `least`, `least_weak`: least contrast of each third of an edge
+ * to a neighbour, share of the neighbour's contrast. */
+ARGUMENT_GROUP(Rules, (REAL, level), (INT, sign, -1, 1), (REAL, near), (REAL, near_weak), (REAL, far), (REAL, least),
+               (REAL, least_weak), (SIZE, refusals, refused, 0), (IN, int64_t, refused, refusals, 3))
 
-/* Corners offered to a grid. `offers` (total, 3): u, v and index of the corner; `gap`, squares; `fits`: 1 if axes and
- * colours fit the board's, 2 for a strong corner; `beside` (total, 4): indices of the edges to its neighbours, -1 for
- * none; for edges, `start`, `end` (4 total, 2) and `level` (4 total), see `edges_of`; `edges` (1), their number. */
-ARGUMENT_GROUP(Offers, (SIZE, room, gap, 0), (OUT, int64_t, offers, room, 3), (OUT, double, gap, room),
-               (OUT, uint8_t, fits, room), (OUT, int64_t, beside, room, 4), (OUT, double, start, 4 * room, 2),
-               (OUT, double, end, 4 * room, 2), (OUT, double, level, 4 * room), (OUT, int64_t, edges, 1))
+/* A corner offered to a spot: its distance from the prediction, squares; the spot; the corner. */
+typedef struct {
+    double gap;
+    int64_t offer[3];
+} Offer;
+
+/* Offers by distance, spot and corner. */
+static int by_distance(const void *a, const void *b) {
+    const Offer *one = a, *other = b;
+    if (one->gap != other->gap)
+        return one->gap < other->gap ? -1 : 1;
+    for (int k = 0; k < 3; k++)
+        if (one->offer[k] != other->offer[k])
+            return one->offer[k] < other->offer[k] ? -1 : 1;
+    return 0;
+}
+
+/* A list that grows. */
+typedef struct {
+    Offer *items;
+    index_t count, room;
+} Offers;
+
+static int append(Offers *list, double gap, const int64_t *spot, index_t corner) {
+    if (list->count == list->room) {
+        const index_t room = 2 * list->room + 64;
+        Offer *items = realloc(list->items, (size_t)room * sizeof *items);
+        if (!items)
+            return 0;
+        list->items = items;
+        list->room = room;
+    }
+    list->items[list->count++] = (Offer){gap, {spot[0], spot[1], corner}};
+    return 1;
+}
 
 /* Whether a corner may be added, by its own properties. */
 INLINE int usable(const Corners *all, index_t c, double level) {
@@ -114,7 +145,7 @@ typedef struct {
     double left, top, size;
     index_t columns, rows;
     int32_t *first, *order; /* first[cell] .. first[cell + 1] in order */
-} Places;
+} SpotCells;
 
 /* Number of cells along an extent of `sizes` cell sizes, at most n + 2; one if it is not a number. */
 INLINE index_t cells_along(double sizes, index_t n) {
@@ -126,7 +157,7 @@ INLINE index_t cell_at(double at, double low, double size, index_t count) {
     return k >= (double)count ? count - 1 : k > 0 ? (index_t)k : 0;
 }
 
-static int open_places(Places *p, const Rim *rim, double near, const double *low, const double *high) {
+static int open_spot_cells(SpotCells *p, const Rim *rim, double near, const double *low, const double *high) {
     double reach = 0;
     for (index_t k = 0; k < rim->count; k++)
         reach = fmax(reach, near * rim->pitch[k]);
@@ -164,27 +195,83 @@ static int fits_steps(const Corners *all, index_t corner, const double *map, int
     return u == colour && v == -colour && turn_u < far && turn_v < far;
 }
 
-/* The edges from a corner to the labelled neighbours of its spot: their starts and ends, and the neighbours' contrast,
- * negative where the side at rising angle is the dark one. Returns the total number of edges so far. */
-static index_t edges_of(const Table *t, const Rim *rim, const Corners *all, index_t corner, const int64_t *spot,
-                        int colour, index_t edges, double *start, double *end, double *level, int64_t *beside) {
-    const int64_t ways[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+/* The edges between a corner and the labelled neighbours of its spot: contrast of each third of an edge, and the
+ * neighbour's contrast, negative where the side at rising angle is the dark one. */
+typedef struct {
+    int count, start[4];
+    double shown[4][3], level[4];
+} Edges;
+
+/* Whether the edges are visible: one is enough for a strong corner whose axes and colours fit the board's, if no other
+ * contradicts it; otherwise all must be visible, and at least two of them where these do not fit. */
+INLINE int are_visible(const Edges *edges, int fits, int strong, const Rules *rules) {
+    int one = 0, plain = 1, all = 1;
+    for (int k = 0; k < edges->count; k++) {
+        const double a = edges->shown[k][0] / edges->level[k], b = edges->shown[k][1] / edges->level[k],
+                     c = edges->shown[k][2] / edges->level[k];
+        const double weakest = fmin(fmin(a, b), c);
+        one |= weakest > rules->least;
+        all &= weakest > rules->least_weak;
+        plain &= a + b + c > 0;
+    }
+    return fits && strong ? one && plain : all && edges->count >= (fits ? 1 : 2);
+}
+
+/* Whether the edges from a corner to the labelled neighbours of its spot are visible, at some distance from them or
+ * close to them, beside the rim that a marker leaves of a square. */
+INLINE int is_seen(const Picture *p, const Table *t, const Rim *rim, const Corners *all, const Rules *rules,
+                   index_t corner, index_t spot, Places *places) {
+    const int64_t ways[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}}, *at = rim->spots + 2 * spot;
+    const double *from = all->xy + 2 * corner, *to[4];
+    const int colour = (at[0] + at[1]) & 1 ? (int)-rules->sign : (int)rules->sign;
+    const int fits = fits_steps(all, corner, rim->maps + 6 * spot, colour, rules->far);
+    Edges edges = {0};
     for (int way = 0; way < 4; way++) {
-        const int32_t row = corner_at(t, spot[0] + ways[way][0], spot[1] + ways[way][1]);
-        beside[way] = row < 0 ? -1 : edges;
+        const int32_t row = corner_at(t, at[0] + ways[way][0], at[1] + ways[way][1]);
         if (row < 0)
             continue;
         const int64_t other = rim->members[row];
-        memcpy(start + 2 * edges, all->xy + 2 * corner, 2 * sizeof *start);
-        memcpy(end + 2 * edges, all->xy + 2 * other, 2 * sizeof *end);
-        level[edges++] = (way & 1 ? -colour : colour) * fmax(all->contrast[other], 1e-6);
+        to[edges.count] = all->xy + 2 * other;
+        edges.level[edges.count] = (way & 1 ? -colour : colour) * fmax(all->contrast[other], 1e-6);
+        sides_differ(p, from, to[edges.count], 0, places, edges.shown[edges.count]);
+        edges.count++;
     }
-    return edges;
+    if (are_visible(&edges, fits, all->strong[corner], rules))
+        return 1;
+    for (int k = 0; k < edges.count; k++) {
+        double close[3];
+        sides_differ(p, from, to[k], 1, places, close);
+        for (int third = 0; third < 3; third++)
+            if (edges.level[k] < 0 ? close[third] < edges.shown[k][third] : close[third] > edges.shown[k][third])
+                edges.shown[k][third] = close[third];
+    }
+    return are_visible(&edges, fits, all->strong[corner], rules);
 }
 
-/* Corners that may fill one of the open spots; only as many as fit are stored. Returns their number. */
-KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules, rules), (GROUP, Offers, out),
-       (WHERE, outlier_int64_t(rim.members, rim.n, 0, all.count - 1) == rim.n)) {
+/* Give the accepted offers to their spots, nearest to the prediction first; each spot and each corner once. */
+static index_t give_out(Offers *accepted, const Table *t, uint8_t *open, int64_t *added) {
+    index_t count = 0;
+    if (accepted->count)
+        qsort(accepted->items, (size_t)accepted->count, sizeof *accepted->items, by_distance);
+    for (index_t k = 0; k < accepted->count; k++) {
+        const int64_t *offer = accepted->items[k].offer;
+        int32_t *row = t->row + cell_of(t, offer);
+        if (*row >= 0 || !open[offer[2]])
+            continue;
+        *row = 0;
+        open[offer[2]] = 0;
+        memcpy(added + 3 * count++, offer, 3 * sizeof *offer);
+    }
+    return count;
+}
+
+/* A round of growth: corners that fill one of the open spots each, `added` (at most the number of spots, 3): u, v and
+ * index of the corner; and offers whose edges are not visible, `refused`, the same, of which only as many are stored as
+ * fit. Nothing is added if not all fit. `counts` (1): the number of those added. Returns the number of those refused.
+ */
+FAST_KERNEL(rcdn_grid_round, (PICTURE, p), (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules, rules),
+            (WHERE, outlier_int64_t(rim.members, rim.n, 0, all.count - 1) == rim.n), (SIZE, room, refused, 0),
+            (OUT, int64_t, added, rim.count, 3), (OUT, int64_t, refused, room, 3), (OUT, int64_t, counts, 1)) {
     const index_t count = rim.count;
     const double *maps = rim.maps, *pitch = rim.pitch, *xy = all.xy, near = rules.near;
     Table t;
@@ -196,24 +283,26 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
             low[i] = fmin(low[i], maps[6 * k + i] - near * pitch[k]);
             high[i] = fmax(high[i], maps[6 * k + i] + near * pitch[k]);
         }
-    index_t total = 0, edges = 0;
+    index_t refusals = 0;
+    Offers accepted = {0};
     Refused known = {0};
-    Places places = {0};
-    const int able = !(count > 0 && low[0] <= high[0]) || (open_refused(&known, rules.refused, rules.refusals) &&
-                                                           open_places(&places, &rim, near, low, high));
-    for (index_t c = 0; places.order && able && c < all.count; c++) {
+    SpotCells spots = {0};
+    Places places;
+    int able = !(count > 0 && low[0] <= high[0]) ||
+               (open_refused(&known, rules.refused, rules.refusals) && open_spot_cells(&spots, &rim, near, low, high));
+    for (index_t c = 0; spots.order && able && c < all.count; c++) {
         const double x = xy[2 * c], y = xy[2 * c + 1];
         if (!(x >= low[0] && x <= high[0] && y >= low[1] && y <= high[1]) || !usable(&all, c, rules.level))
             continue;
-        const index_t column = cell_at(x, places.left, places.size, places.columns),
-                      row = cell_at(y, places.top, places.size, places.rows);
-        const index_t right = column + 1 < places.columns ? column + 1 : column,
-                      down = row + 1 < places.rows ? row + 1 : row;
+        const index_t column = cell_at(x, spots.left, spots.size, spots.columns),
+                      row = cell_at(y, spots.top, spots.size, spots.rows);
+        const index_t right = column + 1 < spots.columns ? column + 1 : column,
+                      down = row + 1 < spots.rows ? row + 1 : row;
         for (index_t line = row > 0 ? row - 1 : 0; line <= down; line++) {
-            const int32_t *from = places.first + line * places.columns + (column > 0 ? column - 1 : 0),
-                          *to = places.first + line * places.columns + right + 1;
-            for (index_t i = *from; i < *to; i++) {
-                const index_t k = places.order[i];
+            const int32_t *from = spots.first + line * spots.columns + (column > 0 ? column - 1 : 0),
+                          *to = spots.first + line * spots.columns + right + 1;
+            for (index_t i = *from; i < *to && able; i++) {
+                const index_t k = spots.order[i];
                 const double dx = x - maps[6 * k], dy = y - maps[6 * k + 1], reach = near * pitch[k],
                              square = dx * dx + dy * dy;
                 if (!(square <= reach * reach))
@@ -222,49 +311,21 @@ KERNEL(rcdn_grid_offers, (GROUP, Rim, rim), (GROUP, Corners, all), (GROUP, Rules
                 const int64_t *spot = rim.spots + 2 * k;
                 if ((!all.strong[c] && !(distance < rules.near_weak)) || *slot_of(&known, spot[0], spot[1], c) >= 0)
                     continue;
-                if (total < out.room) {
-                    const int colour = (spot[0] + spot[1]) & 1 ? (int)-rules.sign : (int)rules.sign;
-                    out.offers[3 * total] = spot[0];
-                    out.offers[3 * total + 1] = spot[1];
-                    out.offers[3 * total + 2] = c;
-                    out.gap[total] = distance;
-                    out.fits[total] =
-                        fits_steps(&all, c, maps + 6 * k, colour, rules.far) ? (all.strong[c] ? 2 : 1) : 0;
-                    edges = edges_of(&t, &rim, &all, c, spot, colour, edges, out.start, out.end, out.level,
-                                     out.beside + 4 * total);
+                if (is_seen(&p, &t, &rim, &all, &rules, c, k, &places))
+                    able = append(&accepted, distance, spot, c);
+                else {
+                    if (refusals < room)
+                        memcpy(refused + 3 * refusals, (int64_t[3]){spot[0], spot[1], c}, 3 * sizeof *refused);
+                    refusals++;
                 }
-                total++;
             }
         }
     }
-    *out.edges = edges;
+    *counts = able && refusals <= room ? give_out(&accepted, &t, all.free, added) : 0;
     free(t.row);
     free(known.slot);
-    free(places.first);
-    free(places.order);
-    return able ? total : NO_MEMORY;
-}
-
-/* Which offers have visible edges (count), from the contrast of each third of an edge, (edges, 3), and the results of
- * `rcdn_grid_offers`: one edge is enough where `fits` is 2, if no other contradicts it; otherwise all must be visible,
- * and at least two where it is 0. */
-KERNEL(rcdn_grid_seen, (SIZE, edges, shown, 0), (SIZE, count, fits, 0), (IN, double, shown, edges, 3),
-       (IN, double, level, edges), (WITHIN, int64_t, beside, -1, edges - 1, count, 4), (IN, uint8_t, fits, count),
-       (REAL, least), (REAL, least_weak), (OUT, uint8_t, seen, count)) {
-    for (index_t k = 0; k < count; k++, beside += 4) {
-        int known = 0, one = 0, plain = 1, all = 1;
-        for (int way = 0; way < 4; way++) {
-            if (beside[way] < 0)
-                continue;
-            const double *third = shown + 3 * beside[way], a = third[0] / level[beside[way]],
-                         b = third[1] / level[beside[way]], c = third[2] / level[beside[way]];
-            const double weakest = fmin(fmin(a, b), c);
-            known++;
-            one |= weakest > least;
-            all &= weakest > least_weak;
-            plain &= a + b + c > 0;
-        }
-        seen[k] = fits[k] == 2 ? one && plain : all && known >= (fits[k] ? 1 : 2);
-    }
-    return 0;
+    free(spots.first);
+    free(spots.order);
+    free(accepted.items);
+    return able ? refusals : NO_MEMORY;
 }

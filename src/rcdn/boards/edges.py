@@ -19,18 +19,15 @@ _sample, _contrast, _steps = bind("rcdn_sample"), bind("rcdn_edge_contrast"), bi
 _crossings = bind("rcdn_crossings")
 
 
-def edge_contrast(
-    grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"], close: bool = False
-) -> Real[Array, "l 3"]:
+def edge_contrast(grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"]) -> Real[Array, "l 3"]:
     """Contrast between the two sides of each link, (L, 3) grey levels: the mean difference in each third of its length.
 
     `start`, `end` (L, 2) px. Positive: the side at rising angle (clockwise on the screen) from the direction
     start → end is brighter. Offsets to the side stay between 1 and 5 px; at both ends, where blur mixes all four
-    squares, nothing is sampled. `close`: within 0.045 of a link's length and 2.5 px instead of 0.2 and 5 px, for
-    squares that a marker fills but for a narrow rim.
+    squares, nothing is sampled.
     """
     out = np.empty((len(start), 3))
-    _contrast(grey, _plane(start), _plane(end), close, out)
+    _contrast(grey, _plane(start), _plane(end), out)
     return out
 
 

@@ -91,11 +91,15 @@ def predictions(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], spots: Int[Ar
     return guess
 
 
-def beside(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> tuple[Array, Predictions]:
-    """`Grid.beside` for corners with `labels`, `xy` (M, 2)."""
+def beside(
+    labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], added: Int[Array, "a 2"] | None = None
+) -> tuple[Array, Predictions]:
+    """`Grid.beside` for corners with `labels`, `xy` (M, 2); only spots whose prediction may use one of the corners with
+    labels `added` (A, 2), if there are any."""
     room = 4 * len(labels)
     spots, guess = np.empty((room, 2), np.int64), Predictions.room(room)
-    count = _beside(labels, xy, LEAST_PITCH, spots, *guess)
+    added = np.empty((0, 2), np.int64) if added is None else added
+    count = _beside(labels, xy, added, 2 * WIDEST**2, LEAST_PITCH, spots, *guess)
     return spots[:count], guess.take(slice(count))
 
 
