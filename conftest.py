@@ -1,6 +1,7 @@
 """Fixtures of the whole test run."""
 
 import os
+import re
 import signal
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,6 +25,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).parent
+SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +54,10 @@ def run(monkeypatch, tmp_path):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of other detectors are `peers`."""
+    """Tests of other detectors are `peers`; those of tests/slow_tests.txt are `slow`."""
+    slow = {line for line in SLOW_TESTS.read_text().splitlines() if not line.startswith("#")}
     for item in items:
+        if re.split(r"[\[@]", item.nodeid)[0] in slow:
+            item.add_marker("slow")
         if ROOT / "lab" / "tests" / "peers" in item.path.parents:
             item.add_marker("peers")

@@ -1,4 +1,4 @@
-"""A camera's own methods: what they compute is what the floors that know how compute."""
+"""A camera's own methods: what they compute is what the layers that know how compute."""
 
 import subprocess
 import sys

@@ -279,7 +279,7 @@ def test_a_second_run_does_not_take_overlays_for_inputs(run):
     result = run("detect", "in", "--overlay", "in/see")
     assert result.exit_code == 0
     assert counts(result.stdout)["pictures"] == "1"
-    assert "passed over" in result.stderr
+    assert "skipped" in result.stderr
 
 
 @pytest.mark.parametrize("option", ["--json", "--vnl", "--overlay"])

@@ -1,4 +1,4 @@
-"""Rules of the house: import floors, light imports, public names, links, and the commands that people are told."""
+"""The rules of CONTRIBUTING.md: layers of imports, light imports, public names, links, and documented commands."""
 
 import ast
 import importlib
@@ -181,6 +181,19 @@ def test_ci_runs_what_the_readme_says():
     if "```" not in readme:
         pytest.skip("README.md has no commands yet")
     assert INSTALL_AND_TEST in readme
+
+
+def test_the_slow_tests_exist_and_every_file_keeps_quick_ones():
+    listed = [line for line in (ROOT / "tests/slow_tests.txt").read_text().splitlines() if not line.startswith("#")]
+    assert listed == sorted(set(listed))
+    slow = {}
+    for test in listed:
+        path, name = test.split("::")
+        slow.setdefault(path, set()).add(name)
+    for path, names in slow.items():
+        tree = ast.parse((ROOT / path).read_text())
+        there = {f.name for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) and f.name.startswith("test_")}
+        assert names < there, f"{path}: {names - there or 'all of its tests are slow'}"
 
 
 def test_extras_of_the_command_exist():

@@ -1,5 +1,5 @@
 """Results in pipes and in the order that people count: `--json -`, `--quiet`, natural order, what isn't complete,
-drawings passed over."""
+drawings skipped."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_overlays_are_never_taken_for_pictures_again(run):
     result = run("detect", "in", "--json", "out.json")
     assert result.exit_code == 0
     assert [i.path for i in read_detections("out.json")[0]] == ["in/0.png", "in/1.png", "in/2.png"]
-    assert result.stderr == "note: 3 pictures that rcdn made of others are passed over: in/seen/0.png, …\n"
+    assert result.stderr == "note: 3 pictures that rcdn made of others are skipped: in/seen/0.png, …\n"
     assert [str(p) for p in find(["in/seen/*.png", "in/0.png"]).files] == ["in/0.png"]
     assert "all drawings of rcdn's" in run("detect", "in/seen").stderr
     assert expand(["in/seen/0.png"])[0] == [Path("in/seen/0.png")]  # who names it means it

@@ -89,7 +89,7 @@ def _read_camera(data: bytes) -> None:
 
 
 def valid_camera(camera: Camera) -> None:
-    """Its numbers are finite, and points go through it and back without a word, as NaN where it can't see."""
+    """Its numbers are finite, and points go through it and back without an output, as NaN where it can't see."""
     must(np.isfinite(camera.parameters).all(), "a camera's number isn't finite")
     must(min(camera.image_size) > 0, f"a camera of {camera.image_size} px")
     see(camera)

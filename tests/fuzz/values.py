@@ -119,7 +119,7 @@ def _use_board(given: dict[str, Any]) -> None:
 
 
 def _use_camera(given: dict[str, Any]) -> None:
-    """Rays and pixels of any camera come without a word; NaN where there are none."""
+    """Rays and pixels of any camera come without an output; NaN where there are none."""
     see(Camera(**given))
 
 

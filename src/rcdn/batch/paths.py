@@ -23,7 +23,7 @@ def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
         print_error(message)
     if found.own:
         number, first = len(found.own), one_line(str(found.own[0]))
-        rest = "is passed over: " + first if number == 1 else f"are passed over: {first}, …"
+        rest = "is skipped: " + first if number == 1 else f"are skipped: {first}, …"
         console.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
     return found.files, [Failure(name, message) for name, message in found.errors]
 

@@ -110,7 +110,7 @@ def judged_rig(found: RigCalibration) -> RigCalibration:
 
 def _rig_reasons(found: RigCalibration) -> list[Reason]:
     late = {name: s for name, s in (found.shifts or {}).items() if s.clear and name not in found.corrected}
-    mended = _lateness({name: s for name, s in (found.shifts or {}).items() if name in found.corrected})
+    in_step = _lateness({name: s for name, s in (found.shifts or {}).items() if name in found.corrected})
     factor = max(growth(c.image_size) for c in found.rig.cameras)
     return [
         reason(
@@ -131,7 +131,7 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
         ),
         reason(
             "time_shift", len(late),
-            f"Brought into step: {mended}." if mended else "No camera is out of step, as far as moving boards tell.",
+            f"Brought into step: {in_step}." if in_step else "No camera is out of step, as far as moving boards tell.",
             f"Out of step: {_lateness(late)}.",
             "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
         ),

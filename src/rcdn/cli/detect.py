@@ -212,7 +212,7 @@ def _work(config: DetectorConfig, team: _Team, cache: Path | None, lines: bool) 
 def _without_overlays(folder: Path, arguments: Sequence[str], paths: list[Path]) -> list[Path]:
     kept = outside(folder, arguments, paths)
     if len(kept) < len(paths):
-        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
+        console.note(f"note: skipped: {many(len(paths) - len(kept), 'file')} in {folder}, where overlays go")
     return kept
 
 

@@ -115,7 +115,7 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
     paths, errors = expanded(images)
     kept = outside(out, images, paths, "--out")
     if len(kept) < len(paths):
-        console.note(f"note: passed over: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
+        console.note(f"note: skipped: {many(len(paths) - len(kept), 'file')} in {out}, where new pictures go")
     if not kept:
         print_error("there is nothing to read; name pictures, videos or folders that hold some")
         raise typer.Exit(WRONG_USE)
