@@ -3,12 +3,13 @@ in FORMATS: both commands take it by the ending of a file's name."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from rcdn.errors import ConfigError, FormatError, many
+from rcdn.errors import FormatError, many
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
@@ -25,30 +26,40 @@ class Found:
     size: tuple[int, int] | None = None
 
 
-class Json:
-    """All that was found, in JSON. The other formats say what differs."""
+class DetectionFormat(ABC):
+    """A format of files of detections."""
 
-    name: ClassVar[str] = "json"
+    name: ClassVar[str]
     """of the format; the ending of its files, too"""
     squares_only: ClassVar[str] = ""
     """the reason why boards other than grids of squares have no place in a file; "" if they have"""
 
-    def check_name(self, picture: str) -> None:
-        """Raise ConfigError if a file can't hold this path of a picture."""
+    def refusal(self, picture: str) -> str:
+        """Why a file can't hold this path of a picture; "" if it can."""
+        return ""
 
+    @abstractmethod
     def write(self, path: Path, found: Found) -> tuple[int, int] | None:
         """Write a file. Returns the boards' columns and rows if a file has boards of one size only."""
-        from rcdn.io import write_lines
-
-        write_lines(path, found.lines, found.failed)
-        return None
 
     def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
         """Sentences on what a file doesn't hold of what was found; `size` as `write` returned it."""
         return []
 
 
-class Csv(Json):
+class Json(DetectionFormat):
+    """All that was found, in JSON."""
+
+    name = "json"
+
+    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+        from rcdn.io import write_lines
+
+        write_lines(path, found.lines, found.failed)
+        return None
+
+
+class Csv(DetectionFormat):
     """A table of the corners of boards."""
 
     name = "csv"
@@ -63,15 +74,16 @@ class Csv(Json):
         return [f"left out: {', '.join(['responses', *_lost(found)])}"]
 
 
-class Vnl(Json):
+class Vnl(DetectionFormat):
     """mrcal's corners.vnl."""
 
     name = "vnl"
     squares_only = "corners.vnl holds grids of squares only"
 
-    def check_name(self, picture: str) -> None:
-        if not picture.isascii() or any(c.isspace() or not c.isprintable() for c in picture) or picture[0] == "#":
-            raise ConfigError(f"mrcal can't read the path {picture!r} (spaces, non-ASCII, #); rename it")
+    def refusal(self, picture: str) -> str:
+        if picture.isascii() and not any(c.isspace() or not c.isprintable() for c in picture) and picture[:1] != "#":
+            return ""
+        return f"mrcal can't read the path {picture!r} (spaces, non-ASCII, #); rename it"
 
     def write(self, path: Path, found: Found) -> tuple[int, int] | None:
         from rcdn.io import write_vnl
@@ -96,7 +108,6 @@ def _lost(found: Found) -> list[str]:
     return parts + [many(failed, "file that could not be read", "files that could not be read")] * (failed > 0)
 
 
-DetectionFormat = Json
 FORMATS: dict[str, DetectionFormat] = {format.name: format for format in (Json(), Vnl(), Csv())}
 """the formats by name"""
 

@@ -240,9 +240,10 @@ def _check_outputs(
     """Raise before the computation the errors that would prevent writing afterwards. `options`: those that name a file;
     the others are from --output."""
     for file, format in files.items():
-        check_file(options.get(file, "--output"), file, paths)
-        for path in paths:
-            format.check_name(str(path))
+        option = options.get(file, "--output")
+        check_file(option, file, paths)
+        if reason := next(filter(None, map(format.refusal, map(str, paths))), None):
+            raise ConfigError(f"{option}: {reason}")
     if overlay is not None:
         from rcdn.io import check_writable
 
