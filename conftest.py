@@ -12,7 +12,7 @@ from hypothesis import settings
 if "PYTEST_XDIST_WORKER" in os.environ:  # a process a core: none takes more threads for its linear algebra
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-if find_spec("jaxtyping") and find_spec("beartype"):
+if find_spec("jaxtyping") and find_spec("beartype") and os.environ.get("RCDN_SHAPES") != "off":
     from tests import shape_checks
 
     shape_checks.install()

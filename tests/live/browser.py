@@ -81,8 +81,8 @@ class Live:
 
 
 def until(browser, met, seconds):
-    """Wait until `met(browser)` is true; its value."""
-    end = time.monotonic() + seconds
+    """Wait until `met(browser)` is true, four times `seconds` at most; its value."""
+    end = time.monotonic() + 4 * seconds  # of a machine that does nothing else; it may be busy
     while time.monotonic() < end:
         if found := met(browser):
             return found
@@ -90,7 +90,7 @@ def until(browser, met, seconds):
     hint = browser.execute_script(
         "return ['hint', 'sentence', 'banner', 'views-title'].map((i) => document.getElementById(i).textContent)"
     )
-    raise AssertionError(f"not within {seconds} s; the page says {hint}")
+    raise AssertionError(f"not within {4 * seconds} s; the page says {hint}")
 
 
 def views(browser):
