@@ -198,7 +198,7 @@ static int fits_steps(const Corners *all, index_t corner, const double *map, int
 /* The edges between a corner and the labelled neighbours of its spot: contrast of each third of an edge, and the
  * neighbour's contrast, negative where the side at rising angle is the dark one. */
 typedef struct {
-    int count, start[4];
+    int count;
     double shown[4][3], level[4];
 } Edges;
 
