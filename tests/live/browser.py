@@ -40,12 +40,17 @@ def open_browser(video, size=(1280, 900), dark=False, devices=1):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     browser = selenium.Chrome(options=options, service=selenium.ChromeService(DRIVER))
+    show_as(browser, size, dark)
+    return browser
+
+
+def show_as(browser, size, dark):
+    """Show the page in a window of `size`, px, and for people who want it `dark` or not."""
     features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-    if size[0] < 500:  # narrower than Chromium's window can be
-        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": True}
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    return browser
+    # also narrower than Chromium's window can be
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size[0] < 500}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
 class Live:
