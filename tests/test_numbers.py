@@ -62,6 +62,17 @@ def test_speed_on_photographs():
     assert all(states(found[1], boards["rcdn ÷ it"]) for found in (lead, features))
 
 
+def test_speed_on_photographs_without_avx512():
+    record = json.loads((ROOT / "benchmarks/results/photographs-speed-avx2.json").read_text())
+    at = {r["pictures"]: r["rcdn ÷ it"] for r in record["photographs"] if r["detector"] == "opencv-sb"}
+    page = (ROOT / "docs/speed.md").read_text()
+    claim = re.search(r"it is \*\*(\S+)\*\*, (\S+) under 0.1 megapixel and (\S+) without a board", page)
+    assert states(re.search(r"with AVX2 alone it is (\S+)\.\n", README)[1], at["boards"])
+    assert states(claim[1], at["boards"])
+    assert states(claim[2], at["boards, under 0.1 MP"])
+    assert states(claim[3], at["no board"])
+
+
 def test_photographs():
     total, cube = all_of("photographs"), next(r for r in rows("photographs") if r["set"] == "babelcalib-ov-cube")
     whole, labelled = (int(v) for v in total["whole"].split("/"))
