@@ -284,11 +284,11 @@ FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL
     room += 64 - (uintptr_t)room % 64;
     Network n = {
         .contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
-    row_kernels((int)level, &n.strided, &n.conv);
     n.wide = level_taken() >= AVX512_LEVEL;
     int16_t *pairs = taken(&room, sizeof(int16_t) * sizeof(Bytes));
-    paired(bytes, sizeof(Bytes), pairs);
     n.pairs = pairs;
+    if (row_kernels((int)level, &n.strided, &n.conv) == PAIRS)
+        paired(bytes, sizeof(Bytes), pairs);
     index_t h = rows, w = across;
     cells += first * across;
     const uint8_t *mask = cells;

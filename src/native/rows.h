@@ -9,6 +9,7 @@
 #define GROUP 4 /* channels that are multiplied together */
 #define BEST 2  /* highest level of the processor's instructions that is used, if available: 2 VNNI, 1 AVX2, 0 any */
 #define SLACK 8 /* cells that may be computed beyond the end of a row */
+#define PAIRS 1 /* the level that multiplies pairs of inputs */
 #define AVX2_CELLS 4 /* cells at a time: their sums stay in registers */
 
 /* Weights of a convolution: (tap, group of inputs, output, input), and as `pairs` (tap, pair of inputs, output, input);
@@ -168,7 +169,7 @@ static int row_kernels(int level, RowKernel **strided, RowKernel **conv) {
     if (level >= 1 && level_taken() >= AVX2_LEVEL) {
         *strided = avx2_strided;
         *conv = avx2_conv;
-        return 1;
+        return PAIRS;
     }
 #else
     (void)level;

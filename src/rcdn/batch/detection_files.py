@@ -81,7 +81,9 @@ class Vnl(DetectionFormat):
     squares_only = "corners.vnl holds grids of squares only"
 
     def refusal(self, picture: str) -> str:
-        if picture.isascii() and not any(c.isspace() or not c.isprintable() for c in picture) and picture[:1] != "#":
+        from rcdn.io.vnl import is_vnl_name
+
+        if is_vnl_name(picture):
             return ""
         return f"mrcal can't read the path {picture!r} (spaces, non-ASCII, #); rename it"
 

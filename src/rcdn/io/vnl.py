@@ -114,8 +114,13 @@ def _vnl_lines(image: ImageResult, grid: VnlGrid | None) -> bytes:
     return "".join(lines).encode()
 
 
+def is_vnl_name(path: str) -> bool:
+    """Whether mrcal can read this path of a picture: no white space, no other letters than ASCII's, no leading #."""
+    return path.isascii() and path[:1] not in ("", "#") and not any(c.isspace() or not c.isprintable() for c in path)
+
+
 def _vnl_name(path: str) -> str:
-    if not path.isascii() or not path or any(c.isspace() or not c.isprintable() for c in path) or path[0] == "#":
+    if not is_vnl_name(path):
         raise FormatError(f"{path!r}: mrcal can't read paths with spaces, non-ASCII letters or a leading #; rename it")
     return path
 
