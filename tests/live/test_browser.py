@@ -16,7 +16,7 @@ from rcdn.geometry import rotation
 from rcdn.io import read_camera
 from rcdn.live.folder import Folder
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one at a time: each takes more than a core
 WANTED = [
     [0.005, -0.005, 0.026, -0.1, -0.065, 0.421], [-0.495, 0.349, -0.084, -0.15, -0.039, 0.251],
     [0.439, -0.586, -0.011, -0.081, -0.039, 0.112], [-0.507, -0.585, -0.019, -0.165, -0.025, 0.266],

@@ -16,7 +16,7 @@ from tests.live.two_cameras import T_RIGHT_LEFT, Hands, write_side_by_side
 from rcdn.io import read_stereo
 from rcdn.live.folder import Folder
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one at a time: each takes more than a core
 POSES = [
     pose(0.03, 0, 0.42), pose(0.0, 0.02, 0.36, 25, -20), pose(0.06, 0.02, 0.38, -28, -18),
     pose(0.02, -0.03, 0.36, -20, 25), pose(0.05, 0.0, 0.33, 4, -35), pose(0.03, -0.01, 0.35, 35, 5, 10),
