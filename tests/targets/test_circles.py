@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from coded_scene import SQUARE, Drawing, aprilgrid, charuco, puzzleboard, seen
 
-from rcdn import Board, Detector, DetectorConfig
+from rcdn import Board, Corners, Detector, DetectorConfig
 from rcdn.batch.calibration_runs import _no_board
+from rcdn.io import ImageResult
 from rcdn.targets.circles import is_circle_grid
 from rcdn.targets.quick_test import sample_corners
 
@@ -128,8 +129,11 @@ def test_coded_boards_are_no_circles(drawing):
 
 
 def test_a_calibration_says_why_there_is_no_board():
+    def images(*warnings):
+        none = Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.uint8))
+        return [ImageResult(f"{k}.png", 640, 480, none, (), texts) for k, texts in enumerate(warnings)]
+
     circle = "not supported: a circle grid (…)"
-    assert (
-        _no_board([(circle,), (circle,), ("of 9 peaks …",)]) == f"no board was found in 3 pictures; 2 of them: {circle}"
-    )
-    assert "squares need sharp" in _no_board([(), ()])
+    told = _no_board(images((circle,), (circle,), ("of 9 peaks …",)))
+    assert told == f"no board was found in 3 pictures; 2 of them: {circle}"
+    assert "squares need sharp" in _no_board(images((), ()))

@@ -67,7 +67,7 @@ class Run:
         for note in got.notes:
             console.note(note)
         if not any(image.boards for image in got.images):
-            raise CalibrationError(_no_board([image.warnings for image in got.images]))
+            raise CalibrationError(_no_board(got.images))
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
@@ -203,15 +203,20 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
     return found.pairs
 
 
-def _no_board(warnings: Sequence[Sequence[str]]) -> str:
-    """The message that no board was found in any picture; `warnings` are those of each picture."""
-    if not warnings:
+def _no_board(images: Sequence[ImageResult]) -> str:
+    """The message that no board was found in any of the pictures."""
+    from rcdn.batch.no_board import markers_hint
+
+    if not images:
         return "no picture was read, so there is nothing to calibrate from"
-    reasons = [text for texts in warnings for text in texts if text.startswith(REASONS)]
-    why = "see what `rcdn detect PICTURES --overlay DIR` draws: squares need sharp, dark-light edges"
+    reasons = [text for image in images for text in image.warnings if text.startswith(REASONS)]
     if reasons:
         why = f"{len(reasons)} of them: {reasons[0]}"
-    return f"no board was found in {many(len(warnings), 'picture')}; {why}"
+    else:
+        why = markers_hint(image.path for image in images) or (
+            "see what `rcdn detect PICTURES --overlay DIR` draws: squares need sharp, dark-light edges"
+        )
+    return f"no board was found in {many(len(images), 'picture')}; {why}"
 
 
 def flat(images: Sequence[ImageResult]) -> tuple[list[Board], list[str]]:

@@ -149,6 +149,11 @@ class Tally:
         self._sizes |= complete
         self._with_complete += bool(complete)
 
+    @property
+    def no_board(self) -> bool:
+        """Whether pictures were read, and no board was found in any."""
+        return self.images > 0 and self._counts["boards"] == 0
+
     def lines(self, seconds: float) -> list[str]:
         """A line for each picture if there are few, else for each that isn't complete; then the table, and a hint if
         any."""

@@ -16,6 +16,7 @@ import typer
 from rcdn.batch import pool, summary
 from rcdn.batch.cache import open_cache
 from rcdn.batch.detection_files import FORMATS, DetectionFormat, format_of
+from rcdn.batch.no_board import markers_hint
 from rcdn.batch.outputs import Outputs
 from rcdn.batch.overlay_names import OverlayNames
 from rcdn.batch.paths import check_file, expanded, outside
@@ -176,6 +177,8 @@ def detect(
         failures = outputs.write(run.tally.failures)
     for text in run.tally.lines(time.perf_counter() - start):
         console.print_line(text)
+    if run.tally.no_board and (hint := markers_hint(map(str, paths))):
+        console.print_line(hint)
     _finish(run, failures, len(paths))
 
 
