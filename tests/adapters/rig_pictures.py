@@ -8,9 +8,9 @@ import numpy as np
 from rcdn import Board, Detector, DetectorConfig
 from rcdn.geometry import rotation
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor
-from rcdn.synthetic.coded import charuco_drawing
-from rcdn.synthetic.coded_view import drawing_truth, render_drawing
 from rcdn.types import Charuco, Printed
+from rcdn_lab.coded.drawings import charuco_drawing
+from rcdn_lab.coded.views import drawing_truth, render_drawing
 
 PRINTED = Printed(Charuco(10, 7, "DICT_4X4_50", 0.75), 0.03)
 FOCAL = 520.0, 560.0

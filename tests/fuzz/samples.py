@@ -22,7 +22,6 @@ from rcdn.io import (
     write_vnl,
 )
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
-from rcdn.synthetic.coded import charuco_drawing
 from rcdn.types import (
     Array,
     Board,
@@ -37,6 +36,7 @@ from rcdn.types import (
     Verdict,
 )
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards, random_pose, see
+from rcdn_lab.coded.drawings import charuco_drawing
 
 
 @cache

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rcdn.synthetic import Background, Cover, Scene, Sensor
-from rcdn.synthetic.coded import aprilgrid_drawing, charuco_drawing, marker_count, puzzleboard_drawing
-from rcdn.synthetic.coded_view import drawing_truth, posed, render_drawing
 from rcdn.targets.puzzle import CODE_1, CODE_2
+from rcdn_lab.coded.drawings import aprilgrid_drawing, charuco_drawing, marker_count, puzzleboard_drawing
+from rcdn_lab.coded.views import drawing_truth, posed, render_drawing
 
 CODES = (CODE_1, CODE_2)
 LENSES = {

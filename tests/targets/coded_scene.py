@@ -1,4 +1,4 @@
-"""Pictures of coded boards with known corners, as `rcdn.synthetic.coded` draws them: tilted, blurred, with noise."""
+"""Pictures of coded boards with known corners, as `rcdn_lab.coded.drawings` draws them: tilted, blurred, with noise."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor
-from rcdn.synthetic.coded import SQUARE, Drawing, puzzleboard_drawing
-from rcdn.synthetic.coded import aprilgrid_drawing as aprilgrid
-from rcdn.synthetic.coded import charuco_drawing as charuco
-from rcdn.synthetic.coded_view import drawing_truth, render_drawing
 from rcdn.targets.puzzle import CODE_1, CODE_2
+from rcdn_lab.coded.drawings import SQUARE, Drawing, puzzleboard_drawing
+from rcdn_lab.coded.drawings import aprilgrid_drawing as aprilgrid
+from rcdn_lab.coded.drawings import charuco_drawing as charuco
+from rcdn_lab.coded.views import drawing_truth, render_drawing
 
 __all__ = ["SQUARE", "Drawing", "aprilgrid", "charuco", "numbered", "puzzleboard", "seen"]
 

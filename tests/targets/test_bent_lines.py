@@ -10,9 +10,9 @@ from coded_scene import aprilgrid, charuco
 
 from rcdn import Detector
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor
-from rcdn.synthetic.coded_view import drawing_truth, render_drawing
 from rcdn.targets.complete_tags import completed_tags
 from rcdn.types import AprilGrid
+from rcdn_lab.coded.views import drawing_truth, render_drawing
 
 WIDTH, HEIGHT = 640, 480
 

@@ -9,11 +9,11 @@ from raster import raster
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import ConfigError
-from rcdn.synthetic.coded import MARGIN, aprilgrid_drawing
 from rcdn.targets.dictionaries import dictionary_name, dictionary_names, family_name, marker_bits, tag_bits
 from rcdn.targets.drawing import draw, extent, outline
 from rcdn.types import AprilGrid, Charuco, Checkerboard, Deltille, Printed, PuzzlePart
 from rcdn.types.shapes import Area
+from rcdn_lab.coded.drawings import MARGIN, aprilgrid_drawing
 
 CHARUCO = [
     Charuco(5, 7, "DICT_4X4_50", 0.75),

@@ -11,11 +11,11 @@ from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.precision import sharpen
 from rcdn.synthetic import Background, Scene, Sensor
-from rcdn.synthetic.coded import MARGIN, SQUARE, aprilgrid_drawing, charuco_drawing, puzzleboard_drawing
-from rcdn.synthetic.coded_view import drawing_truth, posed, render_drawing
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.targets.surroundings import surroundings
 from rcdn.types import AprilGrid, Board, Camera, Charuco, PuzzleBoard
+from rcdn_lab.coded.drawings import MARGIN, SQUARE, aprilgrid_drawing, charuco_drawing, puzzleboard_drawing
+from rcdn_lab.coded.views import drawing_truth, posed, render_drawing
 
 CHARUCO = [
     ((6, 5), "DICT_4X4_50", {}),

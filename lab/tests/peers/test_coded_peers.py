@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rcdn.synthetic import Background, Scene, Sensor
-from rcdn.synthetic.coded import aprilgrid_drawing, charuco_drawing, puzzleboard_drawing
-from rcdn.synthetic.coded_view import drawing_truth, posed, render_drawing
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Charuco, PuzzleBoard
+from rcdn_lab.coded.drawings import aprilgrid_drawing, charuco_drawing, puzzleboard_drawing
+from rcdn_lab.coded.views import drawing_truth, posed, render_drawing
 from rcdn_lab.peers.coded import CODED_PEERS
 from rcdn_lab.peers.coded.base import corners_of_tag
 

@@ -1,8 +1,7 @@
 """Rendered pictures of boards with codes: kinds (what is printed) × conditions (how it is seen), at VGA.
 
 The board fills the frame as far as its roll and tilt allow, so that its squares have about 25 to 70 px; half of that
-under `half resolution`. The drawings are made here, above `rcdn.targets` in the import order, which contains the code
-of PuzzleBoards; `rcdn.synthetic`, below it, draws and renders them.
+under `half resolution`.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ import cv2
 import numpy as np
 
 from rcdn.synthetic import Background, Cover, Scene, Sensor
-from rcdn.synthetic.coded import Drawing, aprilgrid_drawing, charuco_drawing, marker_count, puzzleboard_drawing
-from rcdn.synthetic.coded_view import CodedTruth, drawing_truth, posed, render_drawing
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import Array
 from rcdn.types.target import AprilGrid, Charuco, PuzzleBoard, Target
+from rcdn_lab.coded.drawings import Drawing, aprilgrid_drawing, charuco_drawing, marker_count, puzzleboard_drawing
 from rcdn_lab.coded.score import TrueBoard
+from rcdn_lab.coded.views import CodedTruth, drawing_truth, posed, render_drawing
 
 FIRST = 8_400_000_000
 """No training and no other test uses this seed."""

@@ -14,13 +14,13 @@ import numpy as np
 
 from rcdn.geometry import unproject
 from rcdn.synthetic.background import paint
-from rcdn.synthetic.coded import Drawing
 from rcdn.synthetic.degrade import coverage, expose, illuminate, signed_distance
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import BoardSpec, Scene
 from rcdn.synthetic.surface import board_to_pixels, rays_to_board, viewing_cosine
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
+from rcdn_lab.coded.drawings import Drawing
 
 F32 = np.float32
 FRAME = 4.0

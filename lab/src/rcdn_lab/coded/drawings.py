@@ -1,8 +1,8 @@
 """Flat drawings of boards with codes, with the number and the position of every corner.
 
-They are independent of `rcdn.targets`, which reads such boards: OpenCV draws the ChArUco boards and the tags, so that a
-mistake in our understanding of their conventions is not repeated in the ground truth. This package is below
-`rcdn.targets` and can't import it; the code of a PuzzleBoard is therefore passed as an argument.
+They are independent of `rcdn.targets`, which reads such boards: OpenCV draws the ChArUco boards and the tags, and the
+code of a PuzzleBoard is an argument, so that a mistake in our understanding of their conventions is not repeated in the
+ground truth.
 """
 
 from __future__ import annotations
