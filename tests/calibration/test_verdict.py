@@ -9,8 +9,7 @@ import pytest
 
 from rcdn.calibration import calibrate
 from rcdn.calibration.advice import advise, notes
-from rcdn.calibration.board_facts import measure_board
-from rcdn.calibration.facts import measure
+from rcdn.calibration.facts import measure, measure_board
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS

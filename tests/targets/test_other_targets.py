@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from coded_scene import aprilgrid, charuco, numbered, puzzleboard, seen
 
-from rcdn.batch.cache_entries import packed, unpacked
+from rcdn.batch.cache import packed, unpacked
 from rcdn.calibration.coded import Geometries
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector

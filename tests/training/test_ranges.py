@@ -11,8 +11,8 @@ import torch
 
 from rcdn.corners.normalise import normalise
 from rcdn.synthetic import PRESETS, random_crop
-from rcdn.training import ranges as module
-from rcdn.training.ranges import ranges
+from rcdn.training import export as module
+from rcdn.training.export import ranges
 
 
 def convolved(values, weight, bias, stride):
@@ -49,8 +49,8 @@ def layers():
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr(module, "COUNT", 3)
-    monkeypatch.setattr(module, "SIZE", 48)
+    monkeypatch.setattr(module, "PICTURES", 3)
+    monkeypatch.setattr(module, "SIDE", 48)
 
 
 def as_tensors(layers):
@@ -71,7 +71,7 @@ def test_ranges_are_the_largest_values(layers, normalisation, preset):
 @pytest.mark.usefixtures("few")
 def test_more_pictures_make_no_range_smaller(layers, monkeypatch):
     three = ranges(as_tensors(layers), "local", "training")
-    monkeypatch.setattr(module, "COUNT", 6)
+    monkeypatch.setattr(module, "PICTURES", 6)
     six = ranges(as_tensors(layers), "local", "training")
     assert all(b >= a for one, two in zip(three, six, strict=True) for a, b in zip(one, two, strict=True))
     assert six != three

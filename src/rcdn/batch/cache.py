@@ -4,6 +4,7 @@ result."""
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import json
 import os
@@ -11,7 +12,6 @@ import platform
 import sys
 import time
 import zlib
-from dataclasses import dataclass, replace
 from importlib import import_module, machinery
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,7 +65,7 @@ def fingerprint(config: DetectorConfig, package: Path | None = None) -> str:
 
     package = package or Path(__file__).parents[1]
     model = load_model(config.weights)
-    parts = [FORM, replace(config, threads=0).to_json(), platform.machine()]
+    parts = [FORM, dataclasses.replace(config, threads=0).to_json(), platform.machine()]
     parts += _versions()
     digest = hashlib.sha256("\n".join(parts).encode())
     for piece in (model.data or b"", json.dumps(model.facts, sort_keys=True).encode()):
@@ -83,7 +83,7 @@ def file_digest(path: str | Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Cache:
     """A folder of cached results. `salt`: the `fingerprint` of the detector that computes them.
 
@@ -125,8 +125,6 @@ class Cache:
 
     def result(self, key: str, name: str) -> ImageResult | None:
         """The detections stored under `key`, for the picture called `name`; None if there are none."""
-        from rcdn.batch.cache_entries import unpacked
-
         value = self.get(key)
         try:
             return None if value is None else unpacked(value, name)
@@ -135,8 +133,6 @@ class Cache:
 
     def keep(self, key: str, result: ImageResult) -> None:
         """Store the detections of one picture, every number exactly."""
-        from rcdn.batch.cache_entries import packed
-
         self.put(key, packed(result))
 
     def prune(self, limit: int = LIMIT) -> None:
@@ -163,6 +159,45 @@ class Cache:
 
     def _path(self, key: str) -> Path:
         return self._root / key[:2] / f"{key}.json"
+
+
+def packed(result: ImageResult) -> dict[str, Any]:
+    """`result` as plain values with all digits (the file of detections rounds them): lists, dictionaries, strings and
+    numbers."""
+    size = {"width": int(result.width), "height": int(result.height)}
+    found = {"corners": _plain(result.corners), "boards": [_plain(b) for b in result.boards]}
+    return size | found | {"warnings": list(result.warnings)}
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """The fields of Corners or of a Board, arrays as lists."""
+    from rcdn.types.target import target_record
+
+    pairs = [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
+    pairs = [(name, target_record(v) if name == "target" and v is not None else v) for name, v in pairs]
+    return {name: v.tolist() if hasattr(v, "tolist") else v for name, v in pairs}
+
+
+def unpacked(record: Any, name: str) -> ImageResult:
+    """The inverse of `packed`. Raises errors of several types if `record` has another structure, or values that no
+    detection has: the types check their ranges, and this function the further conditions on detections."""
+    import numpy as np
+
+    from rcdn.io import ImageResult
+    from rcdn.types import Board, Corners
+    from rcdn.types.target import target_of
+
+    read = lambda target: None if target is None else target_of(target)  # noqa: E731
+    corners = Corners(**record["corners"])
+    boards = tuple(Board(**board | {"target": read(board["target"])}) for board in record["boards"])
+    if not all(np.isfinite(xy).all() for xy in (corners.xy, *(board.xy for board in boards))):
+        raise ValueError("no positions")
+    if not all((board.ij >= 0).all() for board in boards):
+        raise ValueError("no labels")
+    warnings = record["warnings"]
+    if not isinstance(warnings, list) or not all(isinstance(text, str) for text in warnings):
+        raise ValueError("no warnings")
+    return ImageResult(name, record["width"], record["height"], corners, boards, tuple(warnings))
 
 
 def open_cache(config: DetectorConfig, folder: Path | None = None, off: bool = False) -> Cache | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.board_facts import BoardFacts, measure_board
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.residual_facts import ResidualFacts, measure_residuals
 from rcdn.calibration.sight import cell_centres, cells_of, off_axis, out_of_sight
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
@@ -18,6 +18,16 @@ GRID = 120
 """boxes along the frame's longer side at whose centres the projection uncertainty is evaluated"""
 FINE = 0.01
 """px; a smaller RMS counts as this in ratios of two RMS values: such small ones are rounding error, not noise"""
+
+
+@dataclass(frozen=True)
+class BoardFacts:
+    """`stretch`: relative excess of the distance of the board's columns over that of its rows; `bend`: distance of its
+    corners from a plane, from the lowest to the highest, as a share of its longer side. NaN if the shape was not
+    estimated."""
+
+    stretch: float
+    bend: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +105,16 @@ def measure(calibration: Calibration) -> Facts:
         views=measure_views(calibration),
         board=measure_board(calibration),
     )
+
+
+def measure_board(calibration: Calibration) -> BoardFacts:
+    """From `calibration.shape`. Columns and rows of a board with quarter-turn symmetry cannot be distinguished: NaN."""
+    shape = calibration.shape
+    if shape is None or calibration.orientation == "ambiguous_90":
+        return BoardFacts(float("nan"), float("nan"))
+    sides = plane_of(calibration).points(np.array(shape.size) - 1) * calibration.spacing
+    step = float(np.mean(sides / np.maximum(np.array(shape.size) - 1, 1)))
+    return BoardFacts(shape.stretch / step, shape.bend / float(max(sides)))
 
 
 def _aspect_std(calibration: Calibration) -> float:

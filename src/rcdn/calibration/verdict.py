@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rcdn.calibration import fit_checks, set_checks, view_checks
+from rcdn.calibration import fit_checks, view_checks
 from rcdn.calibration.facts import Facts, measure
 from rcdn.types import LEVELS, Calibration, Level, Reason, Verdict
 
@@ -17,13 +17,13 @@ Check = Callable[[Calibration, Facts], Sequence[Reason]]
 """Examines one property; returns reasons, good or not, or none where the property does not exist"""
 
 CHECKS: tuple[Check, ...] = (
-    set_checks.one_camera,
+    view_checks.one_camera,
     view_checks.picture_size,
     view_checks.spacing,
     view_checks.board_size,
     view_checks.views,
     view_checks.tilt,
-    set_checks.settled,
+    view_checks.settled,
     fit_checks.board,
     view_checks.left_out,
     fit_checks.dropped,

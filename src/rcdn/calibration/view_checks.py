@@ -1,4 +1,5 @@
-"""Checks of the pictures: sizes, board, number, variety, views left out. Each returns reasons of a verdict."""
+"""Checks of the pictures: whether they come from one camera and determine it, sizes, board, number, variety, views left
+out. Each returns reasons of a verdict."""
 
 from __future__ import annotations
 
@@ -6,8 +7,10 @@ from collections import Counter
 
 import numpy as np
 
+from rcdn.calibration import one_camera as several
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import LIMITS, reason
+from rcdn.calibration.observability import unsettled
 from rcdn.errors import many, were_left_out
 from rcdn.types import Array, Calibration, Reason
 
@@ -16,6 +19,23 @@ THIRDS = (
     ("left", "middle", "right"),
     ("lower left", "lower middle", "lower right"),
 )
+
+
+def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
+    """Groups of pictures from different cameras, zooms or focus settings; no reason if the views are too few for the
+    test."""
+    found = several.one_camera(c)
+    if found is not None:
+        return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
+    if len(c.used_views) < several.ENOUGH:
+        return []
+    return [reason("one_camera", 0.0, "All pictures are of one camera, as far as they tell.", "", "")]
+
+
+def settled(c: Calibration, facts: Facts) -> list[Reason]:
+    """Parameters that the views do not determine: focal length, principal point, aspect ratio."""
+    found = [reason("unsettled", u.deviation / u.limit, "", u.finding, u.remedy) for u in unsettled(c)]
+    return found or [reason("unsettled", 0.0, "The views agree on focal length and principal point.", "", "")]
 
 
 def spacing(c: Calibration, facts: Facts) -> list[Reason]:

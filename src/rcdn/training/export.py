@@ -7,31 +7,42 @@ from __future__ import annotations
 
 import datetime
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import onnx
+import torch
 from onnx import TensorProto, helper, numpy_helper
+from torch import Tensor
+from torch.nn.functional import conv2d, relu
 
 from rcdn.corners.cells import CellNetwork
+from rcdn.corners.normalise import normalise
 from rcdn.corners.onnx_file import read_graph
 from rcdn.corners.response import ResponseModel
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_bytes, write_text
 from rcdn.provenance import commit
-from rcdn.synthetic import HARD, random_scene, render
+from rcdn.synthetic import HARD, PRESETS, random_crop, random_scene, render
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, folded, load_run, parameter_count
 from rcdn.training.quantise import quantised, sidecar_text
-from rcdn.training.ranges import ranges
 from rcdn.training.validate import torch_response
 from rcdn.types import Array
 
 OPSET = 17
 PARITY = 1e-4
 """largest difference between torch and ONNX Runtime at which weights are exported"""
+PICTURES, SIDE, FIRST = 400, 240, 8_000_000
+"""rendered pictures whose values tell the ranges of hidden layers: number, side in px, and the first seed"""
+LEAST = 1e-3
+"""range of a channel that is never active"""
+
+Layer = tuple[Tensor, Tensor, int]
+"""weights (outputs, inputs, k, k), biases (outputs,), stride"""
 
 
 def to_onnx(net: CornerNet, activation: str) -> onnx.ModelProto:
@@ -85,6 +96,20 @@ def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str,
         "date": datetime.date.today().isoformat(),
         "machine": report.get("machine") or machine(),
     } | ({"labelled": report["labelled"]} if "labelled" in report else {})
+
+
+def ranges(layers: Sequence[Layer], normalisation: str, preset: str) -> list[list[float]]:
+    """Largest value of each channel after each hidden layer (convolution and ReLU), over crops rendered with the ranges
+    called `preset`; quantised inference needs them."""
+    top = [torch.full((len(bias),), LEAST) for _, bias, _ in layers[:-1]]
+    with torch.no_grad():
+        for seed in range(FIRST, FIRST + PICTURES):
+            image = random_crop(seed, SIDE, PRESETS[preset])[0]
+            values = torch.from_numpy(np.ascontiguousarray(normalise(image, normalisation)))[None, None]
+            for k, (weight, bias, stride) in enumerate(layers[:-1]):
+                values = relu(conv2d(values, weight, bias, stride=stride))
+                top[k] = torch.maximum(top[k], values.amax(dim=(0, 2, 3)))
+    return [[round(float(v), 4) for v in values] for values in top]
 
 
 def parity(net: CornerNet, data: bytes, facts: dict[str, Any], image: Array | None = None) -> float:
