@@ -24,9 +24,7 @@ from rcdn.targets.families import families
 
 edges, fragments, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "fragments", "local"))
 gains, rectify = (import_module(f"rcdn.targets.{name}") for name in ("gains", "rectify"))
-blurred_axes, orientation, sieve, symmetry = (
-    import_module(f"rcdn.corners.{name}") for name in ("blurred_axes", "orientation", "sieve", "symmetry")
-)
+orientation, sieve, symmetry = (import_module(f"rcdn.corners.{name}") for name in ("orientation", "sieve", "symmetry"))
 fit, lattice, smooth, surroundings, window = (
     import_module(f"rcdn.precision.{name}") for name in ("fit", "lattice", "smooth", "surroundings", "window")
 )
@@ -86,8 +84,7 @@ def use_the_package():
     fit.fit_corners(grey, ij, xy)
     fit.fit_corners(grey, ij, xy, around(ij))
     smooth.smooth(ij, xy, np.tile(np.eye(2) * 1e-3, (len(xy), 1, 1)), np.ones(len(xy), bool))
-    rings = orientation.sample_rings(grey, xy, np.full((len(xy), 3), 6.0))
-    blurred_axes.blurred_axes(rings[..., :48], np.full((len(xy), 3), 6.0), np.tile([0.5, 2.0], (len(xy), 1)))
+    orientation.sample_rings(grey, xy, np.full((len(xy), 3), 6.0))
     edges.sample_grey(grey, xy)
     edges.edge_contrast(grey, xy[:-1], xy[1:])
     edges.crossings(grey, xy, np.ones_like(xy), np.ones_like(xy), np.ones(len(xy)))

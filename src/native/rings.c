@@ -1,5 +1,5 @@
-/* Grey levels on rings around corners, and the two edge directions estimated from them; see rcdn.corners.orientation
- * and blurred_axes. */
+/* Grey levels on rings around corners, and the two edge directions estimated from them; see
+ * rcdn.corners.orientation. */
 #include "elementary.h"
 #include "lanes.h"
 #include "maths.h"
@@ -238,23 +238,6 @@ INLINE Samples folded(const float level[RINGS * TURN], const double radius[RINGS
         }
     take_out_mean(&s);
     return s;
-}
-
-/* Axes (count, 2) fitted to `rings` (count, RINGS, DIRECTIONS) of `radius` (count, RINGS) px, from the axes in `axes`
- * as initial guess. */
-FAST_KERNEL(rcdn_blurred_axes, (SIZE, count, rings, 0), (IN, float, rings, count, RINGS, DIRECTIONS),
-            (IN, double, radius, count, RINGS), (IN, float, directions, 2, TURN), (OUT, double, axes, count, 2)) {
-    const Directions d = {directions, directions + TURN};
-    Samples s;
-    for (index_t k = 0; k < count; k++) {
-        for (int n = 0; n < SAMPLES; n++) {
-            s.level[n] = rings[k * SAMPLES + n];
-            s.radius[n] = (float)radius[k * RINGS + n / DIRECTIONS];
-        }
-        take_out_mean(&s);
-        fit_axes(&s, d, axes + 2 * k);
-    }
-    return 0;
 }
 
 /* Axes in [0, pi), ascending, and the properties of the rings; see `rcdn.corners.orientation.axes`. */

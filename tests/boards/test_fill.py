@@ -39,9 +39,10 @@ def test_a_crossing_is_measured_from_a_wrong_prediction(name):
     shown = view(name)
     field, grid = whole(shown)
     sign = board_sign(field, grid)
-    spots = [s for s in sorted(grid.at) if (g := grid.predict(s)) and g.count >= 8]
-    guesses = [grid.predict(s) for s in spots]
-    du, dv = np.array([g.du for g in guesses]), np.array([g.dv for g in guesses])
+    spots = sorted(grid.at)
+    spots = [s for s, support in zip(spots, grid.predictions(spots).support, strict=True) if support >= 8]
+    guess = grid.predictions(spots)
+    du, dv = guess.du, guess.dv
     put = np.random.default_rng(3).uniform(-0.12, 0.12, (len(spots), 2))
     true = np.array([shown.xy[shown.number(grid.xy[[grid.at[s]]])[0]] for s in spots])
     start = true - put[:, :1] * du - put[:, 1:] * dv

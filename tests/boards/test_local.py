@@ -16,6 +16,13 @@ def grid_of(image_of, spots=SPOTS):
     return Grid({s: k for k, s in enumerate(spots)}, image_of(np.array(spots, float)))
 
 
+def predicted(grid, spot):
+    """The prediction of one spot, which its neighbours support."""
+    guess = grid.predictions([spot])
+    assert guess.support[0] > 0
+    return guess
+
+
 def affine(uv):
     return uv @ [[30.0, 4.0], [-6.0, 27.0]] + [100, 50]
 
@@ -31,23 +38,23 @@ def parabola(uv):
 
 @pytest.mark.parametrize("spot", SPOTS)
 def test_exact_where_the_map_is_quadratic(spot):
-    guess = grid_of(parabola).predict(spot)
-    np.testing.assert_allclose(guess.xy, parabola(np.array([spot], float))[0], atol=1e-6)
+    guess = predicted(grid_of(parabola), spot)
+    np.testing.assert_allclose(guess.xy, parabola(np.array([spot], float)), atol=1e-6)
 
 
 @pytest.mark.parametrize("spot", [(6, 2), (2, -1), (-1, 4), (6, 5)])
 def test_beyond_the_rim_two_lines_extrapolate(spot):
     """Exact for an affine map; a curved one is missed by at most its second difference per square."""
     true = np.array([spot], float)
-    np.testing.assert_allclose(grid_of(affine).predict(spot).xy, affine(true)[0], atol=1e-6)
-    assert np.abs(grid_of(parabola).predict(spot).xy - parabola(true)[0]).max() < 3
+    np.testing.assert_allclose(predicted(grid_of(affine), spot).xy, affine(true), atol=1e-6)
+    assert np.abs(predicted(grid_of(parabola), spot).xy - parabola(true)).max() < 3
 
 
 def test_steps_and_pitch():
-    guess = grid_of(affine).predict((2, 2))
-    np.testing.assert_allclose([guess.du, guess.dv], [[30, 4], [-6, 27]], atol=1e-9)
-    assert guess.pitch == pytest.approx(np.hypot(6, 27))
-    assert guess.count == 24
+    guess = predicted(grid_of(affine), (2, 2))
+    np.testing.assert_allclose([guess.du[0], guess.dv[0]], [[30, 4], [-6, 27]], atol=1e-9)
+    assert guess.pitch[0] == pytest.approx(np.hypot(6, 27))
+    assert guess.support[0] == 24
 
 
 def test_perspective_is_near_enough():
@@ -55,16 +62,16 @@ def test_perspective_is_near_enough():
     grid = grid_of(perspective)
     for spot in [*SPOTS, *((u, v) for u in (-1, 6) for v in range(5)), *((u, v) for u in range(6) for v in (-1, 5))]:
         inside = 0 < spot[0] < 5 and 0 < spot[1] < 4
-        guess = grid.predict(spot)
-        gap = np.linalg.norm(guess.xy - perspective(np.array([spot], float))[0])
-        assert gap < (0.02 if inside else 0.1) * guess.pitch
+        guess = predicted(grid, spot)
+        gap = np.linalg.norm(guess.xy - perspective(np.array([spot], float)))
+        assert gap < (0.02 if inside else 0.1) * guess.pitch[0]
 
 
 @pytest.mark.parametrize("spot", SPOTS)
 def test_a_corner_has_no_say_in_its_own_prediction(spot):
     grid, other = grid_of(perspective), grid_of(perspective)
     other.xy[other.at[spot]] += 1000
-    np.testing.assert_array_equal(grid.predict(spot).xy, other.predict(spot).xy)
+    np.testing.assert_array_equal(predicted(grid, spot).xy, predicted(other, spot).xy)
 
 
 def test_only_near_corners_have_a_say():
@@ -72,7 +79,7 @@ def test_only_near_corners_have_a_say():
     grid, other = grid_of(perspective, spots), grid_of(perspective, spots)
     far = [other.at[s] for s in spots if max(abs(s[0] - 1), abs(s[1] - 1)) > 2]
     other.xy[far] += 1000
-    np.testing.assert_array_equal(grid.predict((1, 1)).xy, other.predict((1, 1)).xy)
+    np.testing.assert_array_equal(predicted(grid, (1, 1)).xy, predicted(other, (1, 1)).xy)
 
 
 @pytest.mark.parametrize(
@@ -88,21 +95,22 @@ def test_only_near_corners_have_a_say():
     ],
 )
 def test_no_prediction_without_support(spots, spot):
-    assert grid_of(affine, spots).predict(spot) is None if spots else Grid({}, np.zeros((0, 2))).predict(spot) is None
+    grid = grid_of(affine, spots) if spots else Grid({}, np.zeros((0, 2)))
+    assert grid.predictions([spot]).support.tolist() == [0]
 
 
 @pytest.mark.parametrize("image_of", [affine, perspective])
 def test_three_corners_of_a_square_predict_the_fourth(image_of):
-    guess = grid_of(image_of, [(0, 0), (1, 0), (0, 1)]).predict((1, 1))
-    gap = np.linalg.norm(guess.xy - image_of(np.array([[1.0, 1]]))[0])
-    assert gap < 0.1 * guess.pitch
-    assert guess.count == 3
+    guess = predicted(grid_of(image_of, [(0, 0), (1, 0), (0, 1)]), (1, 1))
+    gap = np.linalg.norm(guess.xy - image_of(np.array([[1.0, 1]])))
+    assert gap < 0.1 * guess.pitch[0]
+    assert guess.support[0] == 3
 
 
 def test_few_near_neighbours_reach_one_ring_further():
     spots = [(0, 3), (1, 3), (2, 3), (0, 2), (1, 2)]
-    assert grid_of(affine, spots).predict((0, 0)).count == 5
-    assert grid_of(affine, SPOTS).predict((0, 0)).count == 8
+    assert predicted(grid_of(affine, spots), (0, 0)).support[0] == 5
+    assert predicted(grid_of(affine, SPOTS), (0, 0)).support[0] == 8
 
 
 def test_the_corners_around_a_label():
@@ -119,11 +127,10 @@ def test_many_predictions_are_those_of_each():
     spots = [*SPOTS, (-1, 0), (40, 40), (6, 5)]
     many = grid.predictions(spots)
     for k, spot in enumerate(spots):
-        one = grid.predict(spot)
-        assert many.support[k] == (0 if one is None else one.count)
-        if one is not None:
-            np.testing.assert_allclose(many.xy[k], one.xy, rtol=0, atol=1e-9)
-            assert many.pitch[k] == pytest.approx(one.pitch)
+        one = grid.predictions([spot])
+        assert many.support[k] == one.support[0]
+        np.testing.assert_array_equal(many.maps[k], one.maps[0])
+        np.testing.assert_array_equal(many.pitch[k], one.pitch[0])
 
 
 def test_a_grid_copies_its_labels():
@@ -200,14 +207,14 @@ def test_nothing_is_beside_an_empty_grid():
 def test_labels_may_lie_anywhere():
     far = 2**40
     grid = grid_of(lambda uv: uv - [far, -far], [(u + far, v - far) for u, v in SPOTS])
-    np.testing.assert_allclose(grid.predict((far + 2, 2 - far)).xy, [2, 2], atol=1e-9)
+    np.testing.assert_allclose(predicted(grid, (far + 2, 2 - far)).xy, [[2, 2]], atol=1e-9)
     assert (windows(grid.labels, [(0, 0), (-far, far)], 1) == -1).all()
 
 
 def test_labels_far_apart_are_refused():
     grid = grid_of(affine, [(0, 0), (2**40, 0)])
     with pytest.raises(MemoryError):
-        grid.predict((0, 1))
+        grid.predictions([(0, 1)])
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.advice import advise, notes
+from rcdn.calibration.advice import judged, notes
 from rcdn.calibration.facts import measure, measure_board
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
@@ -36,7 +36,7 @@ def test_a_good_calibration_is_good(good):
     assert good.verdict.judged
     assert good.verdict.level == "good"
     assert good.verdict == judge(good)
-    assert good.verdict.against == advise(good) == good.advice == ()
+    assert good.verdict.against == judged(good).advice == good.advice == ()
     assert headline(good.verdict) == "Good: use this camera."
 
 
@@ -113,7 +113,7 @@ def test_each_weakness_is_said(good, case):
     assert text in against.sentence
     assert against.action
     assert LEVELS.index(judge(weak).level) >= LEVELS.index(level)
-    assert any(against.sentence in line for line in advise(weak))
+    assert any(against.sentence in line for line in judged(weak).advice)
 
 
 def test_views_of_which_half_are_rougher_are_said(good):

@@ -5,9 +5,7 @@ import pytest
 from corner_scene import board
 from scipy.ndimage import map_coordinates
 
-from rcdn.corners.blurred_axes import blurred_axes
 from rcdn.corners.orientation import HALF_TURN, axes, sample_rings
-from rcdn.errors import RcdnError
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.float32, np.float64])
@@ -66,9 +64,3 @@ def test_places_that_are_none_have_no_axes():
     found = axes(grey, np.array([[np.nan, np.nan], [1e12, -1e12], [-1e300, 3]]), 6.0)
     assert np.isnan(found.axes).all()
     assert found.polarity.tolist() == [0, 0, 0]
-
-
-def test_rings_of_another_size_are_refused():
-    with pytest.raises(RcdnError, match="rings must be"):
-        blurred_axes(np.zeros((2, 3, 40)), np.ones((2, 3)), np.zeros((2, 2)))
-    assert blurred_axes(np.zeros((0, 3, 48)), np.zeros((0, 3)), np.zeros((0, 2))).shape == (0, 2)

@@ -47,7 +47,7 @@ def test_still_boards_are_taken_and_on_disk_at_once(desk):
     state = desk.take(3)
     assert state["views"] == ["frame-0001.png", "frame-0002.png", "frame-0003.png"]
     assert np.array_equal(desk.folder.grey("frame-0002.png"), GREY)
-    assert np.allclose(desk.folder.board("frame-0002.png").xy, stand_in.board((120.0, 60.0)).xy)
+    assert np.allclose(desk.folder.moment("frame-0002.png")[0].xy, stand_in.board((120.0, 60.0)).xy)
     assert state["history"] == [None, 0.5, pytest.approx(1 / 3)]
     assert state["size"] == (640, 480)
 
@@ -116,7 +116,7 @@ def test_half_of_a_picture_does_not_count(desk):
     (desk.folder.path / "detections" / "frame-0001.json").unlink()  # what a kill between the two files leaves
     (desk.folder.path / "pictures" / "frame-0009.png").write_bytes(b"")
     assert desk.folder.names() == ["frame-0002.png"]
-    assert desk.folder.add(GREY, stand_in.board((0, 0))) == "frame-0010.png"
+    assert desk.folder.add_moment((GREY,), (stand_in.board((0, 0)),)) == "frame-0010.png"
 
 
 def test_damaged_detections_are_told_and_left_out(tmp_path):

@@ -18,12 +18,12 @@ from rcdn.calibration.candidates import GRID, frame_grid
 from rcdn.calibration.difference import difference
 from rcdn.calibration.guidance import Guide
 from rcdn.calibration.guidance.progress import reach_of
-from rcdn.calibration.uncertainty import projection_deviation
 from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation, unproject
 from rcdn.types import SQUARES, Array, Board, Calibration, Camera
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_pose, see
 from rcdn_lab.real_boards import uneven_board
+from rcdn_lab.repeatability import projection_deviation
 
 LENSES = {
     "pinhole": CAMERAS["brown"],

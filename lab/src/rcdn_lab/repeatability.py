@@ -18,9 +18,10 @@ import numpy as np
 from rcdn.calibration import calibrate
 from rcdn.calibration.difference import difference
 from rcdn.calibration.sight import cell_centres
-from rcdn.calibration.uncertainty import projection_deviation
+from rcdn.calibration.uncertainty import unrotated_jacobian
 from rcdn.errors import CalibrationError, RcdnError
-from rcdn.types import Array, Board, Camera
+from rcdn.types import Array, Board, Calibration, Camera
+from rcdn.types.arrays import Real
 
 SPLITS, FEWEST = 8, 10
 """random splits of a set; least number of pictures of a set, for its halves to be large enough"""
@@ -88,6 +89,19 @@ def ours(boards: Sequence[Board], names: Sequence[str], points: Array, model: st
     except CalibrationError as error:
         return Half(None, failure=str(error))
     return Half(done.camera, done.std[:CORE], projection_deviation(done, points))
+
+
+def projection_deviation(calibration: Calibration, pixels: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
+    """Covariance (N, 2, 2), px², of the projections of the directions that the camera sees at `pixels` (N, 2), up to a
+    rotation of all of them.
+
+    The effect of a rotation of the camera on all pixels is no error: its least-squares estimate over `pixels` is
+    removed. The result is comparable with the difference of two calibrations after the best rotation. NaN where the
+    lens model has no ray.
+    """
+    J, _ = unrotated_jacobian(calibration.camera, pixels)
+    many = J.shape[2]
+    return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
 
 
 def opencv(boards: Sequence[Board], names: Sequence[str], points: Array, model: str) -> Half:

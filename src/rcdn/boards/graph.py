@@ -38,9 +38,6 @@ FEW, WIDE = 30_000, 0.2
 index"""
 GONE = -1e6
 """coordinate assigned to peaks that turn out to be duplicates of other corners"""
-SLOTS = ((0, 1), (1, 1), (0, -1), (1, -1))
-"""(axis, sign) of the four links of a corner, by rising angle"""
-
 UNEVEN = 2.5
 """ratio of a cell's opposite sides from which on it is no cell"""
 
@@ -145,7 +142,8 @@ def _apart(xy: Array, known: Real[Array, "n 2"]) -> Bool[Array, " k"]:
 
 
 def links(field: Field) -> Int[Array, "n 4"]:
-    """Mutual links (N, 4): the neighbour in each slot (SLOTS), −1 for none.
+    """Mutual links (N, 4): the neighbour along the first axis, along the second, against the first and against the
+    second, that is, by rising angle; −1 for none.
 
     A link lies along an axis at both of its ends, its ends have opposite polarity (SPEC: the neighbours of an X-corner
     are its negatives), and the edge between them is visible over its whole length. Each slot takes its shortest link;

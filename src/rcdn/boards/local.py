@@ -63,13 +63,8 @@ class Grid:
         rows = windows(self.labels, spots, reach)
         return np.where(rows >= 0, self.corners[rows], -1) if self.at else rows
 
-    def predict(self, spot: Label) -> Prediction | None:
-        """Predicted corner of `spot`; None if its neighbours do not span the plane."""
-        guess = self.predictions([spot])
-        return Prediction(guess.xy[0], guess.du[0], guess.dv[0], int(guess.support[0])) if guess.support[0] else None
-
     def predictions(self, spots: Labels) -> Predictions:
-        """`predict` for many spots (K); where their neighbours do not span the plane, `support` is 0 and the rest is
+        """Predicted corners of spots (K); where their neighbours do not span the plane, `support` is 0 and the rest is
         NaN.
 
         Weighted least squares over the neighbours up to two squares away, or up to three if there are fewer than six:
@@ -187,19 +182,6 @@ class Predictions(NamedTuple):
     def dv(self) -> Real[Array, "k 2"]:
         """Steps (K, 2) px along v."""
         return self.maps[:, 4:]
-
-
-class Prediction:
-    """A predicted corner: `xy` (2,) px, the steps `du`, `dv` (2,) px to its neighbours, and the number of corners
-    used."""
-
-    def __init__(self, xy: Array, du: Array, dv: Array, count: int) -> None:
-        self.xy, self.du, self.dv, self.count = xy, du, dv, count
-
-    @property
-    def pitch(self) -> float:
-        """Length of the shorter step, px."""
-        return float(min(np.linalg.norm(self.du, axis=0), np.linalg.norm(self.dv, axis=0)))
 
 
 def parts(spots: Iterable[Label], steps: Iterable[Label]) -> list[set[Label]]:

@@ -34,7 +34,6 @@ QUADRANTS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 """Diagonals of a 3 × 3 matrix, clockwise on the screen."""
 CELL = 4
 """corners of the smallest board"""
-"""corners of the smallest board"""
 Labels = dict[Label, int]
 
 

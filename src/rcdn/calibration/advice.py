@@ -18,11 +18,6 @@ def judged(calibration: Calibration) -> Calibration:
     return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))
 
 
-def advise(calibration: Calibration) -> tuple[str, ...]:
-    """The advice of `judged`."""
-    return judged(calibration).advice
-
-
 def notes(calibration: Calibration) -> tuple[str, ...]:
     """Sentences on the board's size, symmetry and codes; () if there is nothing to note."""
     return tuple(text for note in (_sizes, _symmetric, _targets, _unread) if (text := note(calibration)))

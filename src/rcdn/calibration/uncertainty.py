@@ -192,19 +192,6 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
     return out
 
 
-def projection_deviation(calibration: Calibration, pixels: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
-    """Covariance (N, 2, 2), px², of the projections of the directions that the camera sees at `pixels` (N, 2), up to a
-    rotation of all of them.
-
-    The effect of a rotation of the camera on all pixels is no error: its least-squares estimate over `pixels` is
-    removed. The result is comparable with the difference of two calibrations after the best rotation. NaN where the
-    lens model has no ray.
-    """
-    J, _ = unrotated_jacobian(calibration.camera, pixels)
-    many = J.shape[2]
-    return np.asarray(np.einsum("nia,ab,njb->nij", J, calibration.cov[:many, :many], J, optimize=True))
-
-
 def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
     """Derivatives (N, 2, P) with respect to the camera's parameters of the projections of the directions that it sees
     at `pixels` (N, 2), without the part that a rotation of all directions compensates; NaN where it has no ray; and

@@ -45,9 +45,14 @@ def axes(grey: Array, xy: Real[Array, "n 2"], radius: Array, careful: Bool[Array
     `radius` (N,) px, or one number, about a third of the pitch: rings at 0.8, 1 and 1.2 times that should stay within
     the adjacent squares. On a ring an X-corner has s(φ + π) = s(φ) and two levels. Opposite directions are averaged,
     which cancels a small error of `xy`; the pair of directions with the largest variance between its two sectors is the
-    initial guess of a fit that models blur (`blurred_axes`). Asymmetry lowers `fit`, so that edges and L- and
-    T-junctions score low. Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get
-    that fit (None: all); the others keep the initial guess, which is accurate to a few degrees.
+    initial guess of a fit that models blur. Asymmetry lowers `fit`, so that edges and L- and T-junctions score low.
+    Outside the image the border pixels are repeated. `careful` (N,) bool: corners whose axes get that fit (None: all);
+    the others keep the initial guess, which is accurate to a few degrees.
+
+    The fit is a damped Gauss–Newton on m + c erf(d₁/s) erf(d₂/s), d the distances to the two edges: two blurred
+    straight edges that cross. Blur makes the narrow sectors of a tilted corner appear wider than they are, which only a
+    model of the blur corrects. m and c are eliminated (variable projection); a weak prior on the blur s decides where
+    noise hides it. Where the residual grows or the fit diverges, the initial guess is kept.
     """
     xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
     count = len(xy)

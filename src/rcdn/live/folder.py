@@ -159,12 +159,9 @@ class Folder:
             raise RcdnError(f"{shown(name)} is no picture of this session")
         return self.path / self._places[camera][0] / name
 
-    def add(self, grey: Array, board: Board) -> str:
-        """Store a picture (H, W) uint8 and its board; returns its name. Both are on the disk when this returns."""
-        return self.add_moment((grey,), (board,))
-
     def add_moment(self, greys: Sequence[Array], boards: Sequence[Board | None]) -> str:
-        """Store the pictures (H, W) uint8 of one moment and their boards, None where it isn't used; as `add`."""
+        """Store the pictures (H, W) uint8 of one moment and their boards, None where it isn't used; returns its name.
+        All are on the disk when this returns."""
         every = [p for places in self._places for p in (self.path / places[0]).glob("*.png")]
         taken = [int(m[1]) for p in every if (m := NAME.fullmatch(p.name))]
         if len(self.names()) >= MOST or max(taken, default=0) >= 9999:
@@ -176,13 +173,6 @@ class Folder:
             found = _result(f"{self._places[camera][0]}/{name}", (grey.shape[1], grey.shape[0]), board)
             write_detections(self._detections(name, camera), [found])
         return name
-
-    def board(self, name: str) -> Board:
-        """The stored board of a picture. Raises RcdnError if the file can't be read or contains no board."""
-        board = self.moment(name)[0]
-        if board is None:
-            raise FormatError(f"{self._detections(name)}: holds no board; remove it")
-        return board
 
     def moment(self, name: str) -> tuple[Board | None, ...]:
         """The stored board of each camera's picture, None where it isn't used. Raises RcdnError if a file can't be read

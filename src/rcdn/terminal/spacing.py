@@ -121,14 +121,6 @@ def sizes_of(boards: Sequence[Board], plain: tuple[int, int] | None = None) -> d
     return sizes if plain is None else {**sizes, "checker": plain}
 
 
-Spacing = Annotated[
-    Length,
-    typer.Option(
-        parser=parse_length,
-        metavar="LENGTH",
-        help="Side of one square (or triangle), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025.",
-    ),
-]
 SpacingOrFile = Annotated[
     Length | None,
     typer.Option(

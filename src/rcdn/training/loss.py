@@ -14,8 +14,6 @@ from torch import Tensor
 EPS = 1e-6
 KNEE = 0.05
 """response below which (for negatives: above 1 − KNEE) the form `safe` continues as a straight line"""
-DEAD = 13.8155
-"""−ln 1e-6: value of Eq. 1 if no corner has any response, that is, if the network is dead"""
 
 
 class Targets(NamedTuple):

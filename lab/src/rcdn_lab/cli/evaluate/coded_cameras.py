@@ -8,11 +8,19 @@ from typing import Annotated
 import typer
 
 from rcdn.terminal import console
-from rcdn.terminal.spacing import Spacing
+from rcdn.terminal.spacing import Length, parse_length
 from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
 
 LIMIT = 0.7
 """the goal, × OpenCV's held-out RMS"""
+Spacing = Annotated[
+    Length,
+    typer.Option(
+        parser=parse_length,
+        metavar="LENGTH",
+        help="Side of one square (or triangle), with its unit: 25mm, 2.5cm, 1in. A number alone is in metres: 0.025.",
+    ),
+]
 
 
 def coded_cameras(
