@@ -8,14 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 
-import numpy as np
-
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.labels import Labelled
 from rcdn.calibration.pose import estimate_pose
-from rcdn.calibration.usable import sigma_of
+from rcdn.calibration.usable import board_view
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Board, BoardView, Calibration, Pose
+from rcdn.types import Array, Board, BoardView, Calibration, Pose
 
 REASON = "left out by hand"
 
@@ -115,7 +113,8 @@ def _own_name(name: str) -> str:
 
 
 def _view(board: Board, name: str, label: Labelled, done: Calibration) -> BoardView:
-    pose, residuals = None, np.full((len(board), 2), np.nan)
+    pose: Pose | None = None
+    residuals: Array | None = None
     if label.target is None:
         label = replace(label, ij=board.ij - (board.ij.min(axis=0) if len(board) else 0), settled=False)
     placed = replace(board, ij=label.ij, target=label.target, ids=None if label.target is None else board.ids)
@@ -126,19 +125,5 @@ def _view(board: Board, name: str, label: Labelled, done: Calibration) -> BoardV
             pose, residuals = Pose(found.T_cam_board), found.residuals
         except CalibrationError:
             pass
-    return BoardView(
-        name=name,
-        board=0,
-        ij=label.ij,
-        xy=board.xy,
-        sigma=sigma_of(board),
-        pose=pose,
-        residuals=residuals,
-        used=np.zeros(len(board), bool),
-        reason=REASON,
-        settled=label.settled,
-        target=label.target,
-        ids=placed.ids,
-        plane=placed.plane,
-        spacing=side,
-    )
+    label = replace(label, plane=placed.plane, spacing=side)
+    return board_view(board, label, name, pose=pose, residuals=residuals, reason=REASON)

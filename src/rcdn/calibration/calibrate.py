@@ -18,7 +18,7 @@ from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance, with_held
-from rcdn.calibration.usable import FEWEST_VIEWS, Usable, one_size, sigma_of, too_few, usable, with_poses
+from rcdn.calibration.usable import FEWEST_VIEWS, Usable, board_view, one_size, too_few, usable, with_poses
 from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import (
@@ -287,25 +287,12 @@ def _views(
     views = []
     for k, (board, label, name) in enumerate(zip(boards, labels, names, strict=True)):
         f = number.get(k)
-        mine = task.corners.frame == f if f is not None else np.zeros(0, bool)
-        views.append(
-            BoardView(
-                name=name,
-                board=turn[name],
-                ij=label.ij,
-                xy=board.xy,
-                sigma=sigma_of(board),
-                pose=None if f is None else Pose(fit.state.poses[f]),
-                residuals=np.full((len(board), 2), np.nan) if f is None else fit.residuals[mine],
-                used=np.zeros(len(board), bool) if f is None else fit.used[mine],
-                reason=task.reasons[k] if f is None else fit.reasons[f],
-                settled=label.settled,
-                target=label.target,
-                ids=None if label.target is None else board.ids,
-                plane=label.plane,
-                spacing=label.spacing,
-            )
-        )
+        if f is None:
+            view = board_view(board, label, name, turn[name], reason=task.reasons[k])
+        else:
+            mine, pose = task.corners.frame == f, Pose(fit.state.poses[f])
+            view = board_view(board, label, name, turn[name], pose, fit.residuals[mine], fit.used[mine], fit.reasons[f])
+        views.append(view)
         turn[name] += 1
     return tuple(views)
 

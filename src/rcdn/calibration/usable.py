@@ -15,7 +15,7 @@ from rcdn.calibration.labels import Labelled, in_line, mirrored
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
 from rcdn.errors import CalibrationError, many
-from rcdn.types import Array, Board
+from rcdn.types import Array, Board, BoardView, Pose
 from rcdn.types.arrays import Real
 
 FEWEST_CORNERS, FEWEST_VIEWS = 6, 3
@@ -143,6 +143,36 @@ def too_few(views: int, reasons: dict[int, str]) -> str:
 def sigma_of(board: Board) -> Real[Array, " m"]:
     """(M,) px; NaN where unknown."""
     return np.full(len(board), np.nan) if board.sigma is None else np.clip(board.sigma, 0, LOOSEST)
+
+
+def board_view(
+    board: Board,
+    label: Labelled,
+    name: str,
+    number: int = 0,
+    pose: Pose | None = None,
+    residuals: Array | None = None,
+    used: Array | None = None,
+    reason: str = "",
+) -> BoardView:
+    """A `board` with its `label`, number `number` of the picture `name`, as a calibration used it; `residuals` (M, 2)
+    px, None for NaN; `used` (M,) bool, None for no corner; `reason` why it was left out."""
+    return BoardView(
+        name=name,
+        board=number,
+        ij=label.ij,
+        xy=board.xy,
+        sigma=sigma_of(board),
+        pose=pose,
+        residuals=np.full((len(board), 2), np.nan) if residuals is None else residuals,
+        used=np.zeros(len(board), bool) if used is None else used,
+        reason=reason,
+        settled=label.settled,
+        target=label.target,
+        ids=None if label.target is None else board.ids,
+        plane=label.plane,
+        spacing=label.spacing,
+    )
 
 
 def with_poses(task: Usable, T: Array, fewest: int = FEWEST_VIEWS) -> tuple[Usable, Array]:

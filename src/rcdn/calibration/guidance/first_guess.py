@@ -18,8 +18,8 @@ from rcdn.calibration.labels import Labelled, Size, in_line
 from rcdn.calibration.solver import Normal, solve
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import Clustered, covariance
-from rcdn.calibration.usable import FEWEST_CORNERS, sigma_of
-from rcdn.types import Array, Board, BoardView, Calibration, Camera, CameraModel, ModelScore, Pose
+from rcdn.calibration.usable import FEWEST_CORNERS, board_view, sigma_of
+from rcdn.types import Array, Board, Calibration, Camera, CameraModel, ModelScore, Pose
 
 MODELS: tuple[tuple[CameraModel, int], ...] = (("brown", 5), ("fisheye", 4))
 """lens models and the number of their coefficients: a normal lens, and a wide-angle one"""
@@ -56,7 +56,14 @@ def first_guess(
     cov = covariance(arrow, frames, 1.0, by_noise) if seen else _without_views(arrow.covariance)
     gaps = residuals(best.state, best.corners)
     views = tuple(
-        _view(boards[k], names[k], label, best.state.poses[f], gaps[best.corners.frame == f])
+        board_view(
+            boards[k],
+            label,
+            names[k],
+            pose=Pose(best.state.poses[f]),
+            residuals=gaps[best.corners.frame == f],
+            used=np.ones(len(boards[k]), bool),
+        )
         for f, (k, label) in enumerate(zip(kept, labels, strict=True))
     )
     camera = best.state.cameras[0]
@@ -137,21 +144,3 @@ def _without_views(covariance: Array) -> Array:
     out = np.zeros((len(covariance) + 6, len(covariance) + 6))
     out[:-6, :-6] = covariance
     return out
-
-
-def _view(board: Board, name: str, label: Labelled, T: Array, gaps: Array) -> BoardView:
-    return BoardView(
-        name=name,
-        board=0,
-        ij=label.ij,
-        xy=board.xy,
-        sigma=sigma_of(board),
-        pose=Pose(T),
-        residuals=gaps,
-        used=np.ones(len(board), bool),
-        settled=label.settled,
-        target=label.target,
-        ids=None if label.target is None else board.ids,
-        plane=label.plane,
-        spacing=label.spacing,
-    )
