@@ -3,7 +3,7 @@ calibrate`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 CAMERAS = ("camera.yaml", "camera_info.yaml", "camera.json")
 """the formats of OpenCV, ROS and rcdn"""
+PAIR = ("cameras.yaml", "camera_info.yaml", "cameras.json")
+"""the formats of OpenCV, ROS (two files) and rcdn for two cameras"""
 CALIBRATION, REPORT = "calibration.json", "report.html"
 
 
@@ -30,29 +32,20 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
     from rcdn.calibration import calibrate
     from rcdn.calibration.next_view import advised
     from rcdn.calibration.observability import unsettled
-    from rcdn.io import write_calibration
+    from rcdn.io import write_camera
     from rcdn.live.folder import PICTURES
-    from rcdn.live.session import Written
     from rcdn.report.calibration import write_report
-    from rcdn.terminal.camera_text import advice_lines, verdict_line
 
-    if settings.spacing is None:
-        raise CalibrationError("the side of a square isn't known")
     paths = [str(folder / PICTURES / name) for name in names]
-    done = advised(calibrate(boards, settings.spacing, names=paths, model=settings.model, size=settings.size))
-    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice)]
-    files: list[Path] = []
-    if unsettled(done):
-        lines.append("The camera is not written: these pictures don't settle it.")
-    else:
-        files += _cameras(folder, done, lines)
-    write_report(folder / REPORT, done, Pictures(paths))
-    write_calibration(folder / CALIBRATION, done)
-    return Written((*files, folder / CALIBRATION, folder / REPORT), done.verdict.level, tuple(lines))
+    done = advised(calibrate(boards, _spacing(settings), names=paths, model=settings.model, size=settings.size))
 
+    def write(path: Path) -> Sequence[Path]:
+        write_camera(path, done.camera)
+        return [path]
 
-PAIR = ("cameras.yaml", "camera_info.yaml", "cameras.json")
-"""the formats of OpenCV, ROS (two files) and rcdn for two cameras"""
+    doubt = "The camera is not written: these pictures don't settle it." if unsettled(done) else ""
+    report = lambda path: write_report(path, done, Pictures(paths))  # noqa: E731
+    return _write(folder, done, CAMERAS, write, report, doubt)
 
 
 def write_pair_files(folder: Path, names: Sequence[str], moments: Sequence[Moment], settings: Settings) -> Written:
@@ -62,54 +55,49 @@ def write_pair_files(folder: Path, names: Sequence[str], moments: Sequence[Momen
     from rcdn.calibration import calibrate_stereo
     from rcdn.calibration.guidance.pair_estimate import by_camera
     from rcdn.calibration.observability import unsettled
-    from rcdn.io import write_calibration
+    from rcdn.io import write_stereo
     from rcdn.live.folder import SIDES
-    from rcdn.live.session import Written
     from rcdn.report.calibration import write_stereo_report
-    from rcdn.terminal.camera_text import advice_lines, verdict_line
 
-    if settings.spacing is None:
-        raise CalibrationError("the side of a square isn't known")
+    spacing = _spacing(settings)
     (left, right), named, pairs = by_camera(moments, names)
     paths = tuple([str(folder / side / n) for n in of] for side, of in zip(SIDES, named, strict=True))
     done = calibrate_stereo(
-        left, right, settings.spacing, pairs=pairs, names=(paths[0], paths[1]), model=settings.model, size=settings.size
+        left, right, spacing, pairs=pairs, names=(paths[0], paths[1]), model=settings.model, size=settings.size
     )
-    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice)]
+    open_ = any(unsettled(side) for side in (done.left, done.right))
+    doubt = "The cameras are not written: these pictures don't settle them." if open_ else ""
+    report = lambda path: write_stereo_report(path, done, Pictures(paths[0]), Pictures(paths[1]))  # noqa: E731
+    return _write(folder, done, PAIR, lambda path: write_stereo(path, done), report, doubt)
+
+
+def _spacing(settings: Settings) -> float:
+    if settings.spacing is None:
+        raise CalibrationError("the side of a square isn't known")
+    return settings.spacing
+
+
+def _write(
+    folder: Path,
+    done: Calibration | StereoCalibration,
+    formats: Sequence[str],
+    write: Callable[[Path], Sequence[Path]],
+    report: Callable[[Path], object],
+    doubt: str,
+) -> Written:
+    """Write the calibration `done`, its `report`, and, unless there is a `doubt`, its cameras in all `formats` that can
+    hold them; a line tells each of the others."""
+    from rcdn.io import write_calibration
+    from rcdn.live.session import Written
+    from rcdn.terminal.camera_text import advice_lines, verdict_line
+
+    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice), *([doubt] if doubt else [])]
     files: list[Path] = []
-    if any(unsettled(side) for side in (done.left, done.right)):
-        lines.append("The cameras are not written: these pictures don't settle them.")
-    else:
-        files += _pair(folder, done, lines)
-    write_stereo_report(folder / REPORT, done, Pictures(paths[0]), Pictures(paths[1]))
+    for name in () if doubt else formats:
+        try:
+            files += write(folder / name)
+        except FormatError as error:
+            lines.append(f"{name} is not written: {error}")
+    report(folder / REPORT)
     write_calibration(folder / CALIBRATION, done)
-    level = "unsure" if done.verdict is None else done.verdict.level
-    return Written((*files, folder / CALIBRATION, folder / REPORT), level, tuple(lines))
-
-
-def _pair(folder: Path, done: StereoCalibration, lines: list[str]) -> list[Path]:
-    """As `_cameras`, for two."""
-    from rcdn.io import write_stereo
-
-    written: list[Path] = []
-    for name in PAIR:
-        try:
-            written += write_stereo(folder / name, done)
-        except FormatError as error:
-            lines.append(f"{name} is not written: {error}")
-    return written
-
-
-def _cameras(folder: Path, done: Calibration, lines: list[str]) -> list[Path]:
-    """Write the camera in all formats that can hold it; a line for each of the others is added to `lines`."""
-    from rcdn.io import write_camera
-
-    written = []
-    for name in CAMERAS:
-        try:
-            write_camera(folder / name, done.camera)
-        except FormatError as error:
-            lines.append(f"{name} is not written: {error}")
-        else:
-            written.append(folder / name)
-    return written
+    return Written((*files, folder / CALIBRATION, folder / REPORT), done.verdict.level, tuple(lines))
