@@ -3,22 +3,21 @@ see it."""
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import typer
 
 from rcdn.batch.behind import make_two_sided, two_sided
 from rcdn.batch.cache import Cache
 from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.batch.pose_outputs import tell_poses
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError
 from rcdn.terminal import console
-from rcdn.terminal.group import FAILED, one_line, print_error
-from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, side, sizes_of
+from rcdn.terminal.group import one_line
+from rcdn.terminal.spacing import Length, Lengths, check_spacing, side, sizes_of
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered
@@ -59,31 +58,19 @@ def rig_poses(
     JSON."""
     from rcdn.calibration import estimate_rig_pose
     from rcdn.calibration.coded import kind_of
-    from rcdn.io import read_rig, write_text
+    from rcdn.io import read_rig
 
     rig = read_rig(path)
     cameras = _named(rig, cameras_in(inputs), path)
     found = {name: settings.gather(each) for name, each in cameras.items()}
     check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
-    failed, records = any(got.failures for got in found.values()), []
-    for moment, boards in _moments(found, settings.size).items():
-        try:
-            done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
-        except RcdnError as error:
-            print_error(f"{moment}: {error}")
-            failed = True
-            continue
-        console.print_line(_line(moment, done))
-        records.append(_record(moment, done))
-    if not records:
-        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
-    if json is not None:
-        lines = ",\n".join(json_module.dumps(r) for r in records)
-        write_text(
-            json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "rig_poses": [\n{lines}\n]}}\n'
-        )
-    if failed or not records:
-        raise typer.Exit(FAILED)
+
+    def solved(moment: str, boards: Mapping[str, Board]) -> tuple[str, dict[str, Any]]:
+        done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
+        return _line(moment, done), _record(moment, done)
+
+    wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, settings.size).items())
+    tell_poses(wanted, "rig_poses", length, json, any(got.failures for got in found.values()))
 
 
 def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, list[str]]:

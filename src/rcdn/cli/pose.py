@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import json as json_module
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rcdn.batch.cache import open_cache
 from rcdn.batch.paths import check_file
+from rcdn.batch.pose_outputs import tell_poses
 from rcdn.config import DetectorConfig
-from rcdn.errors import ConfigError, RcdnError, present
+from rcdn.errors import ConfigError, present
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
-from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
-from rcdn.terminal.spacing import SpacingOrFile, check_spacing, metres, side, sizes_of
+from rcdn.terminal.spacing import SpacingOrFile, check_spacing, side, sizes_of
 from rcdn.terminal.target import DEFAULT, Target
+
+if TYPE_CHECKING:
+    from rcdn.types import Board
 
 
 def pose(
@@ -80,7 +83,6 @@ def pose(
     from rcdn.batch.inputs import gather
     from rcdn.calibration import estimate_pose
     from rcdn.calibration.coded import kind_of
-    from rcdn.io import write_text
     from rcdn.terminal import camera_text
 
     console.begin(quiet, [json])
@@ -105,29 +107,20 @@ def pose(
     lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
-    records: list[dict[str, Any]] = []
-    failed = bool(got.failures)
-    for image in got.images:
-        for k, found in enumerate(image.boards):
-            if size is not None and (not found.complete or sorted(found.size) != sorted(size)):
-                continue
-            try:
-                if found.image_size != tuple(lens.image_size):
-                    raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
-                done = estimate_pose(found, lens, side(length, kind_of(found)))
-            except RcdnError as error:
-                print_error(f"{image.path}: {error}")
-                failed = True
-                continue
-            console.print_line(camera_text.pose_line(image.path, done))
-            records.append(_record(image.path, k, found, done))
-    if not records:
-        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
-    if json is not None:
-        lines = ",\n".join(json_module.dumps(r) for r in records)
-        write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "poses": [\n{lines}\n]}}\n')
-    if failed or not records:
-        raise typer.Exit(FAILED)
+
+    def solved(path: str, number: int, found: Board) -> tuple[str, dict[str, Any]]:
+        if found.image_size != tuple(lens.image_size):
+            raise ConfigError(f"the picture has {found.image_size} px, the camera {tuple(lens.image_size)}")
+        done = estimate_pose(found, lens, side(length, kind_of(found)))
+        return camera_text.pose_line(path, done), _record(path, number, found, done)
+
+    wanted = (
+        (image.path, partial(solved, image.path, k, found))
+        for image in got.images
+        for k, found in enumerate(image.boards)
+        if size is None or (found.complete and sorted(found.size) == sorted(size))
+    )
+    tell_poses(wanted, "poses", length, json, bool(got.failures))
 
 
 def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
