@@ -61,11 +61,8 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     for _ in range(ROUNDS):
         spots, guess = grid.beside()
         some = np.intersect1d(with_sense(guess), np.flatnonzero(_printed(board, spots)))
-        new = seen_crossings(grey, spots[some], guess.take(some), sign, typical, OFF) if len(some) else {}
-        if not new:
+        if not add_visible(grey, grid, spots[some], guess.take(some), sign, typical, OFF):
             break
-        grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
-        grid.xy = np.concatenate([grid.xy, list(new.values())])
     _drop_astray(grid)
     return with_corners(board, grid)
 
@@ -148,16 +145,20 @@ def _crossings(grey: Array, at: Array, guess: Predictions, sign: int) -> tuple[A
     return crossings(grey, guess.xy, guess.du, guess.dv, colour)
 
 
-def seen_crossings(
-    grey: Array, at: Real[Array, "k 2"], guess: Predictions, sign: int, typical: Array, most_off: float
-) -> dict[tuple[int, int], Array]:
-    """Positions (2,) px of the corners, by label, of those of `at` (K, 2) where both edges visibly cross, at most
-    `most_off` of a step from their predictions."""
+def add_visible(
+    grey: Array, grid: Grid, at: Real[Array, "k 2"], guess: Predictions, sign: int, typical: Array, most_off: float
+) -> bool:
+    """Add to `grid`, in place, the corners at those labels of `at` (K, 2) where both edges visibly cross, at most
+    `most_off` of a step from their predictions; whether there are any."""
+    if not len(at):
+        return False
     offset, strength = _crossings(grey, at, guess, sign)
     xy = guess.xy + offset[:, :1] * guess.du + offset[:, 1:] * guess.dv
     inside = ((xy >= 1) & (xy <= np.array(grey.shape[::-1]) - 2)).all(axis=1)
     fine = inside & (np.abs(offset).max(axis=1) <= most_off) & (strength >= SEEN * typical).all(axis=1)
-    return {(int(at[k, 0]), int(at[k, 1])): xy[k] for k in np.flatnonzero(fine)}
+    grid.at |= {(u, v): len(grid.xy) + k for k, (u, v) in enumerate(at[fine].tolist())}
+    grid.xy = np.concatenate([grid.xy, xy[fine]])
+    return bool(fine.any())
 
 
 def with_corners(board: Board, grid: Grid) -> Board:

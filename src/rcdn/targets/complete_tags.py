@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.boards.alternating import corner_and_gaps
 from rcdn.boards.local import Grid, Predictions
 from rcdn.geometry.division import division_of
-from rcdn.targets.complete import ROUNDS, seen_crossings, typical_strength, with_corners
+from rcdn.targets.complete import ROUNDS, add_visible, typical_strength, with_corners
 from rcdn.types import AprilGrid, Array, Board
 from rcdn.types.arrays import Int
 from rcdn.types.plane import plane_points
@@ -52,11 +52,8 @@ def completed_tags(grey: Array, board: Board, target: AprilGrid) -> Board:
         spots = _missing(grid, board, target)
         guess = print_.predictions(grid, spots)
         some = _sensible(guess)
-        new = seen_crossings(grey, spots[some], guess.take(some), sign, typical, OFF) if len(some) else {}
-        if not new:
+        if not add_visible(grey, grid, spots[some], guess.take(some), sign, typical, OFF):
             break
-        grid.at |= {at: len(grid.xy) + k for k, at in enumerate(new)}
-        grid.xy = np.concatenate([grid.xy, list(new.values())])
     return with_corners(board, grid)
 
 
