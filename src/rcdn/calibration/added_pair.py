@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.added_view import BATCH, Information, Prior, level_of, variances
+from rcdn.calibration.added_view import Information, Outlook, Prior, frame_rays, level_of
 from rcdn.calibration.bundle import motion_jacobian
-from rcdn.calibration.candidates import frame_grid, in_frame
-from rcdn.calibration.sight import out_of_sight
-from rcdn.geometry import cross_matrix, project, project_with_jacobian, unproject
+from rcdn.calibration.candidates import in_frame
+from rcdn.calibration.uncertainty import pixel_jacobians
+from rcdn.geometry import project, project_with_jacobian
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
 
@@ -71,15 +71,14 @@ def pair_projections(pair: PairCovariance, distance: float) -> Projections:
     a, b = pair.counts
     every = []
     for part, camera in enumerate((left, right)):
-        xy, rays = _seen(camera)
-        _, by_point, by_camera = project_with_jacobian(camera, rays)
-        turn = np.concatenate([-by_point @ cross_matrix(rays), 0 * by_point], axis=2)
+        xy, rays = frame_rays(camera)
+        _, by_camera, turn = pixel_jacobians(camera, rays, np.inf)
         shared = np.zeros((len(xy), 2, a + b + 6))
         if part == 0:
             shared[:, :, :a], motion = by_camera, turn
         else:
             shared[:, :, a : a + b], shared[:, :, a + b :] = by_camera, turn
-            motion = np.concatenate([turn[:, :, :3] @ T[:3, :3], 0 * by_point], axis=2)
+            motion = np.concatenate([turn[:, :, :3] @ T[:3, :3], turn[:, :, 3:]], axis=2)
         every.append(Projections(xy, shared, motion, np.full(len(xy), part), np.full(len(xy), np.inf)))
     every += [_between(pair, far) for far in (distance, np.inf)]
     return Projections(
@@ -87,19 +86,11 @@ def pair_projections(pair: PairCovariance, distance: float) -> Projections:
     )
 
 
-def _seen(camera: Camera) -> tuple[Array, Array]:
-    """Pixels (G, 2) over the visible part of the frame, and their unit rays (G, 3)."""
-    xy = frame_grid(camera.image_size)
-    xy = xy[~np.logical_or(*out_of_sight(camera, xy))]
-    rays = unproject(camera, xy)
-    return xy, rays / np.linalg.norm(rays, axis=1, keepdims=True)
-
-
 def _between(pair: PairCovariance, distance: float) -> Projections:
     """The projections from the left picture into the right one of points `distance` m away."""
     (left, right), (a, b) = pair.cameras, pair.counts
     R, t = pair.T[:3, :3], pair.T[:3, 3]
-    xy, rays = _seen(left)
+    xy, rays = frame_rays(left)
     there = rays @ R.T + t / distance  # in units of the distance, so that it may be infinite
     out = project(right, there)
     size = np.array(right.image_size) - 1
@@ -107,24 +98,20 @@ def _between(pair: PairCovariance, distance: float) -> Projections:
     xy, rays, there = xy[inside], rays[inside], there[inside]
     _, by_ray, by_left = project_with_jacobian(left, rays)
     ray_by_left = -np.linalg.pinv(by_ray) @ by_left  # the pixel is fixed: the lens moves the ray
-    _, by_point, by_right = project_with_jacobian(right, there)
+    by_point, by_right, by_motion = pixel_jacobians(right, there, distance)
     shared = np.zeros((len(xy), 2, a + b + 6))
     shared[:, :, :a] = by_point @ R @ ray_by_left
     shared[:, :, a : a + b] = by_right
-    shared[:, :, a + b :] = np.concatenate([-by_point @ cross_matrix(there), by_point / distance], axis=2)
+    shared[:, :, a + b :] = by_motion
     return Projections(xy, shared, np.zeros((len(xy), 2, 6)), np.full(len(xy), 2), np.full(len(xy), distance))
 
 
 @dataclass(frozen=True, eq=False)
-class PairForecast:
-    """Prediction of the uncertainties of the `projections` with one more pair of pictures; `before`, the present worst
-    one, px, and `level`, their mean of high power (`added_view.NORM`), px."""
+class PairForecast(Outlook):
+    """Prediction of the uncertainties of the `projections` of a `pair` of cameras with one more pair of pictures."""
 
     pair: PairCovariance
-    prior: Prior
     projections: Projections
-    before: float
-    level: float
 
     @classmethod
     def of(cls, pair: PairCovariance, distance: float) -> PairForecast:
@@ -132,22 +119,14 @@ class PairForecast:
         projections = pair_projections(pair, distance)
         now = projections.deviations(pair.cov)
         prior = Prior.split(pair.cov, len(pair.cov) - 6, pair.views)
-        return cls(pair, prior, projections, float(now.max()), float(level_of(now[None] ** 2)[0]))
+        before, level = float(now.max()), float(level_of(now[None] ** 2)[0])
+        return cls(prior, projections.by_shared, projections.by_motion, before, level, pair, projections)
 
     def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c 2 n"]) -> tuple[Array, Array]:
         """(C,) px, the worst uncertainty, and (C,) px, the mean: with each of C pairs of pictures of `points`
         (C, N, 3), m, coordinates of the left camera; `seen` (C, 2, N): number of corners that each stands for in each
         picture, 0 where it is not visible."""
-        every = []
-        for k in range(0, len(points), BATCH):
-            more = self._information(points[k : k + BATCH], seen[k : k + BATCH])
-            every.append(variances(self.prior, more, self.projections.by_shared, self.projections.by_motion))
-        found = np.concatenate(every)
-        return np.sqrt(found.max(axis=1)), level_of(found)
-
-    def gain(self, level: Real[Array, " c"]) -> Real[Array, " c"]:
-        """(C,) decrease of the logarithm of the mean to `level` (C,) px."""
-        return np.asarray(np.log(self.level / np.maximum(level, 1e-12)))
+        return self.with_each(len(points), lambda part: self._information(points[part], seen[part]))
 
     def _information(self, points: Array, seen: Array) -> Information:
         a, b = self.pair.counts

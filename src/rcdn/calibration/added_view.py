@@ -8,6 +8,7 @@ complement of its pose: Triggs et al., Bundle Adjustment, 2000, §6).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,8 @@ import numpy as np
 from rcdn.calibration.candidates import frame_grid
 from rcdn.calibration.influence import view_information
 from rcdn.calibration.sight import out_of_sight
-from rcdn.calibration.uncertainty import projection_uncertainty
-from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
+from rcdn.calibration.uncertainty import pixel_jacobians, projection_uncertainty
+from rcdn.geometry import unproject
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -43,8 +44,7 @@ class Information:
         """For views that see `points` (C, N, 3), m, camera coordinates, with `weight` (C, N), 1 / px; 0 where a point
         is not visible."""
         flat = points.reshape(-1, 3)
-        _, by_point, by_camera = project_with_jacobian(camera, flat)
-        by_motion = np.concatenate([-by_point @ cross_matrix(flat), by_point], axis=2)
+        _, by_camera, by_motion = pixel_jacobians(camera, flat)
         shape = (len(points), -1)
         scale = np.repeat(weight.reshape(-1), 2).reshape(*shape, 1)
         return cls.marginalised(*(np.nan_to_num(a.reshape(*shape, a.shape[2])) * scale for a in (by_camera, by_motion)))
@@ -130,18 +130,36 @@ def variances(
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
-    """Prediction of the projection uncertainty over the frame with one more view: `before`, the present worst one, px,
-    and `level`, their NORM-mean, px; the `camera` and its covariance, `prior`; `weight` of a corner, 1 / px;
-    derivatives of the projection at points over the frame, `by_camera` and `by_motion`."""
+class Outlook:
+    """Uncertainties of projections, now and with one more view: `before`, the present worst one, px, and `level`, their
+    NORM-mean, px; the covariance now, `prior`; derivatives of the G projections, `by_shared` (G, 2, P) and `by_motion`
+    (G, 2, 6)."""
 
-    camera: Camera
     prior: Prior
-    weight: float
-    by_camera: Array
+    by_shared: Array
     by_motion: Array
     before: float
     level: float
+
+    def with_each(self, count: int, information: Callable[[slice], Information]) -> tuple[Array, Array]:
+        """(C,) px, the worst uncertainty, and (C,) px, the NORM-mean: with each of `count` views, of which
+        `information` tells that of a part."""
+        parts = [information(slice(k, k + BATCH)) for k in range(0, count, BATCH)]
+        found = np.concatenate([variances(self.prior, more, self.by_shared, self.by_motion) for more in parts])
+        return np.sqrt(found.max(axis=1)), level_of(found)
+
+    def gain(self, level: Real[Array, " c"]) -> Real[Array, " c"]:
+        """(C,) decrease of the logarithm of the NORM-mean to `level` (C,) px."""
+        return np.asarray(np.log(self.level / np.maximum(level, 1e-12)))
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast(Outlook):
+    """Prediction of the projection uncertainty over the frame of `camera` with one more view; `weight` of a corner, 1 /
+    px."""
+
+    camera: Camera
+    weight: float
 
     @classmethod
     def of(cls, calibration: Calibration) -> Forecast | None:
@@ -153,22 +171,15 @@ class Forecast:
         weight = weight_of(calibration) * float(np.sqrt(share_known(calibration, prior)))
         now = projection_uncertainty(calibration, points)
         before, level = float(np.nanmax(now)), float(level_of(now[None] ** 2)[0])
-        return cls(calibration.camera, prior, weight, by_camera, by_motion, before, level)
+        return cls(prior, by_camera, by_motion, before, level, calibration.camera, weight)
 
     def after(self, points: Real[Array, "c n 3"], seen: Real[Array, "c n"]) -> tuple[Array, Array]:
         """(C,) px, the worst uncertainty, and (C,) px, the NORM-mean: with each of C views that see `points` (C, N, 3),
         m, camera coordinates; `seen` (C, N): number of corners that each point stands for, 0 where it is not visible.
         """
-        every = []
-        for k in range(0, len(points), BATCH):
-            more = Information.of(self.camera, points[k : k + BATCH], self.weight * np.sqrt(seen[k : k + BATCH]))
-            every.append(variances(self.prior, more, self.by_camera, self.by_motion))
-        found = np.concatenate(every)
-        return np.sqrt(found.max(axis=1)), level_of(found)
-
-    def gain(self, level: Real[Array, " c"]) -> Real[Array, " c"]:
-        """(C,) decrease of the logarithm of the NORM-mean to `level` (C,) px."""
-        return np.asarray(np.log(self.level / np.maximum(level, 1e-12)))
+        return self.with_each(
+            len(points), lambda part: Information.of(self.camera, points[part], self.weight * np.sqrt(seen[part]))
+        )
 
 
 def level_of(variances: Real[Array, "c g"]) -> Real[Array, " c"]:
@@ -177,14 +188,18 @@ def level_of(variances: Real[Array, "c g"]) -> Real[Array, " c"]:
     return np.asarray(np.sqrt(worst * np.nanmean((variances / worst[:, None]) ** NORM, axis=1) ** (1 / NORM)))
 
 
+def frame_rays(camera: Camera) -> tuple[Array, Array]:
+    """Pixels (G, 2) over the visible part of the frame, and their unit rays (G, 3)."""
+    points = frame_grid(camera.image_size)
+    points = points[~np.logical_or(*out_of_sight(camera, points))]
+    rays = unproject(camera, points)
+    return points, rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
 def judged_points(camera: Camera) -> tuple[Array, Array, Array]:
     """Points (G, 2) px over the visible part of the frame, with the derivatives of the projection of a distant point
     there with respect to the camera's parameters (G, 2, P) and to the boards' mean motion (G, 2, 6), as in
     `projection_uncertainty`."""
-    points = frame_grid(camera.image_size)
-    points = points[~np.logical_or(*out_of_sight(camera, points))]
-    rays = unproject(camera, points)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    _, by_point, by_camera = project_with_jacobian(camera, rays)
-    turn = -by_point @ cross_matrix(rays)
-    return points, by_camera, np.concatenate([turn, 0 * by_point], axis=2)
+    points, rays = frame_rays(camera)
+    _, by_camera, by_motion = pixel_jacobians(camera, rays, np.inf)
+    return points, by_camera, by_motion

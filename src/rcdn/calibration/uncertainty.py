@@ -182,14 +182,20 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
     rays = unproject(calibration.camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_jacobian(calibration.camera, rays[seen])
-    turn = -by_point @ cross_matrix(rays[seen])
-    shift = by_point / distance
-    jacobian = np.concatenate([by_camera, turn, shift], axis=2)
+    _, by_camera, by_motion = pixel_jacobians(calibration.camera, rays[seen], distance)
+    jacobian = np.concatenate([by_camera, by_motion], axis=2)
     variance = np.einsum("nia,ab,nib->n", jacobian, calibration.cov, jacobian, optimize=True) / 2
     out = np.full(len(pixels), np.nan)
     out[seen] = np.sqrt(variance)
     return out
+
+
+def pixel_jacobians(camera: Camera, points: Real[Array, "n 3"], distance: float = 1.0) -> tuple[Array, Array, Array]:
+    """Derivatives of the projections of `points` (N, 3), camera coordinates: with respect to the points (N, 2, 3), to
+    `camera.parameters` (N, 2, P), and to a small motion of what they belong to (N, 2, 6), rotation before shift;
+    `distance` m that one unit of the points stands for, infinite for directions."""
+    _, by_point, by_camera = project_with_jacobian(camera, points)
+    return by_point, by_camera, np.concatenate([-by_point @ cross_matrix(points), by_point / distance], axis=2)
 
 
 def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
@@ -200,8 +206,8 @@ def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Arra
     rays = unproject(camera, pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     seen = np.isfinite(rays).all(axis=1)
-    _, by_point, by_camera = project_with_jacobian(camera, rays[seen])
-    turn = (-by_point @ cross_matrix(rays[seen])).reshape(-1, 3)
+    _, by_camera, by_motion = pixel_jacobians(camera, rays[seen])
+    turn = by_motion[:, :, :3].reshape(-1, 3)
     flat = by_camera.reshape(len(turn), -1)
     flat = flat - turn @ np.linalg.lstsq(turn, flat, rcond=None)[0]
     out = np.full((len(pixels), *by_camera.shape[1:]), np.nan)
