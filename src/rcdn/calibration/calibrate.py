@@ -218,10 +218,7 @@ def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) 
         return False
     common = choose.Task(task.corners, fit.weight, task.picture)
     flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
-    errors = [
-        choose.rms(choose.held_out(state, common, default_free(state, shape=True)), fit.weight)
-        for state in (flat, fit.state)
-    ]
+    errors = [choose.held_out_rms(state, common, default_free(state, shape=True)) for state in (flat, fit.state)]
     return errors[0] * choose.SIMPLER < errors[1]
 
 
@@ -236,7 +233,7 @@ def _splined(
     cluster = alike(task.corners, state.cameras[0].image_size, pictures_of(task))
     found = robust.fit(state, fit.noise, task.corners, task.sigma, default_free(state, shape=True), cluster, spacing)
     common = choose.Task(task.corners, fit.weight, task.picture)
-    held = choose.rms(choose.held_out(found.state, common, default_free(state, shape=True)), fit.weight)
+    held = choose.held_out_rms(found.state, common, default_free(state, shape=True))
     if not requested and not held * choose.SIMPLER <= score.held_out:
         return None
     own = choose.rms(found.residuals, fit.weight)

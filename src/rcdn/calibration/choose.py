@@ -56,7 +56,7 @@ def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, li
     held = np.full(len(states), np.nan)
     for k in np.flatnonzero(reaches >= reaches.max() - LOST):
         if not (held <= SIMPLER * fits[k]).any():
-            held[k] = rms(held_out(states[k], task, free[k]), task.weight)
+            held[k] = held_out_rms(states[k], task, free[k])
     trials = [Trial(*each) for each in zip(states, fits, held.tolist(), strict=True)]
     if np.isnan(held).all():
         models = [s.cameras[0].model for s in states]
@@ -79,6 +79,11 @@ def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
         some, firm = task.corners.take(mine), task.weight[mine]
         held[mine] = residuals(solve(part, some, firm, default_free(part, lens=False), iterations=20).state, some)
     return held
+
+
+def held_out_rms(state: State, task: Task, free: Array) -> float:
+    """Error in held-out pictures, px: the `rms` of `held_out`."""
+    return rms(held_out(state, task, free), task.weight)
 
 
 def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:

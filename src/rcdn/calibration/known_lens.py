@@ -20,7 +20,7 @@ from rcdn.calibration.usable import Usable, usable, with_poses
 from rcdn.calibration.verdict import Check, sentences, verdict_of
 from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError
-from rcdn.types import Board, Calibration, Camera, ModelScore
+from rcdn.types import Array, Board, Calibration, Camera, ModelScore
 
 FEWEST_POSES = 1
 """fewest views: a camera with a known lens needs no more"""
@@ -59,7 +59,9 @@ def with_known_lens(
     if task.settled >= FEWEST_SHAPED and len(np.unique(task.picture)) >= ENOUGH:
         shaped = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
         curved = _fitted(task, shaped, flat.noise, whole.spacing)
-        fit = curved if _held_out(task, curved, curved) * choose.SIMPLER < _held_out(task, flat, curved) else flat
+        common = choose.Task(task.corners, curved.weight, task.picture)
+        errors = [choose.held_out_rms(f.state, common, _free(f.state)) for f in (curved, flat)]
+        fit = curved if errors[0] * choose.SIMPLER < errors[1] else flat
     score = ModelScore(camera.model, choose.rms(fit.residuals, fit.weight), float("nan"))
     return judged_known(result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES))
 
@@ -67,14 +69,12 @@ def with_known_lens(
 def _fitted(task: Usable, start: State, noise: float, spacing: float) -> robust.Fit:
     """Fit of the poses, and of the board's shape if the state has one."""
     cluster = alike(task.corners, start.cameras[0].image_size, pictures_of(task))
-    free = default_free(start, shape=True, lens=False)
-    return robust.fit(start, noise, task.corners, task.sigma, free, cluster, spacing)
+    return robust.fit(start, noise, task.corners, task.sigma, _free(start), cluster, spacing)
 
 
-def _held_out(task: Usable, fit: robust.Fit, on: robust.Fit) -> float:
-    """Error in held-out images, px, on the corners that the fit `on` uses."""
-    common = choose.Task(task.corners, on.weight, task.picture)
-    return choose.rms(choose.held_out(fit.state, common, default_free(fit.state, shape=True, lens=False)), on.weight)
+def _free(state: State) -> Array:
+    """Which shared parameters are unknown: the board's shape, if the state has one."""
+    return default_free(state, shape=True, lens=False)
 
 
 def _check_size(boards: Sequence[Board], camera: Camera) -> None:

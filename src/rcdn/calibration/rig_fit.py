@@ -73,5 +73,5 @@ def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
-    misses = [choose.rms(choose.held_out(f.state, task, free_of(f.state, joint)), task.weight) for f in (curved, flat)]
+    misses = [choose.held_out_rms(f.state, task, free_of(f.state, joint)) for f in (curved, flat)]
     return misses[0] < misses[1]
