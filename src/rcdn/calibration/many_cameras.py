@@ -17,6 +17,7 @@ from rcdn.calibration.calibrate import check_arguments, names_of, with_geometrie
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.fixed_boards import FixedBoards, in_sets, placed_boards
 from rcdn.calibration.joint_pairs import JointPairs
+from rcdn.calibration.joint_views import rms_of, solved_camera, solved_view
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
@@ -29,7 +30,7 @@ from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
 from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import NOT_JUDGED, Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
 
 PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
 ODD = "it disagrees with the other cameras on where the board is"
@@ -242,13 +243,12 @@ def _result(
     for local, c in enumerate(main):
         J = _to_camera(rig, local, lenses, len(cov))
         done[c] = _one(task, step, alone[c], local, c, shape, J @ cov @ J.T)
-    seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
     boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
     found = RigCalibration(
         rig=rig,
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
-        rms=float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean())),
+        rms=rms_of(fit),
         pairs=pairs_of(order, done, sights, _epipolar(task, step, names)),
         components=tuple(tuple(order[c] for c in part) for part in parts),
         links=links_of(order, done, parts, when),
@@ -324,17 +324,7 @@ def _one(
             views.append(replace(view, reason=ODD, used=gone) if (c, k) in odd else view)
             continue
         f = int(task.corners.frame[rows[0]])
-        views.append(
-            replace(
-                view,
-                ij=task.ij[rows],
-                pose=Pose(step.taken.get((c, k), fit.state.rig[local] @ task.pose(fit.state, c, k))),
-                residuals=fit.residuals[rows],
-                used=fit.used[rows],
-                reason=fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD),
-            )
-        )
-    return replace(
-        before, camera=fit.state.cameras[local], views=tuple(views), cov=cov, noise=fit.noise, shape=shape,
-        advice=(), verdict=NOT_JUDGED,
-    )  # fmt: skip
+        T = step.taken.get((c, k), fit.state.rig[local] @ task.pose(fit.state, c, k))
+        reason = fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD)
+        views.append(solved_view(view, task.ij, rows, T, fit, reason))
+    return solved_camera(before, local, views, fit, shape, cov)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.board_points import flat_points, has_shape, plane_of
+from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.fixed_boards import FixedBoards
-from rcdn.calibration.labels import turn_labels
+from rcdn.calibration.joint_views import JointViews
 from rcdn.calibration.rig import matrix
 from rcdn.calibration.rig_fit import Joint
 from rcdn.calibration.rig_start import Key, Turned
@@ -59,8 +59,7 @@ class RigTask:
         firsts: list[tuple[Key | None, int, int]] = [(key, -1, -1) for key in fits.boards]
         moments = [key[0] for key in fits.boards]
         parts = {board: 1 + k for k, board in enumerate(fixed.others)}
-        frame, camera, ij, flat, known, xy, sigma, part, rows, at = [], [], [], [], [], [], [], [], {}, 0
-        boards: dict[Key, int] = {}
+        views, boards = JointViews(alone[shaped]), dict[Key, int]()
         for local, c in enumerate(main):
             for k, view in enumerate(alone[c].views):
                 if view.reason or view.pose is None or (c, k) in odd:
@@ -73,33 +72,30 @@ class RigTask:
                     moments.append(when[c][k])
                 else:
                     f = boards[key] = frame_of[key[0], fixed.first_of(key[1])]
-                turn = fits.turns.get((c, k), 0)
-                labels = turn_labels(view.ij, alone[c].size or (1, 1), turn) if turn else view.ij
-                frame.append(np.full(len(view), f))
-                camera.append(np.full(len(view), local))
-                ij.append(labels)
-                flat.append(flat_points(alone[c], view, labels))
-                known.append(np.full(len(view), has_shape(alone[shaped], view)))
-                xy.append(view.xy)
-                sigma.append(np.nan_to_num(view.sigma))
-                part.append(np.full(len(view), 0 if key is None else parts.get(key[1], 0)))
-                rows[c, k] = np.arange(at, at + len(view))
-                at += len(view)
-        joint, board, settled = np.concatenate(ij), np.concatenate(flat), np.concatenate(known)
-        basis = np.zeros((len(joint), len(FUNCTIONS)))
-        if settled.any():
-            basis[settled] = shape_basis(joint[settled], alone[shaped].size or (1, 1), plane_of(alone[shaped]))
-        corners = Corners3(
-            np.concatenate(frame),
-            np.concatenate(camera),
-            board,
-            np.concatenate(xy),
-            basis,
-            np.concatenate(part) if parts else None,
+                part = 0 if key is None else parts.get(key[1], 0)
+                views.add(alone[c], (c, k), f, local, fits.turns.get((c, k), 0), part)
+        rows = views.joined()
+        basis = np.zeros((len(rows.ij), len(FUNCTIONS)))
+        if rows.shaped.any():
+            size = alone[shaped].size or (1, 1)
+            basis[rows.shaped] = shape_basis(rows.ij[rows.shaped], size, plane_of(alone[shaped]))
+        corners = Corners3(rows.frame, rows.camera, rows.flat, rows.xy, basis, rows.part if parts else None)
+        return cls(
+            cameras=main,
+            keys=keys,
+            poses=firsts,
+            corners=corners,
+            sigma=rows.sigma,
+            ij=rows.ij,
+            rows=views.rows,
+            cluster=np.unique(np.array(moments), return_inverse=True)[1],
+            turned=fits,
+            shape=shaped,
+            known=held,
+            sights=sights,
+            fixed=fixed,
+            boards=boards,
         )
-        cluster = np.unique(np.array(moments), return_inverse=True)[1]
-        sigmas = np.concatenate(sigma)
-        return cls(main, keys, firsts, corners, sigmas, joint, rows, cluster, fits, shaped, held, sights, fixed, boards)
 
     def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
         """Initial guess: boards and cameras at the poses of the graph."""

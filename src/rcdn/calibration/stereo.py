@@ -10,12 +10,12 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.epipolar import epipolar_gaps
-from rcdn.calibration.labels import Size, turn_labels
+from rcdn.calibration.joint_views import JointViews, rms_of, solved_camera, solved_view
+from rcdn.calibration.labels import Size
 from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, matrix, place
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import Arrow
@@ -24,7 +24,7 @@ from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.geometry import cross_matrix
-from rcdn.types import NOT_JUDGED, Array, Board, BoardShape, Calibration, Camera, Pose, StereoCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -183,33 +183,16 @@ def stereo_task(
     alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
     alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
     seen = [*pairs, *alone]
-    frame, camera, ij, flat, xy, sigma, known, rows, at = [], [], [], [], [], [], [], {}, 0
+    views = JointViews(first)
     for f, pair in enumerate(seen):
         for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
-            if k < 0:
-                continue
-            view = calibration.views[k]
-            turn = turned.get(k, 0) if c else 0
-            frame.append(np.full(len(view), f))
-            camera.append(np.full(len(view), c))
-            ij.append(turn_labels(view.ij, first.size or (1, 1), turn) if turn else view.ij)
-            flat.append(flat_points(calibration, view, ij[-1]))
-            xy.append(view.xy)
-            known.append(np.full(len(view), has_shape(first, view)))
-            sigma.append(np.nan_to_num(view.sigma))
-            rows[c, k] = np.arange(at, at + len(view))
-            at += len(view)
-    joint = np.concatenate(ij)
-    board, basis, settled = np.concatenate(flat), np.zeros((len(joint), 1)), np.concatenate(known)
-    board[settled], basis[settled] = on_shape(board[settled], joint[settled], first.shape)
-    corners = Corners3(
-        np.concatenate(frame),
-        np.concatenate(camera),
-        board,
-        np.concatenate(xy),
-        basis,
-    )
-    return StereoTask(seen, joint, corners, np.concatenate(sigma), rows, first.shape)
+            if k >= 0:
+                views.add(calibration, (c, k), f, c, turned.get(k, 0) if c else 0)
+    rows = views.joined()
+    board, basis, settled = rows.flat, np.zeros((len(rows.ij), 1)), rows.shaped
+    board[settled], basis[settled] = on_shape(board[settled], rows.ij[settled], first.shape)
+    corners = Corners3(rows.frame, rows.camera, board, rows.xy, basis)
+    return StereoTask(seen, rows.ij, corners, rows.sigma, views.rows, first.shape)
 
 
 def stereo_start(task: StereoTask, first: Calibration, second: Calibration, T: Array) -> State:
@@ -242,11 +225,9 @@ def _result(
     left, right = (_paired(task, odd, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = _rectify(left.camera, right.camera, T)
     places = slice(a + b, a + b + 6)
-    seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
-    rms = float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
-    return StereoCalibration(left, right, T, cov[places, places], rms, epipolar, *rectified, advice), cov
+    return StereoCalibration(left, right, T, cov[places, places], rms_of(fit), epipolar, *rectified, advice), cov
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
@@ -281,27 +262,8 @@ def _one(task: StereoTask, fit: robust.Fit, before: Calibration, camera: int, co
             continue
         f = int(task.corners.frame[rows[0]])
         T = fit.state.rig[camera] @ fit.state.poses[f]
-        views.append(
-            replace(
-                view,
-                ij=task.ij[rows],
-                pose=Pose(T),
-                residuals=fit.residuals[rows],
-                used=fit.used[rows],
-                reason=fit.reasons[f],
-            )
-        )
-    lens = fit.state.cameras[camera]
-    return replace(
-        before,
-        camera=lens,
-        views=tuple(views),
-        cov=cov,
-        noise=fit.noise,
-        shape=task.shape,
-        advice=(),
-        verdict=NOT_JUDGED,
-    )
+        views.append(solved_view(view, task.ij, rows, T, fit, fit.reasons[f]))
+    return solved_camera(before, camera, views, fit, task.shape, cov)
 
 
 def _paired(task: StereoTask, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:

@@ -1,0 +1,77 @@
+"""Views of several cameras in one least-squares problem: their corners as its arrays, and what a solution makes of
+them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rcdn.calibration.board_points import flat_points, has_shape
+from rcdn.calibration.labels import turn_labels
+from rcdn.calibration.robust import Fit
+from rcdn.types import NOT_JUDGED, Array, BoardShape, BoardView, Calibration, Pose
+
+
+class Rows(NamedTuple):
+    """A row for each of N corners: `frame` and `camera` (N,) numbers, labels `ij` (N, 2), places on the board `flat`
+    (N, 3) m, `xy` (N, 2) and `sigma` (N,) px; `shaped` (N,): whether the board's shape applies; `part` (N,) of a set of
+    boards."""
+
+    frame: Array
+    camera: Array
+    ij: Array
+    flat: Array
+    xy: Array
+    sigma: Array
+    shaped: Array
+    part: Array
+
+
+class JointViews:
+    """Views gathered one after another; `shaped`: the calibration whose board's shape may apply. `rows`: rows of the
+    corners by view."""
+
+    def __init__(self, shaped: Calibration) -> None:
+        self._shaped, self._parts, self._count = shaped, list[Rows](), 0
+        self.rows: dict[tuple[int, int], Array] = {}
+
+    def add(
+        self, of: Calibration, name: tuple[int, int], frame: int, camera: int, turn: int = 0, part: int = 0
+    ) -> None:
+        """Add the view `name` (its camera, its number in `of`), its labels turned by `turn` quarter turns."""
+        view = of.views[name[1]]
+        ij = turn_labels(view.ij, of.size or (1, 1), turn) if turn else view.ij
+        numbers = (np.full(len(view), k) for k in (frame, camera, has_shape(self._shaped, view), part))
+        frames, cameras, shaped, parts = numbers
+        sigma = np.nan_to_num(view.sigma)
+        self._parts.append(Rows(frames, cameras, ij, flat_points(of, view, ij), view.xy, sigma, shaped, parts))
+        self.rows[name] = np.arange(self._count, self._count + len(view))
+        self._count += len(view)
+
+    def joined(self) -> Rows:
+        """The rows of all views."""
+        return Rows(*map(np.concatenate, zip(*self._parts, strict=True)))
+
+
+def solved_view(view: BoardView, ij: Array, rows: Array, T: Array, fit: Fit, reason: str) -> BoardView:
+    """The `view`, with labels `ij` (N, 2) of all `rows`, at `T` (4, 4) after a fit; `reason` why it is left out."""
+    return replace(view, ij=ij[rows], pose=Pose(T), residuals=fit.residuals[rows], used=fit.used[rows], reason=reason)
+
+
+def solved_camera(
+    before: Calibration, camera: int, views: Sequence[BoardView], fit: Fit, shape: BoardShape | None, cov: Array
+) -> Calibration:
+    """The calibration of the fit's `camera`, not judged yet."""
+    return replace(
+        before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, shape=shape,
+        advice=(), verdict=NOT_JUDGED,
+    )  # fmt: skip
+
+
+def rms_of(fit: Fit) -> float:
+    """Root mean squared residual of the used corners, px."""
+    seen = fit.used & np.isfinite(fit.residuals).all(axis=1)
+    return float(np.sqrt((fit.residuals[seen] ** 2).sum(axis=1).mean()))
