@@ -52,7 +52,7 @@ class Hand:
             self._held = self._renderer.frame(self._here, coarse=bool(self._way))
         time.sleep(max(0.0, 1 / RATE - (time.monotonic() - begin)))
         self._still += not state["busy"]
-        return self._held, time.monotonic()
+        return (self._held,), time.monotonic()
 
     def close(self):
         pass

@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed
 
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.frames import MOST_BYTES
-from rcdn.live.messages import HEADER, PAIR, pair_of, preview_of
+from rcdn.live.messages import HEADER, PAIR, frame_of, preview_of
 from rcdn.live.session import Session
 
 JPEG = cv2.imencode(".jpg", np.zeros((480, 640), np.uint8))[1].tobytes()
@@ -95,7 +95,7 @@ def test_garbage_ends_the_connection_and_writes_nothing(client, session, sent):
 
 
 def test_pictures_of_a_pair_come_back_as_they_were_sent():
-    frame = pair_of(message(3, (1000.0, 1020.0), (JPEG, JPEG + b"2")))
+    frame = frame_of(message(3, (1000.0, 1020.0), (JPEG, JPEG + b"2")), 2)
     assert (frame.number, frame.times, frame.data) == (3, (1.0, 1.02), (JPEG, JPEG + b"2"))
     for parts in ([b"one"], [b"left", b"the right one"]):
         sent = preview_of(9, parts)

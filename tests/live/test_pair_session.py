@@ -40,7 +40,7 @@ class Desk(AnyDesk):
 
     def look(self, apart=0.0):
         self.time += 0.05
-        return self.session.see_pair(GREYS, (self.time, self.time + apart))
+        return self.session.see(GREYS, (self.time, self.time + apart))
 
 
 @pytest.fixture(autouse=True)
@@ -221,7 +221,7 @@ class Stamped:
         self.times = list(times)
 
     def read(self):
-        return (np.zeros((4, 4), np.uint8), self.times.pop(0)) if self.times else None
+        return ((np.zeros((4, 4), np.uint8),), self.times.pop(0)) if self.times else None
 
     def close(self):
         pass
@@ -241,7 +241,7 @@ def test_halves_of_one_picture():
 
     class One(Stamped):
         def read(self):
-            return picture, 1.5
+            return (picture,), 1.5
 
     (left, right), at = Halves(One()).read()
     assert (left.max(), right.min(), at) == (0, 1, 1.5)

@@ -27,7 +27,7 @@ class Desk(AnyDesk):
     def look(self, times=1):
         for _ in range(times):
             self.time += 0.05
-            seen = self.session.see(GREY, self.time)
+            seen = self.session.see((GREY,), (self.time,))
         return seen
 
 
@@ -133,19 +133,19 @@ def test_damaged_detections_are_told_and_left_out(tmp_path):
 
 def test_pictures_of_another_size_are_not_mixed(desk):
     desk.take(1)
-    seen = desk.session.see(np.zeros((720, 1280), np.uint8), 9.0)
+    seen = desk.session.see((np.zeros((720, 1280), np.uint8),), (9.0,))
     assert seen["refused"] == "The camera gives 1280 × 720 px now, the pictures so far have 640 × 480"
 
 
 def test_the_page_is_asked_for_the_side_of_a_square(tmp_path):
     folder = Folder(tmp_path / "camera")
     session = Session(folder, folder.agree(Settings()), stand_in.tools(lambda: None))
-    assert session.see(GREY, 0.0)["refused"] == "Say how long the side of a square is"
+    assert session.see((GREY,), (0.0,))["refused"] == "Say how long the side of a square is"
     for wrong in (0.0, -1.0, 5.0):
         with pytest.raises(RcdnError, match="side of a square must be"):
             session.begin(wrong)
     session.begin(0.025)
-    assert session.see(GREY, 0.1)["refused"] == "No board is seen."
+    assert session.see((GREY,), (0.1,))["refused"] == "No board is seen."
     session.close()
     assert folder.settings().spacing == 0.025
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rcdn.live.folder import Settings
     from rcdn.live.run import Place
     from rcdn.live.session import Tools
-    from rcdn.live.sources import PairSource, Source
+    from rcdn.live.sources import Source
 
 SquareSide = Annotated[
     Length | None,
@@ -147,7 +147,7 @@ def _place(folder: Path, host: str, port: int, tls: tuple[Path | None, Path | No
     return place
 
 
-def _source(cameras: list[str], stereo: bool) -> Source | PairSource | None:
+def _source(cameras: list[str], stereo: bool) -> Source | None:
     """The server's own camera or cameras; None to use the browser's."""
     from rcdn.live.sources import open_pair, open_source
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.guidance import Look, PairLook, PairProgress, Progress
+from rcdn.calibration.guidance import Look, PairProgress, Progress
 from rcdn.types import Array, Board
 
 DECIMALS = 1
@@ -35,9 +35,12 @@ def assessment_facts(board: Board | None, assessment: Look | None, refused: str)
     return record
 
 
-def pair_assessment_facts(boards: Sequence[Board | None], assessment: PairLook | None, refused: str) -> dict[str, Any]:
-    """The message about the frames of two cameras: that of each in `sides`, and what holds for both."""
-    sides = [None, None] if assessment is None else assessment.sides
+def moment_facts(boards: Sequence[Board | None], assessment: Any, refused: str) -> dict[str, Any]:
+    """The message about a frame of each camera, assessed by a `PairLook` or as by `guides.OneCamera`: of one camera
+    that of its frame; of two that of each in `sides`, and what holds for both."""
+    sides = [None] * len(boards) if assessment is None else assessment.sides
+    if len(boards) == 1:
+        return assessment_facts(boards[0], sides[0], refused)
     record = assessment_facts(None, None, refused)
     record["sides"] = [assessment_facts(b, s, "") for b, s in zip(boards, sides, strict=True)]
     if assessment is not None:

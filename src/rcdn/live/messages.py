@@ -7,7 +7,7 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 from rcdn.errors import RcdnError
 
@@ -26,20 +26,11 @@ Wish = Literal["begin", "take", "remove", "write", "shown"]
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame from the page: `number`, `time` of the page's clock, s, and a JPEG."""
+    """The frame of each camera from the page: `number`, `times` of the page's clock, s, and JPEGs."""
 
     number: int
-    time: float
-    data: bytes
-
-
-@dataclass(frozen=True)
-class PairFrame:
-    """The frames of two cameras from the page: `number`, `times` of the page's clock, s, and two JPEGs."""
-
-    number: int
-    times: tuple[float, float]
-    data: tuple[bytes, bytes]
+    times: tuple[float, ...]
+    data: tuple[bytes, ...]
 
 
 @dataclass(frozen=True)
@@ -52,29 +43,26 @@ class Wanted:
     value: float = 0.0
 
 
-def frame_of(message: bytes) -> Frame:
-    """Parse a frame. Raises RcdnError for a message that is too short or whose time isn't finite."""
-    if len(message) <= HEADER.size:
-        raise RcdnError("a frame is too short")
-    number, time = HEADER.unpack_from(message)
-    if not math.isfinite(time):
-        raise RcdnError("a frame's time is no number")
-    return Frame(number, time / 1000, message[HEADER.size :])
-
-
-def pair_of(message: bytes) -> PairFrame:
-    """Parse the frames of two cameras. Raises RcdnError as `frame_of`, and for a length that the
-    message doesn't have."""
-    left = frame_of(message)
-    if len(left.data) <= PAIR.size:
-        raise RcdnError("a frame is too short")
-    time, length = PAIR.unpack_from(left.data)
-    if not math.isfinite(time):
-        raise RcdnError("a frame's time is no number")
-    pictures = left.data[PAIR.size :]
+def frame_of(message: bytes, cameras: int = 1) -> Frame:
+    """Parse the frame of one camera or of two. Raises RcdnError for a message that is too short, whose time isn't
+    finite, or that doesn't have the length that it says."""
+    (number, left), rest = _header(HEADER, message)
+    if cameras == 1:
+        return Frame(number, (left / 1000,), (rest,))
+    (right, length), pictures = _header(PAIR, rest)
     if not 0 < length < len(pictures):
         raise RcdnError("a frame's length is wrong")
-    return PairFrame(left.number, (left.time, time / 1000), (pictures[:length], pictures[length:]))
+    return Frame(number, (left / 1000, right / 1000), (pictures[:length], pictures[length:]))
+
+
+def _header(form: struct.Struct, message: bytes) -> tuple[tuple[Any, ...], bytes]:
+    """The values of a header, and what follows it."""
+    if len(message) <= form.size:
+        raise RcdnError("a frame is too short")
+    values = form.unpack_from(message)
+    if not all(map(math.isfinite, values)):
+        raise RcdnError("a frame's time is no number")
+    return values, message[form.size :]
 
 
 def preview_of(number: int, pictures: Sequence[bytes]) -> bytes:

@@ -13,7 +13,7 @@ from rcdn.live.folder import Folder
 from rcdn.live.security import check_host, names_of
 from rcdn.live.server import MOST_MESSAGE, MOST_PAIR, Server
 from rcdn.live.session import Session
-from rcdn.live.sources import PairSource, Source
+from rcdn.live.sources import Source
 
 if TYPE_CHECKING:
     import uvicorn
@@ -50,7 +50,7 @@ class Place:
 
 
 def serve(
-    folder: Folder, session: Session, source: Source | PairSource | None, place: Place, announce: Callable[[str], None]
+    folder: Folder, session: Session, source: Source | None, place: Place, announce: Callable[[str], None]
 ) -> None:
     """Serve the page until Ctrl-C; `announce` is called with its address as soon as it can be opened."""
     import uvicorn

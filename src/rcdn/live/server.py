@@ -21,10 +21,10 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from rcdn.errors import RcdnError
 from rcdn.live.frames import MOST_BYTES, THUMB, decoded, encoded, side_by_side
 from rcdn.live.frames import PREVIEW as PREVIEW_WIDTH
-from rcdn.live.messages import HEADER, PAIR, Frame, PairFrame, Wanted, frame_of, pair_of, preview_of, wish_of
+from rcdn.live.messages import HEADER, PAIR, Frame, Wanted, frame_of, preview_of, wish_of
 from rcdn.live.security import REPORT_POLICY, Gate
 from rcdn.live.session import Session
-from rcdn.live.sources import PairSource, Source
+from rcdn.live.sources import Source
 from rcdn.report.target import make_page, to_pdf
 from rcdn.types import Array, Checkerboard, Printed
 
@@ -57,9 +57,9 @@ def page_files() -> dict[str, tuple[bytes, str]]:
 
 class Server:
     """Serves one session to one page at a time; a page that connects later takes over. `source`: the server's own
-    camera (a `PairSource` if the session has two), None to use the page's."""
+    cameras, None to use the page's."""
 
-    def __init__(self, session: Session, source: Source | PairSource | None = None) -> None:
+    def __init__(self, session: Session, source: Source | None = None) -> None:
         self.session, self._source = session, source
         self._files = page_files()
         self._frame_pool = ThreadPoolExecutor(1, "frames")
@@ -160,7 +160,7 @@ class Server:
         if (data := message.get("bytes")) is not None:
             if self._source is not None:
                 raise RcdnError("the server has a camera of its own")
-            page.put(await self._see(page, frame_of(data) if self.session.folder.cameras == 1 else pair_of(data)))
+            page.put(await self._see(page, frame_of(data, self.session.folder.cameras)))
         else:
             wanted = wish_of(message.get("text") or "")
             if wanted.wish == "shown":
@@ -182,20 +182,17 @@ class Server:
             case "write":
                 self.session.write()
 
-    async def _see(self, page: _Page, frame: Frame | PairFrame) -> dict[str, Any]:
+    async def _see(self, page: _Page, frame: Frame) -> dict[str, Any]:
         """The response to a frame from the page. Each page's clock is shifted so that its times continue those of the
         previous page."""
-        here = frame.time if isinstance(frame, Frame) else frame.times[0]
+        here, *others = frame.times
         if page.clock is None:
             page.clock = max(self._clock, time.monotonic()) - here
         self._clock = max(self._clock, page.clock + here)
         at, loop = self._clock, asyncio.get_running_loop()
 
         def see() -> dict[str, Any]:
-            if isinstance(frame, Frame):
-                return self.session.see(decoded(frame.data), at)
-            left, right = (decoded(data) for data in frame.data)
-            return self.session.see_pair((left, right), (at, at + frame.times[1] - here))
+            return self.session.see(tuple(map(decoded, frame.data)), (at, *(at + other - here for other in others)))
 
         return {**await loop.run_in_executor(self._frame_pool, see), "n": frame.number}
 
@@ -205,7 +202,7 @@ class Server:
             state = {**self.session.state(), "source": "browser" if self._source is None else "server"}
             self._page.put(state)
 
-    async def _read_source(self, source: Source | PairSource) -> None:
+    async def _read_source(self, source: Source) -> None:
         """Process frames of the server's camera while a page is connected; an error that ends this is told there."""
         try:
             await self._read_on(source)
@@ -214,7 +211,7 @@ class Server:
             self._changed()
             raise
 
-    async def _read_on(self, source: Source | PairSource) -> None:
+    async def _read_on(self, source: Source) -> None:
         loop, number = asyncio.get_running_loop(), 0
         while True:
             page = self._page
@@ -234,15 +231,11 @@ class Server:
                 page.put(preview)
                 page.put({**assessment, "n": number})
 
-    def _assessed(self, number: int, read: Array | tuple[Array, Array], at: float) -> tuple[dict[str, Any], bytes]:
+    def _assessed(self, number: int, pictures: tuple[Array, ...], at: float) -> tuple[dict[str, Any], bytes]:
         """The response to a frame of the server's camera, and its preview."""
         from rcdn.io import as_grey
 
-        pictures = read if isinstance(read, tuple) else (read,)
-        greys = [as_grey(p) for p in pictures]
-        assessment = (
-            self.session.see(greys[0], at) if len(greys) == 1 else self.session.see_pair((greys[0], greys[1]), (at, at))
-        )
+        assessment = self.session.see(tuple(map(as_grey, pictures)), (at,) * len(pictures))
         return assessment, preview_of(number, [encoded(p, PREVIEW_WIDTH) for p in pictures])
 
 

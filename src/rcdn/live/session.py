@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.live.facts import assessment_facts, pair_assessment_facts, progress_facts
+from rcdn.live.facts import moment_facts, progress_facts
 from rcdn.live.folder import Folder, Settings
 from rcdn.live.follow import Detect, Follower, yielding
 from rcdn.live.frames import check_sides
@@ -63,8 +63,8 @@ class Tools:
 
 
 class Session:
-    """The state of a session with the cameras of its `folder`. `see` (for two cameras `see_pair`) is called by one
-    thread, in the order of frames; all other methods by any thread.
+    """The state of a session with the cameras of its `folder`. `see` is called by one thread, in the order of
+    frames; all other methods by any thread.
 
     `changed()` is called, by any thread, when `state()` has changed.
     """
@@ -154,22 +154,16 @@ class Session:
 
     # ---- frames
 
-    def see(self, grey: Array, at: float) -> dict[str, Any]:
-        """The guide's response to a frame (H, W) uint8 taken at the time `at`, s, as values for JSON; an accepted frame
-        is stored.
+    def see(self, greys: tuple[Array, ...], times: Sequence[float]) -> dict[str, Any]:
+        """The guide's response to a frame (H, W) uint8 of each camera, taken at `times`, s, as values for JSON;
+        accepted frames are stored, those of two cameras whose times differ by more than APART are refused.
 
         Raises ImageError for an unsupported size."""
-        boards, assessment, refused = self._see((grey,), at)
-        return assessment_facts(boards[0], None if assessment is None else assessment.sides[0], refused)
-
-    def see_pair(self, greys: tuple[Array, Array], times: tuple[float, float]) -> dict[str, Any]:
-        """As `see`, for the frames of both cameras with their `times`, s; if these differ by more than APART,
-        the frames are refused."""
-        apart = abs(times[1] - times[0])
+        apart = max(times) - min(times)
         if apart > APART:
             why = f"The cameras' pictures are {apart * 1000:.0f} ms apart; at most {APART * 1000:.0f} ms are allowed"
-            return pair_assessment_facts((None, None), None, why)
-        return pair_assessment_facts(*self._see(greys, times[0]))
+            return moment_facts((None,) * len(greys), None, why)
+        return moment_facts(*self._see(greys, times[0]))
 
     def _see(self, greys: tuple[Array, ...], at: float) -> tuple[Moment, Any, str]:
         """The boards of one moment and the guide's response, or None and the reason; an accepted moment is stored."""

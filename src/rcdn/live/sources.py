@@ -31,22 +31,18 @@ RATE = 25.0
 """frames per second, assumed for a file without a valid rate"""
 
 
+Read = tuple[tuple[Array, ...], float]
+"""a frame of each camera, and their time, s"""
+
+
 class Source(Protocol):
-    """`read` returns the next frame (H, W) or (H, W, 3) BGR uint8 and its time, s, or None if there is none at present;
-    it may block for about a second. `trouble` is the reason why there is none, "" if there is no problem."""
+    """`read` returns the next frame (H, W) or (H, W, 3) BGR uint8 of each camera and their time, s, or None if there is
+    none at present; it may block for about a second. `trouble` is the reason why there is none, "" if there is no
+    problem."""
 
     trouble: str
 
-    def read(self) -> tuple[Array, float] | None: ...
-    def close(self) -> None: ...
-
-
-class PairSource(Protocol):
-    """As `Source`, for the frames of two cameras at one moment."""
-
-    trouble: str
-
-    def read(self) -> tuple[tuple[Array, Array], float] | None: ...
+    def read(self) -> Read | None: ...
     def close(self) -> None: ...
 
 
@@ -72,7 +68,7 @@ def open_source(text: str) -> Source | None:
     return Camera(int(text) if text.isdigit() else text)
 
 
-def open_pair(cameras: Sequence[str]) -> PairSource | None:
+def open_pair(cameras: Sequence[str]) -> Source | None:
     """The source of two cameras, each named as in `open_source`, or of one whose pictures hold both side by side; None
     for the browser's cameras.
 
@@ -113,7 +109,7 @@ class VideoFile:
         self._count, self._begin = 0, 0.0
         self.trouble = ""
 
-    def read(self) -> tuple[Array, float] | None:
+    def read(self) -> Read | None:
         if not self._count:
             self._begin = time.monotonic()
         at = self._count * self._step
@@ -129,7 +125,7 @@ class VideoFile:
             time.sleep(WAIT)
             return None
         self._count += 1
-        return frame, at
+        return (frame,), at
 
     def close(self) -> None:
         self._video.release()
@@ -142,13 +138,13 @@ class Camera:
     def __init__(self, place: int | str) -> None:
         self._place = place
         self._new = threading.Condition()
-        self._frame: tuple[Array, float] | None = None
+        self._frame: Read | None = None
         self._ended = False
         self.trouble = "Opening the camera"
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
         self._thread.start()
 
-    def read(self) -> tuple[Array, float] | None:
+    def read(self) -> Read | None:
         with self._new:
             if self._frame is None:
                 self._new.wait(WAIT)
@@ -186,7 +182,7 @@ class Camera:
                     return
                 self.trouble = ""
                 with self._new:
-                    self._frame = (frame, time.monotonic())
+                    self._frame = ((frame,), time.monotonic())
                     self._new.notify_all()
         finally:
             video.release()
@@ -211,11 +207,11 @@ class _Two:
 class TwoFiles(_Two):
     """Frames of two videos with the same number, until the shorter one ends."""
 
-    def read(self) -> tuple[tuple[Array, Array], float] | None:
+    def read(self) -> Read | None:
         left = self._left.read()
         right = None if left is None else self._right.read()
         self._name_trouble()
-        return None if left is None or right is None else ((left[0], right[0]), left[1])
+        return None if left is None or right is None else (left[0] + right[0], left[1])
 
 
 class TwoCameras(_Two):
@@ -223,9 +219,9 @@ class TwoCameras(_Two):
 
     def __init__(self, left: Source, right: Source) -> None:
         super().__init__(left, right)
-        self._waiting: list[tuple[Array, float] | None] = [None, None]
+        self._waiting: list[Read | None] = [None, None]
 
-    def read(self) -> tuple[tuple[Array, Array], float] | None:
+    def read(self) -> Read | None:
         for side, source in enumerate((self._left, self._right)):
             if self._waiting[side] is None:
                 self._waiting[side] = source.read()
@@ -237,7 +233,7 @@ class TwoCameras(_Two):
             self._waiting[0 if late > 0 else 1] = None  # the older one
             return None
         self._waiting = [None, None]
-        return (left[0], right[0]), left[1]
+        return left[0] + right[0], left[1]
 
 
 class Halves:
@@ -247,14 +243,14 @@ class Halves:
         self._source = source
         self.trouble = source.trouble
 
-    def read(self) -> tuple[tuple[Array, Array], float] | None:
+    def read(self) -> Read | None:
         got = self._source.read()
         self.trouble = self._source.trouble
         if got is None:
             return None
-        middle = got[0].shape[1] // 2
-        left, right = got[0][:, :middle], got[0][:, middle : 2 * middle]
-        return (left, right), got[1]
+        (both,), at = got
+        middle = both.shape[1] // 2
+        return (both[:, :middle], both[:, middle : 2 * middle]), at
 
     def close(self) -> None:
         self._source.close()
