@@ -18,6 +18,7 @@ from rcdn.calibration.influence import view_information
 from rcdn.calibration.sight import out_of_sight
 from rcdn.calibration.uncertainty import pixel_jacobians, projection_uncertainty
 from rcdn.geometry import unproject
+from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -192,8 +193,7 @@ def frame_rays(camera: Camera) -> tuple[Array, Array]:
     """Pixels (G, 2) over the visible part of the frame, and their unit rays (G, 3)."""
     points = frame_grid(camera.image_size)
     points = points[~np.logical_or(*out_of_sight(camera, points))]
-    rays = unproject(camera, points)
-    return points, rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return points, unit(unproject(camera, points))
 
 
 def judged_points(camera: Camera) -> tuple[Array, Array, Array]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.calibration.sight import off_axis
 from rcdn.geometry import project, rotation, unproject
+from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Camera, Plane
 from rcdn.types.arrays import Bool, Real
 
@@ -55,7 +56,7 @@ def candidates(
     spots = np.array([[x * width, y * height] for y in PLACES for x in PLACES]) - 0.5
     rays = unproject(camera, spots)
     there = np.isfinite(rays).all(axis=1)
-    rays, spots = rays[there] / np.linalg.norm(rays[there], axis=1, keepdims=True), spots[there]
+    rays, spots = unit(rays[there]), spots[there]
     tilts = [(0.0, 0), *((t, s) for t in TILTS for s in range(SIDES))]
     side = np.radians([360 / SIDES * s for _, s in tilts])
     angle = np.radians([t for t, _ in tilts])

@@ -18,6 +18,7 @@ from scipy.special import chdtrc, chdtri
 from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
 from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation, unproject
+from rcdn.geometry.rigid import nearest_rotation, rotation_vector, unit
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -88,8 +89,8 @@ def difference(a: Camera, b: Camera, pixels: Array) -> tuple[Array, Array]:
     in size or if fewer than three of the pixels have rays in both cameras.
     """
     pixels = _checked(a, b, pixels)
-    rays = _unit(unproject(a, pixels))
-    theirs = _unit(unproject(b, pixels))
+    rays = unit(unproject(a, pixels))
+    theirs = unit(unproject(b, pixels))
     common = np.isfinite(rays).all(axis=1) & np.isfinite(theirs).all(axis=1)
     if common.sum() < FEWEST:
         raise RcdnError(
@@ -107,9 +108,9 @@ def difference(a: Camera, b: Camera, pixels: Array) -> tuple[Array, Array]:
 def displacement(a: Camera, b: Camera, turn: Real[Array, " 3"], pixels: Real[Array, "n 2"]) -> Real[Array, "n 2"]:
     """(N, 2) px: projection by `b` of the rays of `a` at `pixels` (N, 2), rotated by the vector `turn` (3,), minus
     `pixels`; NaN without a ray."""
-    rays = _unit(unproject(a, pixels)) @ rotation(turn).T
+    rays = unit(unproject(a, pixels)) @ rotation(turn).T
     seen = project(b, rays)
-    back = _unit(unproject(b, np.where(np.isfinite(seen), seen, np.nan)))
+    back = unit(unproject(b, np.where(np.isfinite(seen), seen, np.nan)))
     same = np.linalg.norm(back - rays, axis=1) < SAME_RAY
     return np.asarray(np.where(same[:, None], seen - pixels, np.nan))
 
@@ -182,18 +183,9 @@ def _checked(a: Camera, b: Camera, pixels: Array) -> Array:
     return pixels
 
 
-def _unit(rays: Array) -> Array:
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
-
-
 def _rotation_between(rays: Real[Array, "n 3"], theirs: Array) -> Array:
-    """The rotation vector that best takes unit `rays` (N, 3) to `theirs` (Kabsch, Acta Cryst. A32, 1976)."""
-    u, _, vt = np.linalg.svd(theirs.T @ rays)
-    R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine = float(np.linalg.norm(axis))
-    angle = np.arctan2(sine, (np.trace(R) - 1) / 2)
-    return np.asarray(axis * (angle / sine if sine > 1e-12 else 1.0))
+    """The rotation vector that best takes unit `rays` (N, 3) to `theirs`."""
+    return rotation_vector(nearest_rotation(theirs.T @ rays))
 
 
 def _least_squares(camera: Camera, rays: Real[Array, "n 3"], pixels: Real[Array, "n 2"], start: Array) -> Array:
@@ -226,7 +218,7 @@ def _difference_jacobian(a: Camera, b: Camera, turn: Array, points: Array, fit: 
 def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[Array, Array, Array]:
     """Derivatives of the vectors at `pixels` with respect to the parameters of `a` and of `b`, (N, 2, P), and to a
     small rotation (N, 2, 3)."""
-    rays = _unit(unproject(a, pixels))
+    rays = unit(unproject(a, pixels))
     _, by_ray, by_a = project_with_jacobian(a, rays)
     R = rotation(turn)
     _, by_turned, by_b = project_with_jacobian(b, rays @ R.T)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.geometry import cross_matrix, unproject
+from rcdn.geometry.rigid import unit
 from rcdn.types import Array, BoardView, Camera
 
 
@@ -17,8 +18,7 @@ def epipolar_gaps(first: Camera, second: Camera, T: Array, xy: Array, other: Arr
     boards or their shapes.
     """
     E = cross_matrix(T[:3, 3] / np.linalg.norm(T[:3, 3])) @ T[:3, :3]
-    rays = (unproject(camera, pixels) for camera, pixels in ((first, xy), (second, other)))
-    x, y = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
+    x, y = (unit(unproject(camera, pixels)) for camera, pixels in ((first, xy), (second, other)))
     sides = ((y, x @ E.T, second), (x, y @ E, first))
     angles = [((ray * n).sum(axis=1) / np.linalg.norm(n, axis=1), camera.K[0, 0]) for ray, n, camera in sides]
     return np.concatenate([angle * focal for angle, focal in angles])

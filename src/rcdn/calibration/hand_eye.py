@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.calibration.rig import Hypotheses
+from rcdn.geometry.rigid import motion, nearest_rotation
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -61,15 +62,8 @@ def _solved(A: Real[Array, "m 4 4"], B: Real[Array, "m 4 4"]) -> tuple[Array, Ar
     rows = [np.hstack([np.kron(a, eye), -np.kron(eye, b.T)]) for a, b in zip(A[:, :3, :3], B[:, :3, :3], strict=True)]
     null = np.linalg.svd(np.concatenate(rows))[2][-1].reshape(2, 3, 3)
     null = null * np.sign(np.linalg.det(null[0]) or 1.0)
-    R_X, R_Y = _nearest_rotation(null[0]), _nearest_rotation(null[1]).T
+    R_X, R_Y = nearest_rotation(null[0]), nearest_rotation(null[1]).T
     left = np.concatenate([np.hstack([R_Y @ a, eye]) for a in A[:, :3, :3]])
     right = np.concatenate([b - R_Y @ a for a, b in zip(A[:, :3, 3], B[:, :3, 3], strict=True)])
     t = np.linalg.lstsq(left, right, rcond=None)[0]
-    Y, X = np.eye(4), np.eye(4)
-    Y[:3, :3], Y[:3, 3], X[:3, :3], X[:3, 3] = R_Y, t[3:], R_X, t[:3]
-    return Y, X
-
-
-def _nearest_rotation(M: Real[Array, "3 3"]) -> Real[Array, "3 3"]:
-    U, _, Vt = np.linalg.svd(M)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
+    return motion(R_Y, t[3:]), motion(R_X, t[:3])

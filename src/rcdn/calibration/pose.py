@@ -15,6 +15,7 @@ from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
+from rcdn.geometry.rigid import motion, rotation_angle, unit
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
 from rcdn.types.arrays import Real
 
@@ -91,7 +92,7 @@ def _starts(camera: Camera, corners: Corners3) -> list[Array]:
             f"a pose needs {FEWEST} corners, not all in one line, with viewing rays; "
             f"the board has {int(seen.sum())} that this camera can see"
         )
-    rays = rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True)
+    rays = unit(rays[seen])
     turn = _facing(rays.mean(axis=0))
     flat = rays @ turn.T
     if flat[:, 2].min() < ASIDE:
@@ -124,9 +125,7 @@ def _facing(direction: Array) -> Real[Array, "3 3"]:
 
 
 def _back(turn: Array, R: Array, t: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = turn.T @ R, turn.T @ np.ravel(t)
-    return T
+    return motion(turn.T @ R, turn.T @ np.ravel(t))
 
 
 def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fit:
@@ -139,7 +138,7 @@ def _fit(camera: Camera, T: Array, corners: Corners3, sigma: Array) -> robust.Fi
 def _apart(a: robust.Fit, b: robust.Fit) -> bool:
     """True if the two fits converged to different poses (by more than half a degree)."""
     R = a.state.poses[0, :3, :3].T @ b.state.poses[0, :3, :3]
-    return bool(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))) > 0.5)
+    return rotation_angle(R) > 0.5
 
 
 def _square(fit: robust.Fit, of: robust.Fit) -> float:

@@ -12,6 +12,7 @@ from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
 from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
+from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -179,8 +180,7 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
         raise RcdnError(f"pixels must have shape (N, 2), not {pixels.shape}")
     if not distance > 0:
         raise RcdnError(f"distance must be positive, in metres, or infinite, not {distance}")
-    rays = unproject(calibration.camera, pixels)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = unit(unproject(calibration.camera, pixels))
     seen = np.isfinite(rays).all(axis=1)
     _, by_camera, by_motion = pixel_jacobians(calibration.camera, rays[seen], distance)
     jacobian = np.concatenate([by_camera, by_motion], axis=2)
@@ -203,8 +203,7 @@ def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Arra
     at `pixels` (N, 2), without the part that a rotation of all directions compensates; NaN where it has no ray; and
     (N,) bool where it has one."""
     pixels = np.atleast_2d(np.asarray(pixels, float))
-    rays = unproject(camera, pixels)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = unit(unproject(camera, pixels))
     seen = np.isfinite(rays).all(axis=1)
     _, by_camera, by_motion = pixel_jacobians(camera, rays[seen])
     turn = by_motion[:, :, :3].reshape(-1, 3)

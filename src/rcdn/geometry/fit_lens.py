@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.errors import RcdnError
 from rcdn.geometry.jacobians import project_with_jacobian
 from rcdn.geometry.lens import project, unproject
+from rcdn.geometry.rigid import unit
 from rcdn.geometry.spline_grid import frame_pixels
 from rcdn.types import LENS, Array, Camera, CameraModel
 
@@ -42,7 +43,7 @@ def best_coefficients(camera: Camera, model: CameraModel, many: int | None = Non
     found = _fit(start, rays, pixels)
     gap = np.linalg.norm(project(found, rays) - pixels, axis=1)
     back = unproject(found, project(found, rays))
-    if not (np.linalg.norm(_unit(back) - _unit(rays), axis=1) < 1e-6).all():
+    if not (np.linalg.norm(unit(back) - unit(rays), axis=1) < 1e-6).all():
         return found, float("inf"), float("inf")
     return found, float(np.sqrt((gap**2).mean())), float(gap.max())
 
@@ -101,7 +102,3 @@ def _fit(start: Camera, rays: Array, pixels: Array) -> Camera:
 
     found = least_squares(residuals, start.parameters, jacobian, method="lm", x_scale="jac", max_nfev=200)
     return start.with_parameters(found.x)
-
-
-def _unit(rays: Array) -> Array:
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

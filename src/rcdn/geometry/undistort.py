@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.geometry.inverse import before_fold, unfolded
 from rcdn.geometry.lens import project, unproject
+from rcdn.geometry.rigid import unit
 from rcdn.geometry.spline_grid import folds
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Bool
@@ -79,9 +80,5 @@ def _block(
 
 def _reached(camera: Camera, rays: Array) -> Bool[Array, " ..."]:
     """(...,) bool: whether the pixels of rays (..., 3) unproject to these rays; beyond the fold they give others."""
-    gap = np.linalg.norm(_unit(unproject(camera, project(camera, rays))) - _unit(rays), axis=-1)
+    gap = np.linalg.norm(unit(unproject(camera, project(camera, rays))) - unit(rays), axis=-1)
     return np.asarray(gap < 1e-6)
-
-
-def _unit(rays: Array) -> Array:
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
+from rcdn.geometry.rigid import motion
 from rcdn.io.cameras import colmap
-from rcdn.io.cameras.rig import motion
 from rcdn.io.fields import numbers, take
 from rcdn.types import Array, Camera, Pose, Rig
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
+from rcdn.geometry.rigid import motion
 from rcdn.io.cameras import opencv, ros
 from rcdn.io.cameras.base import Format
-from rcdn.io.cameras.rig import motion
 from rcdn.io.cameras.yaml_text import Matrix, block_matrix, digits
 from rcdn.io.fields import number, numbers, rigid, take
 from rcdn.types import Array, Camera, Pose, Rig

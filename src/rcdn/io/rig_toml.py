@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from rcdn.errors import FormatError
+from rcdn.geometry.rigid import motion
 from rcdn.io.cameras.base import make_camera, opencv_lens, pinhole_numbers
-from rcdn.io.cameras.rig import motion
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, rigid, two_whole_numbers
 from rcdn.types import Array, Camera, Pose, Rig

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from rcdn.geometry import project, transform
+from rcdn.geometry.rigid import motion
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
 from rcdn.types import Array, Camera, Pose, plane_points
@@ -15,10 +16,7 @@ from rcdn.types.plane import ROW
 
 def board_pose(spec: BoardSpec) -> Pose:
     """T_cam_board of a board, in squares."""
-    T = np.eye(4)
-    T[:3, :3] = cv2.Rodrigues(np.array(spec.rvec, float))[0]
-    T[:3, 3] = spec.tvec
-    return Pose(T)
+    return Pose(motion(cv2.Rodrigues(np.array(spec.rvec, float))[0], np.array(spec.tvec)))
 
 
 def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rcdn.errors import many
+from rcdn.geometry.rigid import rotation_angle
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.terminal.group import one_line
 from rcdn.types.shown import decimals
@@ -113,7 +114,7 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
     """The pose of the right camera, and the reprojection error of both."""
     std = np.sqrt(np.diag(stereo.cov))
     t = stereo.T_right_left[:3, 3]
-    turn = np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1)))
+    turn = rotation_angle(stereo.T_right_left[:3, :3])
     place = ", ".join(f"{v:.5f} ± {s:.5f}" for v, s in zip(t, std[3:], strict=True))
     rows = (
         f"corners off their epipolar lines {stereo.epipolar:.3f} px"

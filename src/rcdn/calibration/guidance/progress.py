@@ -18,6 +18,7 @@ from rcdn.calibration.next_view import NextView, next_view, place_and_tilt
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.errors import CalibrationError, present
 from rcdn.geometry import unproject
+from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Board, Calibration, Camera, Plane, Verdict
 from rcdn.types.arrays import Real
 
@@ -123,8 +124,7 @@ def reach_of(camera: Camera, size: Size, plane: Plane, spacing: float) -> Real[A
     least = NEAREST * float(extent.max())
     distances = []
     for fill in FILLS:
-        rays = unproject(camera, middle + (ends - middle) * fill)
-        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        rays = unit(unproject(camera, middle + (ends - middle) * fill))
         angles = np.arccos(np.clip([rays[0] @ rays[1], rays[2] @ rays[3]], -1, 1))
         distances.append(float(np.max(extent / 2 / np.tan(np.clip(angles, 1e-3, 3.0) / 2))))
     return np.unique(np.maximum(distances, least))

@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.geometry.rigid import motion
 from rcdn.geometry.splined import Splined, camera_of, splined_of
 from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
-from rcdn.io.cameras.rig import StereoCameras, motion
+from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, take, two_whole_numbers
 from rcdn.types import Array, Camera

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError
+from rcdn.geometry.rigid import motion
 from rcdn.io.cameras.base import (
     Format,
     coefficients,
@@ -18,7 +19,7 @@ from rcdn.io.cameras.base import (
     size_of,
     unheld,
 )
-from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
+from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.cameras.yaml_text import Matrix, block_matrix, load
 from rcdn.io.fields import number
 from rcdn.types import Array, Camera

@@ -9,7 +9,6 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.types import Array, Camera, StereoCalibration
-from rcdn.types.arrays import Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +64,6 @@ class StereoCameras:
             return found
         turns = Rectification(found.R_left, found.R_right, found.P_left, found.P_right, found.Q)
         return cls(found.left.camera, found.right.camera, found.T_right_left, turns)
-
-
-def motion(R: Array, t: Array) -> Real[Array, "4 4"]:
-    """The rigid transformation (4, 4) with a rotation (3, 3) and a translation (3,)."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, np.ravel(t)
-    return T
 
 
 def _freeze(owner: object, shapes: Mapping[str, tuple[int, ...]]) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from rcdn.errors import FormatError, shown
+from rcdn.geometry.rigid import motion
 from rcdn.io.cameras.base import Format, coefficients, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
-from rcdn.io.cameras.rig import Rectification, StereoCameras, motion
+from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.cameras.yaml_text import block_matrix, load
 from rcdn.io.fields import numbers, take
 from rcdn.types import Array, Camera

@@ -12,6 +12,7 @@ from rcdn.calibration.board_points import flat_points
 from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.errors import many, present
 from rcdn.geometry import transform, unproject
+from rcdn.geometry.rigid import rotation_angle, rotation_vector
 from rcdn.report.calibration import charts
 from rcdn.report.calibration.formats import coordinate, number, value_and_std
 from rcdn.report.calibration.svg import Drawing, dots, each, polyline, segments, tag
@@ -30,7 +31,7 @@ class RelativePose:
 
 def turn_angle(stereo: StereoCalibration) -> float:
     """Rotation angle between the left and the right camera, degrees."""
-    return float(np.degrees(np.arccos(np.clip((np.trace(stereo.T_right_left[:3, :3]) - 1) / 2, -1, 1))))
+    return rotation_angle(stereo.T_right_left[:3, :3])
 
 
 def places(stereo: StereoCalibration) -> RelativePose:
@@ -38,17 +39,10 @@ def places(stereo: StereoCalibration) -> RelativePose:
     T, spread = stereo.T_right_left, np.sqrt(np.diag(stereo.cov))
     rows = [("baseline", *value_and_std(1000 * stereo.baseline, 1000 * baseline_std(stereo)), "mm")]
     rows += [(f"t{n}", *value_and_std(1000 * T[k, 3], 1000 * spread[3 + k]), "mm") for k, n in enumerate("xyz")]
-    turns = np.degrees(_rotation_vector(T[:3, :3]))
+    turns = np.degrees(rotation_vector(T[:3, :3]))
     rows += [(f"rotation {n}", *value_and_std(turns[k], np.degrees(spread[k])), "°") for k, n in enumerate("xyz")]
     lines = "".join(f"    [{a:.9g}, {b:.9g},\n     {c:.9g}, {d:.9g}],\n" for a, b, c, d in T)
     return RelativePose(rows, f"T_right_left = [\n{lines}]", _from_above(stereo))
-
-
-def _rotation_vector(R: Array) -> Array:
-    """Rotation vector (3,) of R (3, 3), rad."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine, cosine = float(np.linalg.norm(axis)), (np.trace(R) - 1) / 2
-    return axis * (np.arctan2(sine, cosine) / sine if sine > 1e-9 else 1.0)
 
 
 def _from_above(stereo: StereoCalibration) -> Drawing:

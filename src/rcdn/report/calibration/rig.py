@@ -12,6 +12,7 @@ import numpy as np
 from rcdn.calibration.facts import measure
 from rcdn.calibration.limits import LIMITS, RIG_LIMITS, growth
 from rcdn.calibration.rig_facts import judged_rig, least_known
+from rcdn.geometry.rigid import rotation_angle
 from rcdn.io import write_text
 from rcdn.report.calibration import numbers, page, sections, verdict
 from rcdn.report.calibration.environment import render
@@ -165,8 +166,8 @@ def _boards(found: RigCalibration) -> list[Row]:
             continue
         spread = 1000 * np.sqrt(np.diag(board.cov)[3:])
         place = (value_and_std(v, s)[0] for v, s in zip(1000 * board.T_first_board[:3, 3], spread, strict=True))
-        turn = np.degrees(np.arccos(np.clip((np.trace(board.T_first_board[:3, :3]) - 1) / 2, -1, 1)))
+        turn = rotation_angle(board.T_first_board[:3, :3])
         sure = float(np.degrees(np.sqrt(np.trace(board.cov[:3, :3]))))
-        cells = (*place, number(float(np.sqrt((spread**2).sum())), 2), *value_and_std(float(turn), sure))
+        cells = (*place, number(float(np.sqrt((spread**2).sum())), 2), *value_and_std(turn, sure))
         rows.append(Row(f"{board.name}, to {names[board.first]}", cells))
     return rows
