@@ -145,7 +145,7 @@ class Outlook:
     def with_each(self, count: int, information: Callable[[slice], Information]) -> tuple[Array, Array]:
         """(C,) px, the worst uncertainty, and (C,) px, the NORM-mean: with each of `count` views, of which
         `information` tells that of a part."""
-        parts = [information(slice(k, k + BATCH)) for k in range(0, count, BATCH)]
+        parts = (information(slice(k, k + BATCH)) for k in range(0, count, BATCH))
         found = np.concatenate([variances(self.prior, more, self.by_shared, self.by_motion) for more in parts])
         return np.sqrt(found.max(axis=1)), level_of(found)
 
