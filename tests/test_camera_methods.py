@@ -38,6 +38,20 @@ def test_lists_and_poses_are_taken():
     assert np.isnan(BROWN.project([0, 0, -1])).all()
 
 
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1)])
+def test_the_coefficients_are_taken_as_opencv_gives_them(shape):
+    camera = Camera(BROWN.K, np.reshape(BROWN.distortion, shape), BROWN.image_size)
+    assert camera.distortion.shape == (5,)
+    assert np.array_equal(camera.project(POINTS), BROWN.project(POINTS))
+
+
+def test_a_count_of_another_model_names_that_model():
+    with pytest.raises(RcdnError, match="'brown' takes 4 or 5 numbers, not 8; model 'rational' takes 8"):
+        Camera(BROWN.K, np.zeros(8), BROWN.image_size)
+    with pytest.raises(RcdnError, match="shape"):
+        Camera(BROWN.K, np.zeros((2, 4)), BROWN.image_size)
+
+
 def test_pinholes_are_as_opencv_has_them():
     xy, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), BROWN.K, BROWN.distortion)
     assert BROWN.project(POINTS) == pytest.approx(xy[:, 0], abs=1e-8)

@@ -64,6 +64,18 @@ def test_the_camera_is_said_with_deviations_and_nothing_is_written_unasked(run, 
     assert [p.name for p in Path().iterdir() if p.is_file()] == ["found.json"]
 
 
+def test_pictures_without_a_board_are_named(run):
+    boards = random_boards(PINHOLE, 3, 6)[0]
+    images = [
+        ImageResult(f"{k}.png", 640, 480, Corners(b.xy, b.response, b.status), (b,) * (k != 4))
+        for k, b in enumerate(boards)
+    ]
+    write_detections(Path("some.json"), images)
+    result = fine(run("calibrate", "some.json", *FAST))
+    assert "no board was found in 1 of 6 pictures: 4.png" in result.stderr
+    assert "5 of 5 views" in result.stdout
+
+
 def test_the_verdict_is_one_and_may_be_a_failure(run, found):
     result = run("calibrate", found, *FAST, "--json", "a.json", "--report", "a.html", "--fail-on", "fair")
     assert result.exit_code == 1
@@ -310,7 +322,7 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
     small = [board(b.ij, b.xy / 2, (320, 240)) for b in random_boards(PINHOLE, 5, 1)[0]]
     result = run("pose", save("d.json", small), "--camera", "camera.yaml", "--spacing", SPACING)
     assert result.exit_code == 1
-    assert "(320, 240)" in result.stderr
+    assert "320×240" in result.stderr
     result = run("pose", found, "--camera", "camera.yaml", "--spacing", SPACING, "--board", "5x4")
     assert result.exit_code == 1
     assert "no pose" in result.stderr

@@ -153,11 +153,27 @@ def test_drop_in_gives_what_opencv_gives(size, roll, swap):
     np.testing.assert_allclose(ours.reshape(-1, 2), theirs.reshape(-1, 2), atol=1.5)
 
 
+def test_calls_written_for_opencv_work_as_they_are():
+    image = render(front(7, 4))
+    found, corners = rcdn.find_chessboard_corners(image, (7, 4))
+    assert found
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
+    calls = [
+        ((image, (7, 4), None), {}),
+        ((image, (7, 4), None, flags), {}),
+        ((image,), {"patternSize": (7, 4), "flags": flags}),
+    ]
+    for positional, named in calls:
+        again = rcdn.find_chessboard_corners(*positional, **named)
+        assert again[0] is cv2.findChessboardCorners(*positional, **named)[0] is True
+        assert np.array_equal(again[1], corners)
+
+
 def test_drop_in_says_no():
     image = render(front(7, 4))
     assert rcdn.find_chessboard_corners(image, (8, 4)) == (False, None)
     assert rcdn.find_chessboard_corners(np.zeros((100, 100), np.uint8), (7, 4)) == (False, None)
-    with pytest.raises(rcdn.RcdnError, match="pattern_size"):
+    with pytest.raises(rcdn.RcdnError, match="patternSize"):
         rcdn.find_chessboard_corners(image, (1, 4))
 
 

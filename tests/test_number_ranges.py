@@ -214,8 +214,8 @@ def test_spacing_out_of_range(spacing):
         (lambda: calibrate([BOARD], 0.02, names=[["a"]]), "names must be a list of text"),
         (lambda: calibrate([BOARD], 0.02, fix=3), "fix must be a list of text"),
         (lambda: calibrate([BOARD], 0.02, leave_out=3), "leave_out must be a list of text"),
-        (lambda: find_chessboard_corners(GREY, (9, 6.5)), "pattern_size counts"),
-        (lambda: find_chessboard_corners(GREY, None), "pattern_size counts"),
+        (lambda: find_chessboard_corners(GREY, (9, 6.5)), "patternSize counts"),
+        (lambda: find_chessboard_corners(GREY, None), "patternSize counts"),
         (lambda: Detector("paper"), "config must be a DetectorConfig"),
     ],
 )

@@ -18,14 +18,17 @@ KEPT = 8
 """number of boards whose detectors are cached"""
 
 
-def find_chessboard_corners(image: Any, pattern_size: tuple[int, int]) -> tuple[bool, Array | None]:
-    """A drop-in for `cv2.findChessboardCorners(image, pattern_size)`: (found, corners (N, 1, 2) float32, row by row).
+def find_chessboard_corners(
+    image: Any, patternSize: tuple[int, int], corners: object = None, flags: int | None = None
+) -> tuple[bool, Array | None]:
+    """A drop-in for `cv2.findChessboardCorners(image, patternSize)`: (found, corners (N, 1, 2) float32, row by row).
 
-    `pattern_size`: inner corners (columns, rows). The corners are already refined to sub-pixel accuracy. Returns
+    `patternSize`: inner corners (columns, rows). `corners` and `flags` are accepted and ignored, so that calls written
+    for OpenCV work as they are. The corners are already refined to sub-pixel accuracy. Returns
     (False, None) if the picture shows no complete board of that size. Raises ConfigError for a size under 3×3 and
     ImageError for an unusable image.
     """
-    cols, rows = grid_size(pattern_size, "pattern_size", 3)
+    cols, rows = grid_size(patternSize, "patternSize", 3)
     for board in _detector("plain").boards(image):
         grid = board.grid_of((cols, rows)) if board.complete else None
         if grid is not None:

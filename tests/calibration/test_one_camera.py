@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.apart import apart_by
+from rcdn.calibration.apart import CameraGroup, apart_by, significance
 from rcdn.calibration.groups import describe, name_partitions, natural_order
 from rcdn.calibration.influence import gains, group_difference, view_information
 from rcdn.calibration.one_camera import one_camera
 from rcdn.errors import CalibrationError
+from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn_lab.real_boards import curved_board
 
@@ -198,3 +199,13 @@ def test_groups_in_few_words():
 
 def test_natural_order():
     assert natural_order(["a10", "a2", "a1"]) == [2, 1, 0]
+
+
+def test_what_is_held_fixed_differs_by_nothing():
+    def group(fx, std):
+        camera = Camera(np.array([[fx, 0, 320], [0, 500, 240], [0, 0, 1.0]]), [], (640, 480), "pinhole")
+        return CameraGroup(("a",), "", camera, np.array(std), 0.1, 9)
+
+    with np.errstate(all="raise"):
+        far = significance([group(500.0, (1.0, 0, 1, 1)), group(503.0, (0.0, 0, 1, 1))])
+    assert far == pytest.approx([3, 0, 0, 0])

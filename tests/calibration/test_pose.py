@@ -55,6 +55,13 @@ def test_the_covariance_holds_the_error(model, sigma):
     assert max(squares) < 30
 
 
+def test_a_camera_of_another_picture_size_is_refused():
+    ((seen, _),) = views(BROWN, 2, 1)
+    other = replace(BROWN, image_size=(2 * BROWN.image_size[0], 2 * BROWN.image_size[1]))
+    with pytest.raises(ConfigError, match="camera: its pictures have 1280×960 px, and the board's has 640×480"):
+        estimate_pose(seen, other, SPACING)
+
+
 def test_beside_and_behind_a_fisheye():
     rng = np.random.default_rng(0)
     for off in (60, 85, 95, 105):

@@ -68,6 +68,9 @@ class Run:
             console.note(note)
         if not any(image.boards for image in got.images):
             raise CalibrationError(_no_board(got.images))
+        if without := [image.path for image in got.images if not image.boards]:
+            names = ", ".join(without[:3]) + (", …" if len(without) > 3 else "")
+            console.note(f"no board was found in {len(without)} of {many(len(got.images), 'picture')}: {names}")
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:

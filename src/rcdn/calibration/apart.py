@@ -82,10 +82,12 @@ def _corners(calibration: Calibration, views: Sequence[BoardView]) -> tuple[Corn
 
 
 def significance(groups: Sequence[CameraGroup]) -> Real[Array, " 4"]:
-    """(4,) the largest difference of two groups in fx, fy, cx and cy, divided by its standard deviation."""
+    """(4,) the largest difference of two groups in fx, fy, cx and cy, divided by its standard deviation; 0 for what is
+    held fixed."""
     pairs = [(a, b) for k, a in enumerate(groups) for b in groups[k + 1 :]]
-    gaps = [np.abs(a.camera.parameters - b.camera.parameters) / np.hypot(a.std, b.std) for a, b in pairs]
-    return np.asarray(np.max(gaps, axis=0)[:4])
+    gaps = np.array([np.abs(a.camera.parameters - b.camera.parameters)[:4] for a, b in pairs])
+    std = np.array([np.hypot(a.std, b.std)[:4] for a, b in pairs])
+    return np.asarray(np.divide(gaps, std, out=np.zeros(gaps.shape), where=std > 0).max(axis=0))
 
 
 def apart_by(first: Camera, second: Camera) -> float:

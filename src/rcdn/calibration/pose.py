@@ -38,11 +38,18 @@ def estimate_pose(
     difference is not significant. Labels are the board's own: the origin of a partial board is its own first corner,
     that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
     the target's own tools use.
-    Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays.
+    Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays, and ConfigError for
+    a camera of another picture size than the board's.
     """
     check_spacing(spacing)
     check_board(board)
     check_camera(camera)
+    if tuple(board.image_size) != tuple(camera.image_size):
+        (width, height), (wide, high) = board.image_size, camera.image_size
+        raise ConfigError(
+            f"camera: its pictures have {wide}×{high} px, and the board's has {width}×{height}: give the camera that "
+            "took the picture, at that size"
+        )
     corners, sigma = pose_corners(board, spacing, shape)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))

@@ -34,11 +34,12 @@ LENS = {
 class Camera(Value):
     """Intrinsics of one camera.
 
-    `K` (3, 3) px; `distortion`: empty for `pinhole`; OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a
-    denominator for `rational`; Kannala–Brandt k1..k4 for `fisheye` (OpenCV's fisheye); one number λ for `division`:
-    undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal lengths, so that λ < 0 is a barrel
-    distortion (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers. `correction`: deviation of
-    the lens from the parametric model, added to the distorted point, in focal lengths; not for `division`.
+    `K` (3, 3) px; `distortion` (N,), or as OpenCV has it (1, N) or (N, 1): empty for `pinhole`; OpenCV's k1 k2 p1 p2
+    [k3] for `brown`, with k4 k5 k6 of a denominator for `rational`; Kannala–Brandt k1..k4 for `fisheye` (OpenCV's
+    fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal
+    lengths, so that λ < 0 is a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at
+    integers. `correction`: deviation of the lens from the parametric model, added to the distorted point, in focal
+    lengths; not for `division`.
     """
 
     K: Array
@@ -49,6 +50,7 @@ class Camera(Value):
 
     def __post_init__(self) -> None:
         freeze(self, "K", self.K, np.float64, (3,))
+        object.__setattr__(self, "distortion", _in_a_row(self.distortion))
         freeze(self, "distortion", self.distortion, np.float64, ())
         if not isinstance(self.model, str) or self.model not in LENS:
             raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
@@ -57,8 +59,11 @@ class Camera(Value):
             raise RcdnError(f"Camera.K must be a finite (3, 3) matrix, not {self.K.tolist()}")
         allowed = (4, 5) if self.model == "brown" else (len(LENS[self.model]),)
         if len(self.distortion) not in allowed:
+            fits = [name for name, names in LENS.items() if len(names) == len(self.distortion)]
+            other = f"; model {fits[0]!r} takes {len(self.distortion)}" if fits else ""
+            counts = " or ".join(map(str, allowed))
             raise RcdnError(
-                f"Camera.distortion of model {self.model!r} takes {allowed} numbers, not {len(self.distortion)}"
+                f"Camera.distortion of model {self.model!r} takes {counts} numbers, not {len(self.distortion)}{other}"
             )
         if self.correction is not None and self.model == "division":
             raise RcdnError("Camera.correction is not for model 'division'; use pinhole, brown, rational or fisheye")
@@ -175,6 +180,13 @@ class CameraWork(Protocol):
 def _work() -> CameraWork:
     work: CameraWork = camera_work()
     return work
+
+
+def _in_a_row(distortion: Any) -> Any:
+    """OpenCV's one row (1, N) or one column (N, 1) of coefficients as (N,); anything else as it is."""
+    if isinstance(distortion, np.ndarray) and distortion.ndim == 2 and 1 in distortion.shape:
+        return distortion.ravel()
+    return distortion
 
 
 def _rows_of(value: ArrayLike, length: int, called: str) -> Array:
