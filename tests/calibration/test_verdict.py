@@ -147,7 +147,7 @@ def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
     parameters = good.camera.parameters.copy()
     parameters[4:] = [-0.9, 0, 0, 0, 0]
     folded = replace(good, camera=good.camera.with_parameters(parameters))
-    assert "turns back inside the picture" in found(folded, "reach").sentence
+    assert "breaks down inside the picture" in found(folded, "reach").sentence
     assert found(folded, "reach").level in ("unsure", "bad")
 
 

@@ -152,7 +152,7 @@ def reach(c: Calibration, facts: Facts) -> list[Reason]:
     return [
         reason(
             "reach", facts.reach, "Every pixel that the lens can fill has a ray.",
-            f"The lens model turns back inside the picture: {1 - facts.reach:.1%} of it has no rays.",
+            f"The lens model breaks down inside the picture: {1 - facts.reach:.1%} of it has no rays.",
             "Bring the board into the corners of the picture, or take another model (fisheye for a wide lens).",
         )
     ]  # fmt: skip

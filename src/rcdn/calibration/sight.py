@@ -14,6 +14,12 @@ does not count"""
 NEARLY = 80.0
 """degrees; a lens model that has rays up to this angle and then none has reached such a circle, too; one that ends
 before is invalid there"""
+CROWDED = 0.2
+"""× the change of the ray's angle along the pixel's radius that the pinhole camera has there: below it the model has a
+pole near this pixel, and gives all pixels beyond it nearly the same ray. A lens with a pincushion distortion of a third
+of the radius still has half"""
+STEP = 0.01
+"""share of its distance from the principal point by which a pixel is moved to see that change"""
 CELLS = (32, 24)
 LONGER = 8
 """cells of the coverage along the frame's longer side"""
@@ -44,10 +50,19 @@ def out_of_sight(camera: Camera, pixels: Array) -> tuple[Array, Array]:
     """For `pixels` (..., 2) over the frame, bool (...): which lie outside what the lens images, and at which the lens
     model has no ray though it should."""
     angle = off_axis(camera, pixels)
-    blind = ~np.isfinite(angle)
+    blind = ~np.isfinite(angle) | _crowded(camera, pixels, angle)
     full = bool((angle[~blind] >= NEARLY).any())
     beyond = np.nan_to_num(angle) > WIDEST
     return beyond | (blind & full), blind & (not full)
+
+
+def _crowded(camera: Camera, pixels: Array, angle: Array) -> Array:
+    """Bool (...): at which of the `pixels` (..., 2), seen at `angle` (...), degrees, rays hardly change outwards."""
+    outwards = STEP * (pixels - camera.K[:2, 2])
+    change = np.radians(off_axis(camera, pixels + outwards) - angle)
+    pinhole = np.cos(np.radians(angle)) ** 2 * np.linalg.norm(outwards / np.diag(camera.K)[:2], axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((angle < WIDEST) & (change < CROWDED * pinhole))
 
 
 def off_axis(camera: Camera, pixels: Array) -> Real[Array, " ..."]:
