@@ -65,11 +65,11 @@ def swap(old, new):
         ("mrcal", "brown4", swap("\\[1280", "open([1280"), "not a .cameramodel"),
         ("json", "brown4", swap('"version": 1', '"version": 2'), "version must be 1, not 2"),
         ("json", "brown4", swap("brown", "radtan"), "'model' must be one of pinhole, brown"),
-        ("json", "brown4", swap("brown", "rational"), "takes \\(8,\\) numbers, not 4"),
+        ("json", "brown4", swap("brown", "rational"), "takes 8 numbers, not 4"),
         ("json", "brown4", swap("0.02", "null"), "'distortion' must hold finite numbers"),
         ("json", "brown4", swap('"camera"', '"images"'), "holds no camera"),
         ("json", "brown4", swap("1280", "-1280"), "image size must be|two whole numbers from 1 to"),
-        ("json", "brown4", swap("0.02,", ""), "takes \\(4, 5\\) numbers, not 3"),
+        ("json", "brown4", swap("0.02,", ""), "takes 4 or 5 numbers, not 3"),
     ],
 )
 def test_broken_files(tmp_path, kind, lens, change, words):
