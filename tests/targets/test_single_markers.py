@@ -7,7 +7,7 @@ from coded_scene import SQUARE, puzzleboard, seen
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.targets.single_markers import DICTIONARIES, FEWEST, single_markers
+from rcdn.targets.single_markers import DICTIONARIES, single_markers
 
 
 def scene(dictionary, ids, turned=0.0):
@@ -36,7 +36,6 @@ def test_markers_are_named_with_their_numbers(dictionary, turned):
 
 def test_one_tag_is_enough_and_one_marker_of_16_bits_is_not():
     assert single_markers(scene("DICT_APRILTAG_36h11", (3,))) == ("DICT_APRILTAG_36h11", (3,))
-    assert FEWEST["DICT_4X4_50"] == 2
     assert single_markers(scene("DICT_4X4_50", (3,))) is None
 
 

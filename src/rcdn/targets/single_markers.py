@@ -25,9 +25,9 @@ DICTIONARIES = (
     "DICT_4X4_50",
 )
 """dictionaries that are tried, in this order"""
-FEWEST = {"DICT_4X4_50": 2}
-"""fewest different markers of a dictionary; 1 where it isn't named. Of random squares of 4 × 4 bits one in 330 is a
-marker of 4X4_50"""
+FEWEST_OF_16_BITS = 2
+"""fewest different markers of 4 × 4 bits; one is enough of the other dictionaries. Of random squares of 4 × 4 bits one
+in 330 is a marker of 4X4_50"""
 
 
 def single_markers(grey: Shaped[Array, "h w"]) -> tuple[str, tuple[int, ...]] | None:
@@ -36,7 +36,7 @@ def single_markers(grey: Shaped[Array, "h w"]) -> tuple[str, tuple[int, ...]] | 
     for name in filter(partial(hasattr, cv2.aruco), DICTIONARIES):  # an older OpenCV lacks some
         found = _detector(name).detectMarkers(np.ascontiguousarray(grey))[1]
         ids = () if found is None else tuple(sorted({int(number) for number in np.ravel(found)}))
-        if len(ids) >= FEWEST.get(name, 1):
+        if len(ids) >= (FEWEST_OF_16_BITS if name == "DICT_4X4_50" else 1):
             return name, ids
     return None
 
