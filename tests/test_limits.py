@@ -151,7 +151,13 @@ def obvious(found):
     def shares(board, other):
         if (nearest(other.xy, board.xy)[0][:, 0] < SAME * pitch_of(other)).mean() > 0.25:
             return True
-        return (depth(cv2.convexHull(other.xy.astype(np.float32)), board.xy) >= -1e-3).mean() > 0.5
+        inside = depth(cv2.convexHull(other.xy.astype(np.float32)), board.xy) >= -1e-3
+        steps = np.linalg.norm(board.xy[:, None] - other.xy, axis=2)
+        steps /= np.sort(np.linalg.norm(other.xy[:, None] - other.xy, axis=2), axis=1)[:, 1]
+        small = np.ptp(board.xy, axis=0).max() < 1.5 * pitch_of(other)
+        nearest_one = np.linalg.norm(board.xy[:, None] - other.xy, axis=2).argmin(axis=1)
+        among = steps[np.arange(len(board)), nearest_one] < 0.9
+        return inside.mean() > 0.5 and (small or (inside & among).mean() > 0.5)
 
     ranked = sorted(((len(b), -k, b) for k, part in enumerate(found) for b in part), key=lambda r: r[:2], reverse=True)
     kept = []

@@ -111,6 +111,32 @@ def test_markers_inside_a_board_are_no_boards():
     assert distinct_boards([[full], [inner]]) == [full]
 
 
+def test_a_board_in_a_gap_of_a_larger_one_stands_before_it():
+    floor, board = lattice(15, 12, 20.0), lattice(4, 3, 15.0, at=(160, 130))
+    gap = (np.abs(floor.xy - board.xy.mean(axis=0)) > (50, 42)).any(axis=1)
+    around = Board(floor.xy[gap], floor.ij[gap], floor.image_size, floor.response[gap], floor.status[gap], "unique")
+    assert distinct_boards([[around, board]]) == [around, board]
+    assert distinct_boards([[floor, board]]) == [floor]
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.35])
+def test_a_board_is_found_before_a_checkered_floor(turned):
+    """Floor and board of about the same squares; the board's paper covers what is under it."""
+    rows, cols = np.mgrid[:480, :640]
+    floor = np.where((rows // 30 + cols // 30) % 2, 60.0, 190.0)
+    c, s = np.cos(turned), np.sin(turned)
+    x, y = c * (cols - 330.3) + s * (rows - 241.7), -s * (cols - 330.3) + c * (rows - 241.7)
+    i, j = np.floor(x / 24).astype(int), np.floor(y / 24).astype(int)
+    paper = (np.abs(x) < 24 * 5) & (np.abs(y) < 24 * 4)
+    squares = (np.abs(x) < 24 * 4) & (np.abs(y) < 24 * 3) & ((i + j) % 2 == 1)
+    image = cv2.GaussianBlur(np.where(squares, 20.0, np.where(paper, 230.0, floor)), (0, 0), 0.8)
+    image += np.random.default_rng(3).normal(0, 2, image.shape)
+    near = [b for b in rcdn.Detector().boards(image.clip(0, 255).astype(np.uint8)) if b.size in {(7, 5), (5, 7)}]
+    assert len(near) == 1
+    at = 24.0 * np.array([(a, b) for b in range(-2, 3) for a in range(-3, 4)]) @ [[c, s], [-s, c]] + [330.3, 241.7]
+    assert len(match(near[0].xy, at, 0.7)[0]) == 35
+
+
 def test_corners_of_several_lists_are_kept_once_and_sorted():
     rng = np.random.default_rng(1)
     a = Corners(rng.uniform(0, 500, (40, 2)), rng.uniform(0, 1, 40), np.zeros(40), axes=np.tile([0.1, 1.6], (40, 1)))

@@ -60,6 +60,9 @@ corner"""
 SHARED, COVERED = 0.25, 0.5
 """largest share of a board's corners that may coincide with those of a larger board, and that may lie inside it;
 beyond, it is no board of its own"""
+BESIDE, ONE_SQUARE = 0.9, 1.5
+"""squares of the larger board: what is nearer to its next corner lies among its corners, and the extent up to which a
+board is part of one of its squares"""
 EDGE = 1e-3
 """px; tolerance of the test whether a corner lies inside a board's hull, so that its own corners do"""
 SPECK_PITCH, SPECK = 5.6, 0.1
@@ -346,7 +349,7 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
     """The boards of all views (the full-size one first), each once: of two that share corners, the one with more
     corners.
 
-    A board inside a larger one is rejected: it consists of markers and glyphs in its squares.
+    A board among the corners of a larger one, or in one of its squares, is rejected: it consists of markers and glyphs.
     """
     ranked = sorted(
         ((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True
@@ -359,9 +362,22 @@ def distinct_boards(found: list[list[Board]]) -> list[Board]:
     kept: set[int] = set()
     for k, board in enumerate(every):
         around = kept.intersection(boxes.touched(low[k] - EDGE, high[k] + EDGE))
-        if kept.isdisjoint(twins[k]) and not any(_inside(every[n], board.xy).mean() > COVERED for n in sorted(around)):
+        if kept.isdisjoint(twins[k]) and not any(_covers(every[n], board.xy) for n in sorted(around)):
             kept.add(k)
     return sorted((every[k] for k in kept), key=lambda b: (-len(b), *b.xy[0]))
+
+
+def _covers(board: Board, xy: Array) -> bool:
+    """Whether positions (N, 2) px lie among the corners of a board, or together in one of its squares. A gap in it may
+    be another board before it."""
+    inside = _inside(board, xy)
+    if inside.mean() <= COVERED:
+        return False
+    pitch = nearest_pitch(board.xy)
+    if np.ptp(xy, axis=0).max() < ONE_SQUARE * median(pitch):
+        return True
+    distance, corner = nearest(board.xy, xy)
+    return bool((inside & (distance[:, 0] < BESIDE * pitch[corner[:, 0]])).mean() > COVERED)
 
 
 def _twins(boards: list[Board]) -> list[list[int]]:
