@@ -202,3 +202,19 @@ def test_a_spacing_that_nobody_says_is_asked_for(run):
         done = run(*words)
         assert done.exit_code == 2
         assert "--spacing is missing" in done.output + str(done.exception)
+
+
+def test_a_target_that_no_board_is_of_is_told(run):
+    """Otherwise the board would be taken for a plain one, numbered from another corner."""
+    cv2.imwrite("board.png", photograph(Printed(BOARD, 0.03), 0.3, 0.2))
+    told = "hint: of 1 board none carries the codes of ChArUco 7x5 DICT_5X5_100"
+    other, camera = "charuco:7x5:DICT_5X5_100:0.75", Camera(np.diag([FOCAL, FOCAL, 1.0]), [], SIZE, "pinhole")
+    assert f"{told}; `--target auto` tells" in run("detect", "board.png", "--target", other).output
+    assert "hint" not in run("detect", "board.png", "--target", "charuco:7x5:DICT_4X4_50:0.75").output
+    assert "hint" not in run("detect", "board.png").output
+    write_camera("camera.json", camera)
+    pose = run("pose", "board.png", "--camera", "camera.json", "--spacing", "30mm", "--target", other)
+    assert told in pose.output
+    run("detect", "board.png", "--json", "board.json")
+    saved = run("calibrate", "board.json", "--spacing", "30mm", "--target", other)
+    assert f"{told}; they are ChArUco 7x5 DICT_4X4_50" in saved.output

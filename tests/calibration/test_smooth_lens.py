@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration import calibrate
+from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
+from rcdn.calibration.plain_lens import plain_fit
 from rcdn.calibration.smooth_lens import Bending, with_correction
+from rcdn.io import lens_fit
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
 BROWN, NOISE = CAMERAS["brown"], 0.03
@@ -37,6 +39,43 @@ def test_ripples_are_followed_where_no_coefficient_does(rippled):
 def test_what_is_held_fixed_stays_fixed_beside_a_correction(rippled):
     done = calibrate(rippled, SPACING, model="splined", flat=True, fix=("principal_point",))
     assert done.camera.parameters[2:4] == pytest.approx([319.5, 239.5], abs=1e-3)
+    assert plain_fit("a.yaml", done).held.parameters[2:4] == pytest.approx([319.5, 239.5], abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def near_the_middle(rippled):
+    """The corners within 200 px of the middle: beyond them a correction is not determined."""
+    out = []
+    for b in rippled:
+        some = np.linalg.norm(b.xy - (319.5, 239.5), axis=1) < 200
+        if some.sum() >= 12:
+            out.append(board(b.ij[some], b.xy[some], b.image_size, b.sigma[some]))
+    return out
+
+
+def test_a_file_of_coefficients_holds_what_the_corners_give_without_a_correction(near_the_middle):
+    """The lens nearest to the corrected one over the whole frame follows what the correction extrapolates instead."""
+    whole = {"size": (9, 6), "flat": True}
+    smooth = calibrate(near_the_middle, SPACING, model="splined", **whole)
+    plain = calibrate(near_the_middle, SPACING, model="brown", **whole)
+    found, nearest = plain_fit("a.yaml", smooth), lens_fit("a.yaml", smooth.camera)
+    assert found.solved
+    assert found.held.correction is None
+    assert "solved from the same pictures" in found.text
+
+    def error(camera):
+        gaps = [estimate_pose(b, camera, SPACING).rms for b in near_the_middle]
+        return float(np.sqrt(np.mean(np.square(gaps))))
+
+    assert error(found.held) < 1.02 * error(plain.camera)
+    assert error(found.held) < error(nearest.held)
+
+
+def test_formats_with_a_correction_of_their_own_need_no_other_lens(rippled):
+    smooth = calibrate(rippled, SPACING, model="splined", flat=True)
+    assert plain_fit("a.json", smooth) is None
+    assert not plain_fit("a.cameramodel", smooth).solved
+    assert plain_fit("a.yaml", calibrate(rippled, SPACING, model="brown", flat=True)) is None
 
 
 def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():

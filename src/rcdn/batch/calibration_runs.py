@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rcdn.batch.cache import Cache
 from rcdn.batch.calibration_outputs import Outputs
+from rcdn.batch.no_board import note_target
 from rcdn.batch.pair_file import PairFile
 from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, many
@@ -71,6 +72,7 @@ class Run:
         if without := [image.path for image in got.images if not image.boards]:
             names = ", ".join(without[:3]) + (", …" if len(without) > 3 else "")
             console.note(f"no board was found in {len(without)} of {many(len(got.images), 'picture')}: {names}")
+        note_target(config.target, got)
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
@@ -122,7 +124,7 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     _print_results(done, camera_text.camera_lines(done), views)
     run.failed |= not outputs.write(
         outputs.kept(done),
-        lambda path: camera_files.write_one(path, done.camera, outputs.format),
+        lambda path: camera_files.write_calibrated(path, done, outputs.format),
         lambda path: write_calibration(path, done),
         lambda path: write_report(path, done, pictures_of(done, got, outputs)),
     )

@@ -12,7 +12,7 @@ from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat, LensFit, StereoCameras
-    from rcdn.types import Camera, Rig, StereoCalibration
+    from rcdn.types import Calibration, Camera, Rig, StereoCalibration
 
 
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
@@ -77,15 +77,24 @@ def _example(model: str) -> Camera:
     return Camera(np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), np.full(numbers, 0.01), (640, 480), kind)
 
 
-def write_one(path: Path, camera: Camera, format: CameraFormat | None) -> None:
-    """Write a camera, and print which of its properties the format can't represent."""
+def write_one(path: Path, camera: Camera, format: CameraFormat | None, fit: LensFit | None = None) -> None:
+    """Write a camera, or, in a format that has no place for its correction, `fit` (default: the nearest lens); print
+    which of its properties the format can't represent."""
     from rcdn.io import write_camera, write_maps
 
     _note_format(path, format)
     if _maps(path, format):
         write_maps(path, camera)
     else:
-        _note_fits(path, [write_camera(path, camera, format)])
+        _note_fits(path, [write_camera(path, camera, format, fit)])
+
+
+def write_calibrated(path: Path, done: Calibration, format: CameraFormat | None) -> None:
+    """Write the camera of a calibration, as `write_one`; in a format that has no place for its correction, the camera
+    that the same corners give without one."""
+    from rcdn.calibration.plain_lens import plain_fit
+
+    write_one(path, done.camera, format, None if _maps(path, format) else plain_fit(str(path), done, format))
 
 
 def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:

@@ -32,6 +32,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
     from rcdn.calibration import calibrate
     from rcdn.calibration.next_view import advised
     from rcdn.calibration.observability import unsettled
+    from rcdn.calibration.plain_lens import plain_fit
     from rcdn.io import write_camera
     from rcdn.live.folder import PICTURES
     from rcdn.report.calibration import write_report
@@ -40,7 +41,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
     done = advised(calibrate(boards, _spacing(settings), names=paths, model=settings.model, size=settings.size))
 
     def write(path: Path) -> Sequence[Path]:
-        write_camera(path, done.camera)
+        write_camera(path, done.camera, fit=plain_fit(str(path), done))
         return [path]
 
     doubt = "The camera is not written: these pictures don't settle it." if unsettled(done) else ""

@@ -1,12 +1,18 @@
-"""Why no board was found in any of many pictures, as far as it can be told."""
+"""Why no board, or not the board that was asked for, was found in any of many pictures, as far as it can be told."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rcdn.errors import RcdnError, many
+from rcdn.terminal import console
+
+if TYPE_CHECKING:
+    from rcdn.batch.inputs import Gathered
+    from rcdn.types import Target
 
 EXAMINED = 3
 """The largest number of pictures that are searched for single markers."""
@@ -17,13 +23,13 @@ def markers_hint(names: Iterable[str]) -> str | None:
 
     A name that is no picture (a frame of a video) is skipped, and so is a picture that can't be read any more.
     """
-    from rcdn.io import is_video, read_image
+    from rcdn.io import is_video
     from rcdn.io.images import grey_of
     from rcdn.targets.single_markers import single_markers
 
     for name in islice((n for n in names if Path(n).is_file() and not is_video(n)), EXAMINED):
         try:
-            found = single_markers(grey_of(read_image(name)))
+            found = single_markers(grey_of(name))
         except RcdnError:
             continue
         if found is not None:
@@ -33,3 +39,21 @@ def markers_hint(names: Iterable[str]) -> str | None:
                 "a board needs corners where squares meet: `rcdn board --pattern aprilgrid` or `charuco` prints one"
             )
     return None
+
+
+def target_hint(wanted: str | Target, found: Iterable[str]) -> str | None:
+    """A sentence if a target is `wanted`, not just `auto` or `plain`, and none of the boards `found` was read as such:
+    the targets of all boards as text, "" for those without codes."""
+    texts = list(found)
+    kind = str(wanted)
+    if isinstance(wanted, str) or not texts or any(text.startswith(kind) for text in texts):
+        return None
+    others = ", ".join(sorted({text for text in texts if text}))
+    seen = f"they are {others}" if others else "`--target auto` tells what they are, if they carry codes"
+    return f"of {many(len(texts), 'board')} none carries the codes of {kind}; {seen}"
+
+
+def note_target(wanted: str | Target, got: Gathered) -> None:
+    """Print the `target_hint` of the boards of many pictures, if there is one."""
+    if hint := target_hint(wanted, (str(board.target or "") for image in got.images for board in image.boards)):
+        console.note(f"hint: {hint}")

@@ -11,8 +11,8 @@ from rcdn.errors import ConfigError
 
 
 def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
-    """The files that `arguments` denote, and a failure, already reported, for each argument that denotes none. Prints a
-    note on drawings of rcdn that are skipped."""
+    """The files that `arguments` denote, and a failure, already reported, for each argument that denotes none. Prints
+    notes on pictures that are skipped."""
     from rcdn.errors import many
     from rcdn.io import find
     from rcdn.terminal import console
@@ -21,10 +21,14 @@ def expanded(arguments: Sequence[str]) -> tuple[list[Path], list[Failure]]:
     found = find(arguments)
     for _, message in found.errors:
         print_error(message)
-    if found.own:
-        number, first = len(found.own), one_line(str(found.own[0]))
-        rest = "is skipped: " + first if number == 1 else f"are skipped: {first}, …"
-        console.note(f"note: {many(number, 'picture')} that rcdn made of others {rest}")
+    for paths, what, fix in (
+        (found.own, "that rcdn made of others", ""),
+        (found.unread, "of formats that aren't read", "; convert them to TIFF or PNG"),
+    ):
+        if paths:
+            first = one_line(str(paths[0]))
+            rest = "is skipped: " + first if len(paths) == 1 else f"are skipped: {first}, …"
+            console.note(f"note: {many(len(paths), 'picture')} {what} {rest}{fix}")
     return found.files, [Failure(name, message) for name, message in found.errors]
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rcdn.batch.behind import make_two_sided, two_sided
 from rcdn.batch.cache import Cache
 from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_outputs import tell_poses
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
@@ -40,7 +41,7 @@ class DetectionSettings:
         """The boards in `inputs`, including those whose codes are seen from behind."""
         from rcdn.batch.inputs import gather
 
-        return gather(
+        got = gather(
             inputs,
             self.config,
             jobs=self.jobs,
@@ -49,6 +50,8 @@ class DetectionSettings:
             size=self.size,
             make=make_two_sided,
         )
+        note_target(self.config.target, got)
+        return got
 
 
 def rig_poses(

@@ -117,10 +117,12 @@ def columns(rows: Sequence[tuple[str, str]]) -> list[str]:
 
 
 class Tally:
-    """Counts the outcomes, picture by picture. `wanted`: the only board size that counts as complete; None: any."""
+    """Counts the outcomes, picture by picture. `wanted`: the only board size that counts as complete; None: any.
+    `targets`: how many boards have each target, as text, "" for those without codes."""
 
     def __init__(self, wanted: Size | None) -> None:
         self.images = 0
+        self.targets: Counter[str] = Counter()
         self.failures: list[Failure] = []
         self._wanted = wanted
         self._complete_rows: list[tuple[int, tuple[str, str]]] = []
@@ -145,6 +147,7 @@ class Tally:
         self._counts[status(outcome, self._wanted)] += 1
         self._counts["boards"] += len(outcome.boards)
         self._counts["corners"] += outcome.corners
+        self.targets.update(b.target for b in outcome.boards)
         complete = {_wide(b.size) for b in outcome.boards if b.complete}
         self._sizes |= complete
         self._with_complete += bool(complete)

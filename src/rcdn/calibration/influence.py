@@ -27,6 +27,8 @@ LEAST_SCATTER = 1e-6
 """px along one axis: least standard deviation of a corner, used if both the sigma and the noise are smaller"""
 FIRM = 1e6
 """× the information on a parameter: large enough to hold it fixed"""
+HELD = 1e-3
+"""px: a principal point of smaller standard deviations was held fixed, by a prior"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +93,25 @@ def view_information(calibration: Calibration) -> ViewInformation:
     return ViewInformation(info.score, info.information, info.prior + _fixed(calibration, info))
 
 
-def _fixed(calibration: Calibration, info: ViewInformation) -> Real[Array, "p p"]:
-    """(P, P) prior information on what the calibration held fixed: a principal point without variance, and fx = fy if
-    they are fully correlated."""
+def held_fixed(calibration: Calibration) -> frozenset[str]:
+    """What the calibration held fixed: `principal_point`, if it is `HELD`, and `aspect`, if fx and fy are equal and
+    fully correlated."""
     cov, camera = calibration.cov, calibration.camera
-    diagonal = np.diag(info.information.sum(axis=0))
-    out = np.diag(np.where(np.diag(cov)[:-6] > 0, 0.0, FIRM * diagonal))
     (fx, fy), (a, b) = camera.parameters[:2], np.sqrt(np.diag(cov)[:2])
-    if fx == fy and a > 0 and cov[0, 1] > (1 - 1e-9) * a * b:
+    names = {
+        "aspect": fx == fy and a > 0 and cov[0, 1] > (1 - 1e-9) * a * b,
+        "principal_point": bool((np.diag(cov)[2:4] <= HELD**2).all()),
+    }
+    return frozenset(name for name, held in names.items() if held)
+
+
+def _fixed(calibration: Calibration, info: ViewInformation) -> Real[Array, "p p"]:
+    """(P, P) prior information on what the calibration held fixed."""
+    diagonal, held = np.diag(info.information.sum(axis=0)), held_fixed(calibration)
+    fixed = np.diag(calibration.cov)[:-6] <= 0
+    fixed[2:4] |= "principal_point" in held
+    out = np.diag(np.where(fixed, FIRM * diagonal, 0.0))
+    if "aspect" in held:
         out[:2, :2] += FIRM * diagonal[:2].max() * np.array([[1, -1], [-1, 1]])
     return out
 

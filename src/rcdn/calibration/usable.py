@@ -48,10 +48,12 @@ def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
     (majority, many), *_ = sizes.most_common(1)
     if many >= SAME_SIZE * len(boards):
         return majority
+    upright = majority[0] != majority[1] and majority[::-1] in sizes
+    turned = ". Width and height are exchanged in some: turn those pictures back by 90°" if upright else ""
     raise CalibrationError(
         f"pictures of several sizes ({_by_size(boards, names, sizes)}): one calibration is of one camera at one "
         "resolution; calibrate the pictures of each size by themselves. Crops and resized copies belong to no camera: "
-        "take pictures as they were stored"
+        f"take pictures as they were stored{turned}"
     )
 
 

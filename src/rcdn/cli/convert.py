@@ -163,7 +163,7 @@ def _is_json(path: Path) -> bool:
 
 
 def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
-    from rcdn.batch.camera_files import check_format, write_one
+    from rcdn.batch.camera_files import check_format, write_calibrated, write_one
     from rcdn.batch.rig_files import convert_rig, holds_rig
     from rcdn.io import read_calibrations, read_camera, read_cameras
 
@@ -172,6 +172,7 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
         convert_rig(inputs, out, format, lossy)
         return
     check_format(out, format)
+    calibrations = read_calibrations(inputs[0])
     if len(inputs) > 2:
         raise ConfigError("give one camera file, or the left and the right one of a pair, and OUT")
     if len(inputs) == 2 or (name is None and len(read_cameras(inputs[0])) > 1):
@@ -181,8 +182,11 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
     else:
         camera = read_camera(inputs[0], name=name)
         _check_loss(out, {"": camera}, format, lossy)
-        write_one(out, camera, format)
-    if read_calibrations(inputs[0]):
+        if name is None and calibrations:
+            write_calibrated(out, calibrations["camera"], format)
+        else:
+            write_one(out, camera, format)
+    if calibrations:
         console.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
 
 

@@ -16,7 +16,7 @@ import typer
 from rcdn.batch import pool, summary
 from rcdn.batch.cache import open_cache
 from rcdn.batch.detection_files import FORMATS, DetectionFormat, format_of
-from rcdn.batch.no_board import markers_hint
+from rcdn.batch.no_board import markers_hint, target_hint
 from rcdn.batch.outputs import Outputs
 from rcdn.batch.overlay_names import OverlayNames
 from rcdn.batch.paths import check_file, expanded, outside
@@ -179,6 +179,8 @@ def detect(
         console.print_line(text)
     if run.tally.no_board and (hint := markers_hint(map(str, paths))):
         console.print_line(hint)
+    if hint := target_hint(config.target, run.tally.targets.elements()):
+        console.print_line(f"hint: {hint}")
     _finish(run, failures, len(paths))
 
 

@@ -81,6 +81,7 @@ def pose(
     """
     from rcdn.batch.camera_files import chosen_camera
     from rcdn.batch.inputs import gather
+    from rcdn.batch.no_board import note_target
     from rcdn.calibration import estimate_pose
     from rcdn.calibration.coded import kind_of
     from rcdn.terminal import camera_text
@@ -106,6 +107,7 @@ def pose(
         return
     lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
+    note_target(config.target, got)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
 
     def solved(path: str, number: int, found: Board) -> tuple[str, dict[str, Any]]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from rcdn.errors import ImageError
-from rcdn.io import headers, jpeg, tiff
+from rcdn.io import headers, heic, jpeg, tiff
 from rcdn.io.quiet import quiet_opencv
 from rcdn.limits import OPENCV, check_size
 from rcdn.types import Array
@@ -33,6 +33,8 @@ def decode(data: bytes, path: str | Path) -> Array:
     if size is None:
         raise _unreadable(path, "")
     check_size(str(path), *size)
+    if heic.is_heic(data):
+        return heic.decode(data, path)
     reason = ""
     if data.startswith(_JPEG):
         pixels, reason = _jpeg(data, path)

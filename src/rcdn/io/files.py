@@ -11,7 +11,12 @@ from pathlib import Path
 from rcdn.errors import OutputError
 from rcdn.io import whole
 
-PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pbm", ".jp2"})
+_OF_TELEPHONES = (".heic", ".heif", ".avif")
+PICTURE_ENDINGS = frozenset(
+    [".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pbm", ".jp2", *_OF_TELEPHONES]
+)
+UNREAD_ENDINGS = frozenset([".arw", ".cr2", ".cr3", ".dng", ".gif", ".nef", ".orf", ".raf", ".rw2"])
+"""endings of pictures that folders may hold and that aren't looked for: raw formats of cameras, and GIF"""
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
 
 STDOUT = Path("-")

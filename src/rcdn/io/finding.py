@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 
-from rcdn.io.files import PICTURE_ENDINGS, VIDEO_ENDINGS, Errors, is_special
+from rcdn.io.files import PICTURE_ENDINGS, UNREAD_ENDINGS, VIDEO_ENDINGS, Errors, is_special
 from rcdn.io.marks import mark_of
 
 MARKED_ENDINGS = frozenset({".png", ".jpg", ".jpeg"})
@@ -23,17 +23,19 @@ LISTED = 3
 @dataclass
 class Found:
     """`files` in order; `errors`: (path, message) for each path that gives no file; `own`: skipped pictures that rcdn
-    made."""
+    made; `unread`: files of folders that look like pictures of other formats."""
 
     files: list[Path] = field(default_factory=list)
     errors: Errors = field(default_factory=list)
     own: list[Path] = field(default_factory=list)
+    unread: list[Path] = field(default_factory=list)
 
     def add(self, other: Found) -> None:
         """Append all of `other`."""
         self.files += other.files
         self.errors += other.errors
         self.own += other.own
+        self.unread += other.unread
 
 
 def natural(path: str | Path) -> tuple[tuple[tuple[str | int, ...], ...], tuple[str, ...]]:
@@ -94,6 +96,10 @@ def _find_one(path: str) -> Found:
             why = "no pictures or videos in this folder (known by their endings); name other files"
             if found.own:
                 why = "the pictures in this folder are all drawings of rcdn's; name other files"
+            elif found.unread:
+                formats = ", ".join(sorted({p.suffix.lower() for p in found.unread}))
+                why = f"its pictures are of formats that aren't read ({formats}); convert them to TIFF or PNG"
+                found.unread = []
             found.errors = [(path, f"{path}: {why}")]
         return found
     if os.path.exists(path):
@@ -111,7 +117,7 @@ def _find_pattern(pattern: str) -> Found:
         if os.path.isdir(match):
             inside = _pictures_in(match)
             files += inside.files
-            found.add(Found(errors=inside.errors, own=inside.own))
+            found.add(Found(errors=inside.errors, own=inside.own, unread=inside.unread))
         else:
             files.append(Path(match))
     found.add(_others(_files_only(files)))
@@ -124,6 +130,7 @@ def _find_pattern(pattern: str) -> Found:
 def _pictures_in(folder: str) -> Found:
     """Pictures and videos below `folder`, sorted, and the folders that could not be listed."""
     files: list[Path] = []
+    unread: list[Path] = []
     errors: Errors = []
 
     def unlisted(error: OSError) -> None:
@@ -132,10 +139,14 @@ def _pictures_in(folder: str) -> Found:
 
     for root, folders, names in os.walk(folder, onerror=unlisted):
         folders[:] = [f for f in folders if not f.startswith(".")]
-        endings = PICTURE_ENDINGS | VIDEO_ENDINGS
-        files += [Path(root, n) for n in names if not n.startswith(".") and Path(n).suffix.lower() in endings]
+        for path in (Path(root, n) for n in names if not n.startswith(".")):
+            if path.suffix.lower() in PICTURE_ENDINGS | VIDEO_ENDINGS:
+                files.append(path)
+            elif path.suffix.lower() in UNREAD_ENDINGS:
+                unread.append(path)
     found = _others(_files_only(sorted(files, key=natural)))
     found.errors = sorted(errors) + found.errors
+    found.unread = sorted(unread, key=natural)
     return found
 
 

@@ -116,7 +116,7 @@ def _codestream(data: bytes) -> Size | None:
 
 
 def _avif(data: bytes) -> Size | None:
-    """The largest of the sizes of all items, whichever of them is decoded."""
+    """Of an AVIF or a HEIC: the largest of the sizes of all items, whichever of them is decoded."""
     meta = next((data[start:end] for kind, start, end in _boxes(data) if kind == b"meta"), b"")
     sizes = [struct.unpack_from(">II", meta, m.end() + 4) for m in re.finditer(b"ispe", meta)]
     return max(sizes, key=lambda s: s[0] * s[1], default=None)
@@ -153,6 +153,6 @@ _READERS: list[tuple[re.Pattern[bytes], Callable[[bytes], Size | None]]] = [
         (rb"GIF8[79]a", _gif),
         (rb"#\?R(ADIANC|GB)E", _hdr),
         (rb"\x59\xa6\x6a\x95", _sun),
-        (rb"....ftypavi[fs]", _avif),
+        (rb"....ftyp(avi[fs]|hei[cxms]|hev[cx]|mif1|msf1)", _avif),
     )
 ]

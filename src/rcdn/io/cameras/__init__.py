@@ -70,15 +70,17 @@ def camera_format(path: str | Path, format: CameraFormat | None = None) -> Camer
     return _ENDINGS[ending]
 
 
-def write_camera(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
+def write_camera(
+    path: str | Path, camera: Camera, format: CameraFormat | None = None, fit: LensFit | None = None
+) -> LensFit | None:
     """Write a camera in the format of `camera_format(path, format)`, whole or not at all.
 
-    All digits are kept. A camera with a `correction` is represented exactly in json only; to other formats the result
-    of `lens_fit` is written, which is also returned and added to the file as a comment. Returns None if the file
-    represents the camera exactly. Raises FormatError if the format can't hold the lens model, listing those that can;
-    OutputError as `write_text`.
+    All digits are kept. A camera with a `correction` is represented exactly in json only; to other formats `fit`
+    (default: the result of `lens_fit`) is written, which is also returned and added to the file as a comment. Returns
+    None if the file represents the camera exactly. Raises FormatError if the format can't hold the lens model, listing
+    those that can; OutputError as `write_text`.
     """
-    kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format)
+    kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format) if fit is None else fit
     write_text(path, noted(kind.head, kind.text(camera if fit is None else fit.held), _texts([fit])))
     return fit
 

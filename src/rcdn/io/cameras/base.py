@@ -31,19 +31,23 @@ HOLDERS = {
 class LensFit:
     """The approximation of a camera with a `correction` in a format that can't represent it: `held`, the nearest camera
     of a lens model of the format (mrcal: the nearest spline), `model` its name, and the difference over the frame, RMS
-    and `largest`, px."""
+    and `largest`, px. `solved`: `held` was calibrated from the same pictures instead, and the difference is after the
+    best rotation."""
 
     held: Any
     model: str
     rms: float
     largest: float
+    solved: bool = False
 
     @property
     def text(self) -> str:
         """The difference in words."""
+        fit = f"best fit of {self.model} to a lens with a smooth correction"
+        solved = f"{self.model}, solved from the same pictures without the smooth correction"
         return (
-            f"best fit of {self.model} to a lens with a smooth correction: differs by {self.rms:.4f} px RMS, "
-            f"{self.largest:.4f} px at most, over the frame"
+            f"{solved if self.solved else fit}: differs by {self.rms:.4f} px RMS, {self.largest:.4f} px at most, over "
+            "the frame"
         )
 
 
