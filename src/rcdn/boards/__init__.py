@@ -16,8 +16,9 @@ from rcdn.boards.graph import Field, cells, label, links
 from rcdn.boards.grow import board_sign, grow
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
+from rcdn.boards.overlap import separated
 from rcdn.boards.rim import cut_at_rim
-from rcdn.boards.validate import believable, distinct, is_full, plain, prune
+from rcdn.boards.validate import believable, distinct, is_full, plain, prune, skips_lines
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
@@ -61,7 +62,9 @@ def find_boards(
     parts, settled = _parts(field, grids, free)
     typical = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     whole = set(map(id, parts))
-    merged = [g for g in merge(field, [g for g in parts if len(g) >= CELL]) if len(g) * 2 >= least]
+    height, width = grey.shape
+    joined = merge(field, [g for g in parts if len(g) >= CELL])
+    merged = [part for g in joined for part in separated(g, (width, height)) if len(part) * 2 >= least]
     merged = [g for g in merged if plain(g, field.response, typical)]
     left = allowed(grey.size, *FILLED)
     for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", warnings):
@@ -81,7 +84,7 @@ def find_boards(
                 )
             if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
                 continue
-            if distinct(grid, field.grey):
+            if distinct(grid, field.grey) and not skips_lines(grid, field):
                 boards.append(as_board(field, candidates, grid))
     boards += [as_board(field, candidates, Grid(at, field.xy), TAGS, 0) for at in lattices]
     if field.rounds[0] >= allowed(grey.size, *GROWN):

@@ -11,6 +11,7 @@ from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid, at_steps, cell_count
 from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry.median import median
+from rcdn.geometry.near import nearest
 from rcdn.geometry.rules import CHECKER, Label
 from rcdn.native import bind
 from rcdn.types import Array
@@ -119,6 +120,40 @@ def distinct(grid: Grid, grey: Array) -> bool:
     if edge_sharpness(grey, xy[row], xy[following[row, way]]) >= SOFT:
         return True
     return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(labels, axis=0) + 1))
+
+
+CENTRE, SIDE, INSIDE = 0.25, 0.12, 0.6
+"""squares around the centre of a cell, and around the middle of a side, in which a corner belongs to a skipped line;
+and around the centre, in which others are counted"""
+SKIPPED, REGULAR, EITHER = 0.6, 0.8, 0.3
+"""corners of skipped lines for each cell, their share of the others inside, and the share of the cells of either colour
+that are next to one, from which on a grid skips lines: where it does there is one in each cell, and no other; markers
+are in cells of one colour, clutter is anywhere"""
+
+
+def skips_lines(grid: Grid, field: Field) -> bool:
+    """Whether the grid's lines pass by others of the same board, as where motion or interlacing hides their edges: then
+    strong corners that are not the grid's lie in the middle of its cells or of their sides."""
+    labels, xy = grid.labels, grid.xy[grid.corners]
+    (ring,) = CHECKER.cells
+    rows = at_steps(labels, labels, [(0, 0), *ring])
+    whole = (rows >= 0).all(axis=1)
+    corners, colour = xy[rows[whole]], labels[whole].sum(axis=1) % 2
+    free = field.strong.copy()
+    free[grid.corners[grid.corners < len(free)]] = False
+    other = field.xy[free]
+    if len(other) < SKIPPED * len(corners):
+        return False
+    after = np.roll(corners, -1, axis=1)
+    shortest = np.linalg.norm(after - corners, axis=2).min(axis=1)
+    centre, cell = (found[:, 0] for found in nearest(corners.mean(axis=1), other))
+    side, which = (found[:, 0] for found in nearest(((corners + after) / 2).reshape(-1, 2), other))
+    between = (centre < CENTRE * shortest[cell]) | (side < SIDE * shortest[which // 4])
+    inside = between | (centre < INSIDE * shortest[cell])
+    if between.sum() < max(SKIPPED * len(corners), REGULAR * inside.sum(), 1):
+        return False
+    next_to = np.isin(np.arange(len(corners)), cell[between])
+    return all((next_to & (colour == k)).sum() >= max(EITHER * (colour == k).sum(), 1) for k in (0, 1))
 
 
 def is_full(grid: Grid) -> bool:
