@@ -96,4 +96,4 @@ def test_half_a_picture_does_not_count_as_its_detail():
     half = View((0, 0, 640, 480), 0.5)
     seen = at._detect(half, half.of(grey))
     assert not seen.detailed
-    assert at._in_detail(seen).detailed
+    assert at._in_detail(seen, grey).detailed

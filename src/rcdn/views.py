@@ -9,12 +9,13 @@ from functools import partial
 
 import numpy as np
 
-from rcdn.boards import find_boards, find_pieces, has_cells
+from rcdn.boards import count_cells, find_boards, find_pieces
 from rcdn.boards.deltille import find_deltilles
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
 from rcdn.corners.adaptive import nearest_pitch
+from rcdn.corners.levelled import levelled
 from rcdn.corners.refine import saddle_position
 from rcdn.corners.response import ResponseModel
 from rcdn.corners.sieve import STEEP_FLOOR, STEEP_FLOOR_BESIDE, saddles_by_steepness
@@ -46,6 +47,8 @@ from rcdn.types.arrays import Shaped
 STRAY = (0.5, 0.005)
 """largest displacement, px + squares, of a corner of the halved view when it is refined in the full image. A corner
 that moves further is something else in one of the two, for instance where the edge of a shadow runs close by"""
+HIDDEN, HIDDEN_CELLS = 12, 2
+"""fewest strong corners and cells of a view without a board that may be those of a board under hard shadows"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,7 @@ class ViewResult:
 
     `response`: the response map, in pixels of the view; `detailed`: whether the corners have the accuracy of the full
     image; `pieces`: a function that returns possible pieces of boards among the other corners, called only by code
-    readers.
+    readers; `cells`: a function that counts the cells of linked corners, called only where there is no board.
     """
 
     view: View
@@ -65,21 +68,42 @@ class ViewResult:
     response: Array
     detailed: bool
     pieces: Callable[[], list[Board]] = list
+    cells: Callable[[], int] = int
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Detection in the views of one image `grey` (H, W)."""
+    """Detection in the views of one image `grey` (H, W), each as it is, or `levelled`: without its light."""
 
     grey: Array
     model: ResponseModel
     config: DetectorConfig
     warnings: Warnings
+    levelled: bool = False
 
     def results(self) -> list[ViewResult]:
-        """Results of all views that had to be processed, the full image first."""
+        """Results of all views that had to be processed, the full image first; those of the image without its light
+        last, if the others show a board in part, or hardly one."""
+        out = self._of_views()
+        if not self._from_coarse or not self.config.pyramid or not self._is_open(out):
+            return out
+        return out + [replace(result, detailed=False) for result in replace(self, levelled=True)._of_views()]
+
+    def _is_open(self, results: list[ViewResult]) -> bool:
+        """Whether there are boards with missing corners; or none, but corners and cells as in a board under hard
+        shadows."""
+        boards = distinct_boards([result.boards for result in results])
+        if boards:
+            return not settled(boards)
+        return any(len(result.strong) >= HIDDEN and result.cells() >= HIDDEN_CELLS for result in results)
+
+    def _shown(self, part: Shaped[Array, "h w"]) -> Array:
+        return levelled(part) if self.levelled else part
+
+    def _of_views(self) -> list[ViewResult]:
+        """Results of the views of the image, the full image first."""
         views = whole_views(self.grey.shape) if self.config.pyramid else whole_views(self.grey.shape)[:1]
-        parts = dict(zip(views, pictures_of(self.grey, views), strict=True))
+        parts = dict(zip(views, map(self._shown, pictures_of(self.grey, views)), strict=True))
         out, plain = self._first(parts)
         known, seen = distinct_boards([result.boards for result in out]), [result.view for result in out]
         strong, complete = joint([result.strong for result in out], (0, 2)), known if settled(known) else []
@@ -90,7 +114,7 @@ class Views:
                 out.append(self._detect(view, parts[view]))
         enlarged = any(result.view.scale > 1 for result in out)
         if self.config.pyramid and not enlarged and (closer := closer_view(strong, known, self.grey.shape)):
-            out.append(self._detect(closer, closer.of(self.grey), complete))
+            out.append(self._detect(closer, self._shown(closer.of(self.grey)), complete))
         return out
 
     def _first(self, parts: dict[View, Array]) -> tuple[list[ViewResult], bool]:
@@ -102,7 +126,7 @@ class Views:
             seen = self._detect(views[0], parts[views[0]])
             return [seen], self._plain(seen)
         seen = self._detect(half, parts[half])
-        detailed = self._in_detail(seen) if self._plain(seen) else None
+        detailed = self._in_detail(seen, parts[views[0]]) if self._plain(seen) else None
         whole = self._detect(views[0], parts[views[0]], [] if detailed is None else seen.boards, seen)
         return [whole, detailed or seen], detailed is not None
 
@@ -161,7 +185,7 @@ class Views:
             return self._nothing(view, response, peaks.xy[strong])
         left = unexplained(view, peaks.xy, known)
         peaks, strong = peaks.take(left), strong[left]
-        if not has_cells(part, candidates_at(part, response, peaks.take(strong), self.config)):
+        if not count_cells(part, candidates_at(part, response, peaks.take(strong), self.config)):
             return self._nothing(view, response, peaks.xy[strong])
         return self._recovered(view, part, response, peaks)
 
@@ -179,7 +203,8 @@ class Views:
                 part, found, self.config.min_corners, max(view.scale, 1.0), self.warnings, self._has_tags
             )
         result = _result(view, found, boards, self.grey.shape, response)
-        return replace(result, pieces=partial(_pieces, view, part, found, boards, self.grey.shape))
+        pieces = partial(_pieces, view, part, found, boards, self.grey.shape)
+        return replace(result, pieces=pieces, cells=partial(count_cells, part, found))
 
     def _nothing(self, view: View, response: Array, strong: Array) -> ViewResult:
         none = Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
@@ -197,12 +222,12 @@ class Views:
         boards = find_deltilles(part, found, self.config.min_corners, max(view.scale, 1.0))
         return _result(view, found, boards, self.grey.shape, response)
 
-    def _in_detail(self, seen: ViewResult) -> ViewResult | None:
-        """The result of a reduced view with its corners refined in the full image; None if a board's corner moves too
-        far."""
+    def _in_detail(self, seen: ViewResult, whole: Shaped[Array, "h w"]) -> ViewResult | None:
+        """The result of a reduced view with its corners refined in the `whole` image (H, W); None if a board's corner
+        moves too far."""
         before, pitch = seen.corners.xy, nearest_pitch(seen.corners.xy)
-        at = np.clip(np.rint(before), 0, np.array(self.grey.shape[::-1]) - 1).astype(np.int64)
-        after = saddle_position(self.grey, at, self.config.refine.half, pitch)
+        at = np.clip(np.rint(before), 0, np.array(whole.shape[::-1]) - 1).astype(np.int64)
+        after = saddle_position(whole, at, self.config.refine.half, pitch)
         stray = ~(np.linalg.norm(after - before, axis=1) <= STRAY[0] + STRAY[1] * pitch)
         rows = [rows_among(board.xy, before) for board in seen.boards]
         if any(stray[row].any() for row in rows):

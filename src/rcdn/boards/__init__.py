@@ -27,7 +27,7 @@ from rcdn.types import Array, Board, Warnings, allowed
 from rcdn.types.arrays import Bool, Shaped
 
 Sized = TypeVar("Sized", bound=_Sized)
-__all__ = ["BOARDS", "find_boards", "find_pieces", "has_cells", "largest"]
+__all__ = ["BOARDS", "count_cells", "find_boards", "find_pieces", "largest"]
 
 CELL = 4
 """corners of the smallest grid"""
@@ -137,10 +137,10 @@ def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> lis
     return [grids[k] for k in sorted(kept)]
 
 
-def has_cells(grey: Array, candidates: Candidates) -> bool:
-    """Whether the corners form any cell from which a board could start."""
+def count_cells(grey: Array, candidates: Candidates) -> int:
+    """The number of cells that the corners form, from which boards could start."""
     field = as_field(grey, candidates)
-    return len(cells(field, links(field))) > 0
+    return len(cells(field, links(field)))
 
 
 def _finish(field: Field, grid: Grid, free: Array) -> None:

@@ -40,7 +40,7 @@ STAGES = (
     ("candidates, rest", "rcdn.corners.peaks:Peaks.evaluate"),
     ("boards", "rcdn.views:find_boards"),
     ("boards", "rcdn.views:find_boards_paper"),
-    ("boards", "rcdn.views:has_cells"),
+    ("boards", "rcdn.views:count_cells"),
     ("views, compared", "rcdn.views:outside"),
     ("views, compared", "rcdn.views:unexplained"),
     ("views, compared", "rcdn.views:may_go_on"),
