@@ -108,7 +108,7 @@ def test_photographs_made_worse():
     assert dict(zip(names[1:-1], values[1:-1], strict=True)) == whole
     assert values[-1] == found
     assert (
-        f"Of all their corners {total['recall']:.3f} are in a board; wrong corners {total['wrong']}, wrong labels 0."
+        f"Of all their corners {total['recall']:.4f} are in a board; wrong corners {total['wrong']}, wrong labels 0."
         in RESULTS
     )
 

@@ -12,6 +12,7 @@ from rcdn.metrics import match
 from rcdn.pyramid import (
     SMALL_PICTURE,
     View,
+    adds_to,
     at_the_frame,
     boards_in_picture,
     closer_view,
@@ -109,6 +110,15 @@ def test_of_a_board_seen_twice_the_fuller_stands():
 def test_markers_inside_a_board_are_no_boards():
     full, inner = lattice(9, 6, 20.0), lattice(3, 3, 4.0, at=(75, 65))
     assert distinct_boards([[full], [inner]]) == [full]
+
+
+def test_a_board_adds_to_those_that_it_has_corners_of():
+    part, away = lattice(8, 6, 20.0, at=(50.4, 40.3)), lattice(9, 9, 20.0, at=(400, 200))
+    assert adds_to(lattice(9, 6, 20.0), [part, away], 6)
+    assert not adds_to(lattice(9, 6, 20.0), [part, away], 7)
+    assert not adds_to(part, [lattice(9, 6, 20.0)], 1)
+    assert adds_to(part, [away], 1)
+    assert adds_to(part, [], 1)
 
 
 def test_a_board_in_a_gap_of_a_larger_one_stands_before_it():

@@ -380,6 +380,12 @@ def _covers(board: Board, xy: Array) -> bool:
     return bool((inside & (distance[:, 0] < BESIDE * pitch[corner[:, 0]])).mean() > COVERED)
 
 
+def adds_to(board: Board, known: list[Board], more: int) -> bool:
+    """Whether a board has `more` corners, at least, than each of the `known` ones with which it shares corners."""
+    ranked = sorted([b for b in known if len(b) > len(board) - more], key=len, reverse=True)
+    return not _twins([*ranked, board])[-1]
+
+
 def _twins(boards: list[Board]) -> list[list[int]]:
     """For each board, the earlier ones that share more than `SHARED` of its corners."""
     xy, sizes = np.concatenate([b.xy for b in boards]), np.array([len(b) for b in boards])

@@ -23,6 +23,7 @@ from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
     View,
+    adds_to,
     at_the_frame,
     boards_in_picture,
     closer_view,
@@ -47,6 +48,9 @@ from rcdn.types.arrays import Shaped
 STRAY = (0.5, 0.005)
 """largest displacement, px + squares, of a corner of the halved view when it is refined in the full image. A corner
 that moves further is something else in one of the two, for instance where the edge of a shadow runs close by"""
+MORE = 3
+"""corners that a board must have more without the picture's light, unless it is complete then: single ones are often
+beside something that covers the board"""
 HIDDEN, HIDDEN_CELLS = 12, 2
 """fewest strong corners and cells of a view without a board that may be those of a board under hard shadows"""
 
@@ -87,7 +91,11 @@ class Views:
         out = self._of_views()
         if not self._from_coarse or not self.config.pyramid or not self._is_open(out):
             return out
-        return out + [replace(result, detailed=False) for result in replace(self, levelled=True)._of_views()]
+        own = [board for result in out for board in result.boards]
+        for result in replace(self, levelled=True)._of_views():
+            boards = [board for board in result.boards if adds_to(board, own, 1 if board.complete else MORE)]
+            out.append(replace(result, boards=boards, detailed=False))
+        return out
 
     def _is_open(self, results: list[ViewResult]) -> bool:
         """Whether there are boards with missing corners; or none, but corners and cells as in a board under hard
