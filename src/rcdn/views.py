@@ -89,8 +89,8 @@ class Views:
         """Results of all views that had to be processed, the full image first; those of the image without its light
         last, if the others show a board in part, or hardly one."""
         out = self._of_views()
-        if not self._from_coarse or not self.config.pyramid or not self._is_open(out):
-            return out
+        if not self._from_coarse or not self.config.pyramid or self.warnings.texts or not self._is_open(out):
+            return out  # what exceeds the limits once isn't looked at twice
         own = [board for result in out for board in result.boards]
         for result in replace(self, levelled=True)._of_views():
             boards = [board for board in result.boards if adds_to(board, own, 1 if board.complete else MORE)]

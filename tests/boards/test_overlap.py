@@ -91,6 +91,10 @@ class Candidates:
     def __init__(self, xy):
         self.xy, self.strong = xy, np.ones(len(xy), bool)
 
+    def near(self, some, spots, margin):
+        inside = (self.xy >= spots.min(axis=0) - margin) & (self.xy <= spots.max(axis=0) + margin)
+        return np.flatnonzero(some & inside.all(axis=1))
+
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_lattice_of_every_other_line_skips_lines(noise):

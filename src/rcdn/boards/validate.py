@@ -141,7 +141,7 @@ def skips_lines(grid: Grid, field: Field) -> bool:
     corners, colour = xy[rows[whole]], labels[whole].sum(axis=1) % 2
     free = field.strong.copy()
     free[grid.corners[grid.corners < len(free)]] = False
-    other = field.xy[free]
+    other = field.xy[field.near(free, xy, 0.0)]
     if len(other) < SKIPPED * len(corners):
         return False
     after = np.roll(corners, -1, axis=1)
