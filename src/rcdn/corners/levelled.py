@@ -2,7 +2,8 @@
 
 Paper in the shadow of a fence may be as dark as ink in the sun, so that the edges of shadows are as strong as those of
 squares, and these fade in the shadow. The logarithm of the levels less its local mean has the same step from ink to
-paper in both.
+paper in both: homomorphic filtering (Oppenheim, Schafer and Stockham, Nonlinear filtering of multiplied and convolved
+signals, Proc. IEEE 56, 1968), with illumination as the slow factor.
 """
 
 from __future__ import annotations
