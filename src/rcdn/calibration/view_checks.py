@@ -88,10 +88,8 @@ def views(c: Calibration, facts: Facts) -> list[Reason]:
     need = f"{LIMITS['views'].good:g}"
     wrong = f"Only {many(views, 'view')}: one bad picture can bend the result."
     if distinct < views:
-        wrong = (
-            f"{many(views, 'view')}, but the board stands in only {distinct} different places: "
-            "near-duplicates tell nothing new."
-        )
+        places = "always in the same place" if distinct == 1 else f"in only {distinct} different places"
+        wrong = f"{many(views, 'view')}, but the board stands {places}: near-duplicates tell nothing new."
     return [
         reason(
             "views", distinct, "Enough different boards for chance to average out.", wrong,

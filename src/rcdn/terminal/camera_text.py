@@ -85,7 +85,7 @@ def _model(score: ModelScore, chosen: ModelScore) -> str:
 def _values(values: Array, std: Array) -> list[str]:
     """`value ± deviation`, with as many digits as are significant, aligned at the decimal point."""
     digits = [decimals(s) for s in std]
-    texts = [f"{v:.{d}f}" for v, d in zip(values, digits, strict=True)]
+    texts = [f"{v:z.{d}f}" for v, d in zip(values, digits, strict=True)]
     before = max(t.index(".") for t in texts)
     return [f"{' ' * (before - t.index('.'))}{t} ± {s:.{d}f}" for t, s, d in zip(texts, std, digits, strict=True)]
 

@@ -36,7 +36,7 @@ def deviations(names: Sequence[str], values: Array, std: Array | None = None) ->
     """A table of parameters by name, with their standard deviations where they are known."""
     if std is None:
         return table(("parameter", "value"), ((n, f"{v:.7g}") for n, v in zip(names, values, strict=True)))
-    rows = ((n, f"{v:.{decimals(s)}f}", f"{s:.{decimals(s)}f}") for n, v, s in zip(names, values, std, strict=True))
+    rows = ((n, f"{v:z.{decimals(s)}f}", f"{s:.{decimals(s)}f}") for n, v, s in zip(names, values, std, strict=True))
     return table(("parameter", "value", "± deviation"), rows)
 
 
