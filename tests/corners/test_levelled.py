@@ -5,7 +5,7 @@ import pytest
 
 import rcdn
 from rcdn import views
-from rcdn.corners.levelled import DARK, GAIN, MIDDLE, levelled
+from rcdn.corners.levelled import DARK, GAIN, MIDDLE, PARTS, SIDE, levelled
 from rcdn.metrics import match
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render, truth
 
@@ -44,6 +44,23 @@ def test_an_edge_is_as_high_in_the_shadow_as_in_the_sun():
     assert step == pytest.approx(GAIN * np.log((180 + DARK) / (30 + DARK)), abs=6)
     assert 0.8 * step < shadow[50, 49] - shadow[50, 50] < step
     assert (levelled(np.full((60, 80), 7, np.uint8)) == MIDDLE).all()
+
+
+def box_mean(values):
+    """The mean over the window, by integers, rounded half up."""
+    sums = np.pad(values, SIDE // 2, mode="symmetric").cumsum(axis=0).cumsum(axis=1)
+    sums = np.pad(sums, ((1, 0), (1, 0)))
+    windows = sums[SIDE:, SIDE:] - sums[:-SIDE, SIDE:] - sums[SIDE:, :-SIDE] + sums[:-SIDE, :-SIDE]
+    return (windows + SIDE * SIDE // 2) // (SIDE * SIDE)
+
+
+def test_every_byte_is_that_of_plain_integers():
+    """So that it is the same on every processor."""
+    grey = np.random.default_rng(7).integers(0, 256, (131, 203)).astype(np.uint8)
+    values = np.rint(PARTS * GAIN * np.log(grey + DARK)).astype(np.int64)
+    mean = box_mean(box_mean(box_mean(values)))
+    exact = np.clip((values - mean + MIDDLE * PARTS + PARTS // 2) // PARTS, 0, 255)
+    assert (levelled(grey) == exact).all()
 
 
 @pytest.mark.parametrize("light", [0.5, 2.0])

@@ -32,6 +32,13 @@ def levelled(grey: Shaped[Array, "h w"]) -> Real[Array, "h w"]:
     values = cv2.LUT(levels, _LEVELS)
     mean = values
     for _ in range(PASSES):
-        mean = cv2.blur(mean, (SIDE, SIDE), borderType=cv2.BORDER_REFLECT)
-    step = values.astype(np.int32) - mean.astype(np.int32) + (MIDDLE * PARTS + PARTS // 2)
+        mean = _mean(mean)
+    step = values.astype(np.int32) - mean + (MIDDLE * PARTS + PARTS // 2)
     return np.asarray(np.clip(step // PARTS, 0, 255).astype(np.uint8))
+
+
+def _mean(values: Real[Array, "h w"]) -> Real[Array, "h w"]:
+    """The mean of `values` (H, W) uint16 over the window, rounded; by integers, since the rounding of OpenCV's own mean
+    depends on the width of the processor's vectors."""
+    sums = cv2.boxFilter(values, cv2.CV_32S, (SIDE, SIDE), normalize=False, borderType=cv2.BORDER_REFLECT)
+    return ((sums + SIDE * SIDE // 2) // (SIDE * SIDE)).astype(np.uint16)
