@@ -11,6 +11,7 @@ import pytest
 from tests.targets.raster import raster
 from typer.testing import CliRunner
 
+from rcdn.batch.no_board import target_hint
 from rcdn.cli import app
 from rcdn.io import write_camera
 from rcdn.targets.drawing import draw
@@ -218,3 +219,20 @@ def test_a_target_that_no_board_is_of_is_told(run):
     run("detect", "board.png", "--json", "board.json")
     saved = run("calibrate", "board.json", "--spacing", "30mm", "--target", other)
     assert f"{told}; they are ChArUco 7x5 DICT_4X4_50" in saved.output
+
+
+@pytest.mark.parametrize(
+    ("read", "told"),
+    [
+        ("ChArUco 7x5 DICT_4X4_50", False),
+        ("ChArUco 7x? DICT_4X4_50", False),
+        ("ChArUco ?x? DICT_4X4_50 legacy", False),
+        ("ChArUco 8x? DICT_4X4_50", True),
+        ("ChArUco 7x? DICT_5X5_50", True),
+        ("", True),
+    ],
+)
+def test_parts_of_unknown_size_may_be_of_a_target(read, told):
+    assert (target_hint(BOARD, [read, ""]) is not None) == told
+    assert target_hint("auto", [read]) is None
+    assert target_hint(BOARD, []) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fnmatch import fnmatchcase
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,11 +47,17 @@ def target_hint(wanted: str | Target, found: Iterable[str]) -> str | None:
     the targets of all boards as text, "" for those without codes."""
     texts = list(found)
     kind = str(wanted)
-    if isinstance(wanted, str) or not texts or any(text.startswith(kind) for text in texts):
+    if isinstance(wanted, str) or not texts or any(_may_be(text, kind) for text in texts):
         return None
     others = ", ".join(sorted({text for text in texts if text}))
     seen = f"they are {others}" if others else "`--target auto` tells what they are, if they carry codes"
     return f"of {many(len(texts), 'board')} none carries the codes of {kind}; {seen}"
+
+
+def _may_be(text: str, kind: str) -> bool:
+    """Whether a board read as `text` may be of the target `kind`: a part of a board has unknown sides, `8x?`."""
+    words = zip(text.split(), kind.split(), strict=False)
+    return bool(text) and all(fnmatchcase(word, read.replace("?", "*")) for read, word in words)
 
 
 def note_target(wanted: str | Target, got: Gathered) -> None:
