@@ -219,7 +219,7 @@ static int is_beyond(const int64_t *cell, index_t sides, int64_t a, int64_t b) {
 KERNEL(rcdn_label, (SIZE, count, cells, 0), (SIZE, sides, cells, 1), (SIZE, ways, steps, 0), (SIZE, n, where, 0),
        (SIZE, slots, held, 0), (WHERE, (ways == 4 && sides == 4) || (ways == 6 && sides == 3)),
        (WHERE, slots > sides * count && (slots & (slots - 1)) == 0), (WITHIN, int64_t, cells, 0, n - 1, count, sides),
-       (IN, int64_t, colour, count), (IN, int64_t, number, count), (WITHIN, int64_t, steps, -1, 1, ways, 2),
+       (WITHIN, int64_t, colour, -1, 1, count), (IN, int64_t, number, count), (WITHIN, int64_t, steps, -1, 1, ways, 2),
        (OUT, uint8_t, used, count), (OUT, int64_t, heap, sides *count + 1), (OUT, int64_t, first, n + 2),
        (OUT, int64_t, at_corner, sides *count), (OUT, int64_t, where, n, 3), (OUT, int64_t, held, slots, 4),
        (OUT, int64_t, begin, count + 1, 2), (OUT, int64_t, out, sides *count, 3)) {

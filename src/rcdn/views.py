@@ -89,13 +89,19 @@ class Views:
         """Results of all views that had to be processed, the full image first; those of the image without its light
         last, if the others show a board in part, or hardly one."""
         out = self._of_views()
-        if not self._from_coarse or not self.config.pyramid or self.warnings.texts or not self._is_open(out):
+        if not self._looks_twice or self.warnings.texts or not self._is_open(out):
             return out  # what exceeds the limits once isn't looked at twice
         own = [board for result in out for board in result.boards]
         for result in replace(self, levelled=True)._of_views():
             boards = [board for board in result.boards if adds_to(board, own, 1 if board.complete else MORE)]
             out.append(replace(result, boards=boards, detailed=False))
         return out
+
+    @property
+    def _looks_twice(self) -> bool:
+        """Whether boards with gaps may be looked at again: not if the settings ask for a quick detection, in one view
+        or without the last fit, as of frames that are followed live."""
+        return self._from_coarse and self.config.pyramid and self.config.sharpen is not None
 
     def _is_open(self, results: list[ViewResult]) -> bool:
         """Whether there are boards with missing corners; or none, but corners and cells as in a board under hard

@@ -5,6 +5,7 @@ import pytest
 
 import rcdn
 from rcdn import views
+from rcdn.config import DetectorConfig
 from rcdn.corners.levelled import DARK, GAIN, MIDDLE, PARTS, SIDE, levelled
 from rcdn.metrics import match
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render, truth
@@ -81,6 +82,13 @@ def test_boards_under_a_fence_are_found(seed, monkeypatch):
     assert sum(map(len, found)) == sum(len(match(b.xy, exact.xy, 4.0)[0]) for b in found)
     monkeypatch.setattr(views.Views, "_is_open", lambda *_: False)
     assert max(len(match(b.xy, exact.xy, 2.0)[0]) for b in rcdn.Detector().boards(grey)) < 50
+
+
+@pytest.mark.parametrize("quick", [{"sharpen": None}, {"pyramid": False}])
+def test_quick_detections_look_once(quick, monkeypatch):
+    monkeypatch.setattr(views, "levelled", lambda _: pytest.fail("looked at again"))
+    found = rcdn.Detector(DetectorConfig.auto(**quick)).boards(shaded(render(board(0)), 0.12))
+    assert not any(b.complete and len(b) == 54 for b in found)
 
 
 def test_a_whole_board_and_a_picture_of_none_are_looked_at_once(monkeypatch):
