@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.boards.local import Grid, parts, windows
+from rcdn.boards.validate import is_full
 from rcdn.geometry.division import division_of
 from rcdn.geometry.homography import apply_homography, homography
 from rcdn.geometry.rules import CHECKER
@@ -36,7 +37,7 @@ def separated(grid: Grid, image_size: tuple[int, int]) -> list[Grid]:
     """The grid, or the two flat boards that it consists of, without the corners of neither. `image_size` (width,
     height) px of the image with the grid."""
     labels, xy = grid.labels, grid.xy[grid.corners]
-    if len(grid) < LEAST or len(grid) == np.prod(np.ptp(labels, axis=0) + 1):
+    if len(grid) < LEAST or is_full(grid):
         return [grid]
     if _misfit(labels, xy, image_size) <= BENT:
         return [grid]

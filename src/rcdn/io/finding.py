@@ -132,6 +132,7 @@ def _pictures_in(folder: str) -> Found:
     files: list[Path] = []
     unread: list[Path] = []
     errors: Errors = []
+    endings = PICTURE_ENDINGS | VIDEO_ENDINGS
 
     def unlisted(error: OSError) -> None:
         name = str(error.filename)
@@ -140,7 +141,7 @@ def _pictures_in(folder: str) -> Found:
     for root, folders, names in os.walk(folder, onerror=unlisted):
         folders[:] = [f for f in folders if not f.startswith(".")]
         for path in (Path(root, n) for n in names if not n.startswith(".")):
-            if path.suffix.lower() in PICTURE_ENDINGS | VIDEO_ENDINGS:
+            if path.suffix.lower() in endings:
                 files.append(path)
             elif path.suffix.lower() in UNREAD_ENDINGS:
                 unread.append(path)

@@ -6,7 +6,7 @@ import re
 import struct
 from collections.abc import Callable, Iterator
 
-from rcdn.io import jpeg, tiff
+from rcdn.io import heic, jpeg, tiff
 
 Size = tuple[int, int]
 """(width, height)"""
@@ -153,6 +153,6 @@ _READERS: list[tuple[re.Pattern[bytes], Callable[[bytes], Size | None]]] = [
         (rb"GIF8[79]a", _gif),
         (rb"#\?R(ADIANC|GB)E", _hdr),
         (rb"\x59\xa6\x6a\x95", _sun),
-        (rb"....ftyp(avi[fs]|hei[cxms]|hev[cx]|mif1|msf1)", _avif),
+        (rb"....ftyp(avi[fs]|" + heic.BRANDS + rb")", _avif),
     )
 ]

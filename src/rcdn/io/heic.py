@@ -12,7 +12,9 @@ import numpy as np
 from rcdn.errors import ImageError
 from rcdn.types import Array
 
-_BRAND = re.compile(rb"....ftyp(hei[cxms]|hev[cx]|mif1|msf1)", re.DOTALL)
+BRANDS = rb"hei[cxms]|hev[cx]|mif1|msf1"
+"""pattern of the major brands of these files"""
+_BRAND = re.compile(rb"....ftyp(" + BRANDS + rb")", re.DOTALL)
 _DAMAGE = (ValueError, RuntimeError, EOFError, OSError, SyntaxError)  # of both libraries
 
 
