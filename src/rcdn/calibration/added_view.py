@@ -33,10 +33,11 @@ lowers those just below it (by the largest alone, greedy choices repeat one view
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Information of C views: `camera` (C, P, P) on the camera's parameters; `reach` (C, 6, P), minus the derivative of
-    the board's motion with respect to them; `own` (C, 6, 6), the covariance of that motion under a known camera."""
+    """Information of C views: `root` (C, M, P), whose square rootᵀ root is that on the camera's parameters; `reach`
+    (C, 6, P), minus the derivative of the board's motion with respect to them; `own` (C, 6, 6), the covariance of that
+    motion under a known camera."""
 
-    camera: Array
+    root: Array
     reach: Array
     own: Array
 
@@ -54,9 +55,9 @@ class Information:
     def marginalised(cls, J: Real[Array, "c n p"], B: Real[Array, "c n 6"]) -> Information:
         """From the whitened Jacobians with respect to the parameters and to the board's motion, of C views."""
         own = np.linalg.pinv(B.transpose(0, 2, 1) @ B, rcond=1e-12, hermitian=True)
-        mixed = B.transpose(0, 2, 1) @ J
-        reach = own @ mixed
-        return cls(J.transpose(0, 2, 1) @ J - mixed.transpose(0, 2, 1) @ reach, reach, own)
+        reach = own @ (B.transpose(0, 2, 1) @ J)
+        rest = J - B @ reach
+        return cls(rest if rest.shape[1] <= rest.shape[2] else np.linalg.qr(rest, mode="r"), reach, own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,17 +118,18 @@ def variances(
     `by_camera` (G, 2, P) and `by_motion` (G, 2, 6): derivatives of the projection. The mean motion is then that over
     one more view.
     """
-    n = prior.views
-    count, many = len(more.camera), len(by_camera)
+    n, many = prior.views, len(by_camera)
     flat = by_motion.reshape(2 * many, 6)
-    reach = (n * prior.reach + more.reach) / (n + 1)
     own = (n**2 * prior.own + more.own) / (n + 1) ** 2
-    jacobian = by_camera.reshape(1, 2 * many, -1) - flat @ reach
-    information = np.eye(prior.root.shape[1]) + prior.root.T @ more.camera @ prior.root
-    half = np.linalg.inv(np.linalg.cholesky((information + information.transpose(0, 2, 1)) / 2))
-    rows = (jacobian @ prior.root) @ half.transpose(0, 2, 1)
-    square = (rows**2).sum(axis=2) + ((flat @ own) * flat).sum(axis=2)
-    return np.asarray(square.reshape(count, many, 2).mean(axis=2))
+    rows = (by_camera.reshape(2 * many, -1) - flat @ (n / (n + 1) * prior.reach)) @ prior.root
+    moved, root = more.reach @ (prior.root / (n + 1)), more.root @ prior.root
+    # a view's Jacobian is rows − flat moved; less than its square is what the view tells (Woodbury's identity)
+    square = (rows**2).sum(axis=1) - 2 * ((rows @ moved.transpose(0, 2, 1)) * flat).sum(axis=2)
+    square += ((flat @ (own + moved @ moved.transpose(0, 2, 1))) * flat).sum(axis=2)
+    told = root @ rows.T - (root @ moved.transpose(0, 2, 1)) @ flat.T
+    lower = np.linalg.cholesky(np.eye(root.shape[1]) + root @ root.transpose(0, 2, 1))
+    square -= (np.linalg.solve(lower, told) ** 2).sum(axis=1)
+    return np.asarray(square.reshape(-1, many, 2).mean(axis=2))
 
 
 @dataclass(frozen=True, eq=False)

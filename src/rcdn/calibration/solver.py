@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from rcdn.calibration.bundle import (
     Corners3,
@@ -113,10 +114,25 @@ def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | Non
     determined = floor > 0
     unit = np.sqrt(np.where(determined, np.maximum(diagonal, floor), 1.0))
     scaled = blocks / (unit[:, :, None] * unit[:, None, :])
-    values, vectors = np.linalg.eigh((scaled + scaled.transpose(0, 2, 1)) / 2)
-    root = np.sqrt(np.maximum(values, RIDGE))[:, :, None] * vectors.transpose(0, 2, 1)
-    inverse = np.linalg.inv(np.linalg.qr(root, mode="r")) / unit[:, :, None]
+    scaled = (scaled + scaled.transpose(0, 2, 1)) / 2
+    scaled[~determined, np.nonzero(~determined)[1]] = 1.0
+    inverse = _inverse_root(scaled) / unit[:, :, None]
     return np.asarray(inverse * determined[:, :, None] * determined[:, None, :])
+
+
+def _inverse_root(blocks: Real[Array, "f n n"]) -> Array:
+    """Upper triangular U (F, n, n) with U Uᵀ the inverse of symmetric `blocks`, whose eigenvalues below RIDGE count as
+    RIDGE."""
+    try:
+        lower = np.linalg.cholesky(blocks)
+        inverse = np.stack([dtrtri(each, lower=1)[0] for each in lower])
+        if (inverse**2).sum(axis=(1, 2)).max() < 1 / RIDGE:  # the trace of the inverse: no eigenvalue is below RIDGE
+            return np.asarray(inverse.transpose(0, 2, 1))
+    except np.linalg.LinAlgError:  # not positive definite
+        pass
+    values, vectors = np.linalg.eigh(blocks)
+    root = np.sqrt(np.maximum(values, RIDGE))[:, :, None] * vectors.transpose(0, 2, 1)
+    return np.linalg.inv(np.linalg.qr(root, mode="r"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +197,15 @@ def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: 
         by_frame, shared = by_frame * calm[:, :, None], shared * calm[:, :, None]
         gaps = gaps * calm
     gaps[blind] = 0.0
-    by_frame, shared = (np.nan_to_num(a) * firm[:, None, None] for a in (by_frame, shared))
-    return gaps, by_frame, shared
+    return gaps, _times(by_frame, firm), _times(shared, firm)
+
+
+def _times(jacobian: Real[Array, "n 2 k"], weight: Real[Array, " n"]) -> Array:
+    """`jacobian` times the corners' `weight`; zero, and not NaN, where that is zero."""
+    with np.errstate(invalid="ignore"):
+        out = jacobian * weight[:, None, None]
+    out[weight == 0] = 0.0
+    return out if np.isfinite(out.sum()) else np.nan_to_num(out)
 
 
 FEW_CAMERAS = 2
