@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
-from rcdn.calibration.solver import SCALE, Linear, Normal, solve
+from rcdn.calibration.solver import RIDGE, SCALE, Linear, Normal, solve
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
@@ -66,6 +66,30 @@ def test_the_arrow_is_the_inverse_of_the_normal_matrix(damping):
         factor[6 * f : 6 * f + 6, 18:] = -arrow.reach[f] @ arrow.rim
     factor[18:, 18:] = arrow.rim
     assert factor @ factor.T == pytest.approx(inverse, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("least", [1e-3, 1e-9, 1e-11, 0.0, -1e-12])
+def test_eigenvalues_below_the_ridge_count_as_the_ridge(least):
+    """Whether by Cholesky's factor or, where it says nothing of small eigenvalues, by these."""
+    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
+    values = np.array([least, 0.2, 0.5, 1, 1.5, 2])
+    U = solver._inverse_root(((Q * values) @ Q.T)[None])[0]
+    assert np.abs(np.tril(U, -1)).max() == 0
+    along = Q.T @ U @ U.T @ Q  # the inverse in the coordinates of the eigenvectors
+    assert np.diag(along) == pytest.approx(1 / np.maximum(values, RIDGE), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("curvature", "length"), [(1.0, 0.5), (0.5, 1.0), (0.45, 1.0), (0.25, 2.0), (-1.0, 1.0), (9.0, 1.0)]
+)
+def test_a_step_ends_where_the_parabola_along_it_does(curvature, length):
+    """Unless that is near, or far from what is known."""
+    assert solver._on_parabola(lambda t: (t, 7 - t + curvature * t**2), 7.0, 1.0)[0] == pytest.approx(length)
+
+
+def test_the_whole_step_stands_where_the_parabola_is_wrong():
+    costs = {1.0: 6.9, 0.5555555555555556: 7.2}
+    assert solver._on_parabola(lambda t: (t, costs[t]), 7.0, 1.0) == (1.0, 6.9)
 
 
 def test_the_gradient_is_that_of_half_the_cost():

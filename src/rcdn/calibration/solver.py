@@ -8,6 +8,7 @@ by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,9 @@ ITERATIONS, ENOUGH = 60, 1e-9
 """most steps; relative decrease of the cost below which the iteration ends"""
 DAMPING, STRONGEST = 1e-6, 1e8
 """initial damping of Levenberg–Marquardt, and the damping at which it stops"""
+SHORTEST, LONGEST, UNCHANGED = 0.1, 4.0, 1.25
+"""lengths of a step, × the whole one, between which the minimum along it is tried, unless it is this near to the whole
+one"""
 BEHIND = 1e3
 """whitened residual assigned to a corner that the camera cannot see"""
 FARTHEST = 1e8
@@ -78,17 +82,17 @@ class Arrow:
         return own - self.reach @ x, x
 
 
-def _by_frame(left: Real[Array, "n 2 a"], right: Real[Array, "n 2 b"], frame: Array, frames: int) -> Array:
-    """(F, A, B) sums of leftᵀ right of the corners of each frame: one product for all frames with equally many
-    corners."""
-    out = np.zeros((frames, left.shape[2], right.shape[2]))
-    order = np.argsort(frame, kind="stable")
-    present, starts, counts = np.unique(frame[order], return_index=True, return_counts=True)
-    for count in np.unique(counts):
-        some = counts == count
-        rows = order[starts[some, None] + np.arange(count)]
-        A, B = (a[rows].reshape(len(rows), 2 * count, a.shape[2]) for a in (left, right))
-        out[present[some]] = A.transpose(0, 2, 1) @ B
+def _by_frame(left: Real[Array, "n 2 a"], right: Sequence[Array], frame: Array, frames: int) -> list[Array]:
+    """Sums (F, A, B) of leftᵀ right of the corners of each frame, for each `right` (N, 2, B)."""
+    out = [np.zeros((frames, left.shape[2], r.shape[2])) for r in right]
+    if (np.diff(frame) < 0).any():
+        order = np.argsort(frame, kind="stable")
+        left, right, frame = left[order], [r[order] for r in right], frame[order]
+    starts = np.flatnonzero(np.diff(frame, prepend=-1))
+    for start, end in zip(starts, [*starts[1:], len(frame)], strict=False):
+        A = left[start:end].reshape(2 * (end - start), left.shape[2]).T
+        for sums, r in zip(out, right, strict=True):
+            sums[frame[start]] = A @ r[start:end].reshape(2 * (end - start), r.shape[2])
     return out
 
 
@@ -156,7 +160,7 @@ class Linear:
         pull = -prior.gradient(state.values)[free]
         xy, by_frame, shared = linearise(state, corners)
         return cls(
-            *_whitened(corners.xy - xy, by_frame, shared[:, :, free], weight, loss),
+            *_whitened(corners.xy - xy, by_frame, shared if free.all() else shared[:, :, free], weight, loss),
             corners.frame,
             len(state.poses),
             prior.precision[np.ix_(free, free)],
@@ -180,11 +184,12 @@ class Linear:
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
         many = self.shared.shape[2]
-        joint = np.concatenate([self.by_frame, self.shared, self.gaps[:, :, None]], axis=2)
-        sums = _by_frame(self.by_frame, joint, self.frame, self.frames)
+        parts = (self.by_frame, self.shared, self.gaps[:, :, None])
+        own, mixed, gradient = _by_frame(self.by_frame, parts, self.frame, self.frames)
         flat = self.shared.reshape(2 * len(self.shared), many)
         shared = flat.T @ self.gaps.ravel() + self.pull
-        return Normal(sums[:, :, :-1], flat.T @ flat + self.precision, (sums[:, :, -1], shared))
+        blocks = np.concatenate([own, mixed], axis=2)
+        return Normal(blocks, flat.T @ flat + self.precision, (gradient[:, :, 0], shared))
 
 
 def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
@@ -321,12 +326,32 @@ def _step(
         shared = np.zeros(len(free))
         shared[free] = some
         if np.isfinite(some).all() and np.isfinite(by_frame).all():
-            other = state.moved(by_frame, shared)
-            less = _cost(other, corners, weight, loss)
+            slope = 2 * float((by_frame * gradient[0]).sum() + some @ gradient[1])
+
+            def at(length: float, by_frame: Array = by_frame, shared: Array = shared) -> tuple[State, float]:
+                other = state.moved(length * by_frame, length * shared)
+                return other, _cost(other, corners, weight, loss)
+
+            other, less = _on_parabola(at, cost, slope)
             if less <= cost:
                 return other, less, max(damping / 10, 1e-9)
         damping *= 10
     return state, cost, DAMPING
+
+
+def _on_parabola(at: Callable[[float], tuple[State, float]], cost: float, slope: float) -> tuple[State, float]:
+    """The state and cost `at` the whole step, or at the minimum of the parabola through the `cost` before it, with
+    the decrease `slope` there, and that after it, if this is lower.
+
+    Where corners hardly determine a direction, residuals times second derivatives weigh as much as its Gauss–Newton
+    curvature; whole steps overshoot the minimum again and again then.
+    """
+    other, less = at(1.0)
+    curvature = slope - (cost - less)
+    length = slope / (2 * curvature) if curvature > 0 else 1.0
+    if not SHORTEST < length < LONGEST or 1 / UNCHANGED < length < UNCHANGED:
+        return other, less
+    return min((other, less), at(length), key=lambda found: found[1])
 
 
 def _cost(state: State, corners: Corners3, weight: Array, loss: str) -> float:
