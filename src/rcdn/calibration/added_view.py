@@ -56,8 +56,10 @@ class Information:
         """From the whitened Jacobians with respect to the parameters and to the board's motion, of C views."""
         own = np.linalg.pinv(B.transpose(0, 2, 1) @ B, rcond=1e-12, hermitian=True)
         reach = own @ (B.transpose(0, 2, 1) @ J)
-        rest = J - B @ reach
-        return cls(rest if rest.shape[1] <= rest.shape[2] else np.linalg.qr(rest, mode="r"), reach, own)
+        root = J - B @ reach
+        if root.shape[1] > root.shape[2]:
+            root = np.asarray(np.linalg.qr(root, mode="r"))
+        return cls(root, reach, own)
 
 
 @dataclass(frozen=True, eq=False)
